@@ -1,0 +1,1 @@
+"""Errors, arrays, tables with their units, run directories; imports nothing of femfit."""

