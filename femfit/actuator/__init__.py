@@ -1,0 +1,1 @@
+"""Actuator files: TOML to frozen dataclasses, checked."""

@@ -1,0 +1,47 @@
+"""The ``femfit`` command: names and one-line helps; each command's file is imported when it runs."""
+
+import sys
+
+from cyclopts import App
+
+from femfit import __version__
+from femfit.core.errors import FemfitError
+
+COMMANDS: tuple[tuple[str, str, str], ...] = (
+    # name, target, one line of help
+    ("run", "femfit.cli.run:run", "Sweep, fit, export, close the loop and report, in turn."),
+)
+
+
+def build_app() -> App:
+    """The command line application.
+
+    Returns
+    -------
+    App
+        With every command registered by its import path, so that ``--help`` imports none of them.
+    """
+    app = App(
+        name="femfit",
+        help="From an electromagnetic actuator's drawing to a model that a filter can run.",
+        version=__version__,
+    )
+    for name, target, text in COMMANDS:
+        app.command(target, name=name, help=text)
+    return app
+
+
+def main() -> None:
+    """Run the command line; exit 0 done, 1 an error with its remedy, 2 usage, 130 interrupted."""
+    app = build_app()
+    try:
+        app(exit_on_error=False)
+    except FemfitError as error:
+        print(f"femfit: {error}", file=sys.stderr)
+        sys.exit(1)
+    except OSError as error:
+        print(f"femfit: {error.strerror or error}: {error.filename or ''}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        print("femfit: interrupted; what was finished is kept", file=sys.stderr)
+        sys.exit(130)

@@ -1,0 +1,1 @@
+"""The field solver: mesh, weak form, force and flux, sweep."""

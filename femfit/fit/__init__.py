@@ -1,0 +1,1 @@
+"""Bounded QP: two-stage fit, co-energy fit, ranking of candidates."""

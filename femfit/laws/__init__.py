@@ -1,0 +1,1 @@
+"""Force laws: one small file each, listed in one tuple."""

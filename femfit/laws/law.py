@@ -1,0 +1,85 @@
+"""What a force law is: data and pure functions.
+
+A law is a dictionary of columns phi_k(d; shape). With polynomial coefficient functions c_k(i) the force is
+F(d, i) = sum_k c_k(i) phi_k(d), which belongs to the co-energy W'(d, i) = sum_k c_k(i) Phi_k(d) with
+Phi_k(d) = integral of phi_k from d to infinity, so that F = -dW'/dd. A law therefore gives flux linkage,
+motional constant and inductance as well, and cannot contradict reciprocity.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from femfit.core.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class ShapeParameter:
+    """A parameter of a law's columns that does not enter linearly.
+
+    Parameters
+    ----------
+    name : str
+        As in the model file.
+    unit : str
+        SI unit.
+    lower, upper : float
+        Bounds of the search.
+    start : float
+        First guess.
+    description : str
+        One plain sentence.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    start: float
+    description: str
+
+
+Columns = Callable[[FloatArray, Mapping[str, float]], FloatArray]
+
+
+@dataclass(frozen=True)
+class ForceLaw:
+    """A force law.
+
+    Parameters
+    ----------
+    name : str
+        As typed by users.
+    formula : str
+        In plain text.
+    basis : tuple of str
+        Name of each column, for example ``d^-4``.
+    coefficient_units : tuple of str
+        Unit of each column's coefficient at current power zero; each power of current divides by A.
+    columns : callable
+        (d of shape (n,), shape parameters) -> phi of shape (n, k), in 1/coefficient unit times N.
+    gradient_columns : callable
+        The same for d phi / dd.
+    potential_columns : callable
+        The same for Phi(d), the integral of phi from d to infinity.
+    operations : int
+        Floating-point operations of one evaluation of F(d, i) with affine coefficient functions, counting
+        each addition, multiplication and division as one, and exp as 20.
+    reference : str
+        Where the law comes from.
+    shape : tuple of ShapeParameter
+        Parameters that enter nonlinearly; empty for most laws.
+    nonnegative : tuple of bool
+        Which coefficients are bounded below by zero (per current, as in the paper's QP).
+    """
+
+    name: str
+    formula: str
+    basis: tuple[str, ...]
+    coefficient_units: tuple[str, ...]
+    columns: Columns
+    gradient_columns: Columns
+    potential_columns: Columns
+    operations: int
+    reference: str
+    shape: tuple[ShapeParameter, ...] = ()
+    nonnegative: tuple[bool, ...] = field(default=())

@@ -1,0 +1,220 @@
+"""The actuator model: the one object that simulator, filters, comparison and every export read."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.constants import GRAVITY
+from femfit.core.errors import DomainError, MissingPartError
+from femfit.model.hall import HallField
+from femfit.model.magnetics import Magnetics
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """The winding and its driver: U = R i + d(flux linkage)/dt.
+
+    Parameters
+    ----------
+    resistance_ohm : float
+        R.
+    voltage_min_V, voltage_max_V : float
+        The driver's clamp.
+    """
+
+    resistance_ohm: float
+    voltage_min_V: float
+    voltage_max_V: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A body hanging under the electromagnet: m d'' = m g - F.
+
+    Parameters
+    ----------
+    mass_kg : float
+        m.
+    gravity_m_s2 : float
+        g along growing distance.
+    """
+
+    mass_kg: float
+    gravity_m_s2: float = GRAVITY
+
+
+@dataclass(frozen=True)
+class HallSensor:
+    """The Hall element: field, linear output, converter.
+
+    Parameters
+    ----------
+    field : HallField
+        B_z(d, i).
+    sensitivity_V_per_T, quiescent_V : float
+        Output = quiescent + sensitivity B.
+    output_min_V, output_max_V : float
+        Range of the output and converter.
+    adc_bits : int
+        Resolution over that range; 0 for none.
+    noise_V : float
+        Standard deviation of one sample's white noise.
+    """
+
+    field: HallField
+    sensitivity_V_per_T: float
+    quiescent_V: float
+    output_min_V: float
+    output_max_V: float
+    adc_bits: int
+    noise_V: float = 0.0
+
+    def voltage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """Output in V without noise, clipping or quantisation."""
+        return self.quiescent_V + self.sensitivity_V_per_T * self.field.field(distance, current)
+
+
+@dataclass(frozen=True)
+class ValidityBox:
+    """Where the model was fitted.
+
+    Parameters
+    ----------
+    distance_min_m, distance_max_m : float
+        Range of distances.
+    current_min_A, current_max_A : float
+        Range of currents.
+    """
+
+    distance_min_m: float
+    distance_max_m: float
+    current_min_A: float
+    current_max_A: float
+
+    def contains(self, distance: FloatArray, current: FloatArray) -> BoolArray:
+        """Whether each point lies in the box (to 1e-9 of its width); NaN does not."""
+        slack_d = 1e-9 * (self.distance_max_m - self.distance_min_m)
+        slack_i = 1e-9 * (self.current_max_A - self.current_min_A)
+        return np.asarray(
+            (distance >= self.distance_min_m - slack_d)
+            & (distance <= self.distance_max_m + slack_d)
+            & (current >= self.current_min_A - slack_i)
+            & (current <= self.current_max_A + slack_i)
+        )
+
+    def require(self, distance: FloatArray, current: FloatArray) -> None:
+        """Refuse points outside of the box.
+
+        Raises
+        ------
+        DomainError
+            If any point lies outside or is not a number.
+        """
+        inside = self.contains(distance, current)
+        if not np.all(inside):
+            d, i = np.broadcast_arrays(np.asarray(distance), np.asarray(current))
+            where = np.flatnonzero(~np.atleast_1d(inside).ravel())[0]
+            raise DomainError(
+                f"Distance and current must lie in {1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm and "
+                f"{self.current_min_A:g}..{self.current_max_A:g} A, where the model was fitted; instead received "
+                f"{1e3 * d.ravel()[where]:g} mm and {i.ravel()[where]:g} A. Sweep and fit a wider range."
+            )
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far the model is from the sweep that it was fitted to.
+
+    Parameters
+    ----------
+    force_rms_N, force_max_N : float
+        Root mean square and maximum of model minus sweep.
+    force_rms_relative : float
+        Root mean square of (model - sweep) / sweep over the rows.
+    force_rms_of_weight : float or None
+        ``force_rms_N`` over the moving part's weight, where the mass is known.
+    flux_linkage_rms_Wb, hall_rms_T : float or None
+        The same for the other columns, where the sweep has them.
+    rows : int
+        Number of rows compared.
+    against : str
+        What it was compared with, for example ``sweep`` or ``co-energy reference``.
+    """
+
+    force_rms_N: float
+    force_max_N: float
+    force_rms_relative: float
+    force_rms_of_weight: float | None
+    flux_linkage_rms_Wb: float | None
+    hall_rms_T: float | None
+    rows: int
+    against: str
+
+
+@dataclass(frozen=True)
+class ActuatorModel:
+    """An actuator as the estimator and the simulator need it.
+
+    Parameters
+    ----------
+    name : str
+        Of the actuator.
+    magnetics : Magnetics
+        Co-energy spline or force law.
+    validity : ValidityBox
+        Where it was fitted.
+    circuit, motion, sensor : optional
+        Absent where the sweep's source did not tell them.
+    misfit : Misfit or None
+        Distance from the sweep.
+    sample_time_s : float
+        Period of the controller and filter.
+    reference_distances_m : tuple of float
+        Steps of the closed-loop reference; empty: derived from the model.
+    covariance : array or None
+        Of the law's coefficients, in their order.
+    effects : tuple of mapping
+        Effects added after comparison with measurements, in the order of adding.
+    provenance : mapping
+        Versions, hashes, the fit's report.
+    """
+
+    name: str
+    magnetics: Magnetics
+    validity: ValidityBox
+    circuit: Circuit | None = None
+    motion: Motion | None = None
+    sensor: HallSensor | None = None
+    misfit: Misfit | None = None
+    sample_time_s: float = 0.5e-3
+    reference_distances_m: tuple[float, ...] = ()
+    covariance: FloatArray | None = None
+    effects: tuple[Mapping[str, Any], ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def require_circuit(self) -> Circuit:
+        """The circuit, or :class:`MissingPartError` with the remedy."""
+        if self.circuit is None:
+            raise MissingPartError(self._missing("circuit (winding resistance and supply)", "[coil] and [supply]"))
+        return self.circuit
+
+    def require_motion(self) -> Motion:
+        """The motion, or :class:`MissingPartError` with the remedy."""
+        if self.motion is None:
+            raise MissingPartError(self._missing("motion (moving mass)", "[moving] mass_g"))
+        return self.motion
+
+    def require_sensor(self) -> HallSensor:
+        """The sensor, or :class:`MissingPartError` with the remedy."""
+        if self.sensor is None:
+            raise MissingPartError(self._missing("sensor (field at a Hall element)", "[hall] and a sweep with hall_T"))
+        return self.sensor
+
+    def _missing(self, part: str, keys: str) -> str:
+        return (
+            f"Model {self.name!r} must have a {part} for this; it has none. Fit it again with an actuator file that "
+            f"gives {keys} (for an imported table: femfit fit TABLE --actuator ACTUATOR.toml)."
+        )

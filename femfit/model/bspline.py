@@ -1,0 +1,136 @@
+"""Tensor-product B-splines in two variables, evaluated as piecewise polynomials with numpy alone.
+
+A spline is stored by knots and coefficients (what the fit finds and the model file keeps). For evaluation it
+is converted once to one small polynomial a cell, sum_ab P[a, b] s^a t^b with s, t counted from the cell's lower
+corner, because a filter evaluates it millions of times: two searches and one gather replace the recursion.
+
+References
+----------
+C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import factorial
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+
+
+def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int = 0) -> FloatArray:
+    """B-spline basis functions, or their derivatives, at points.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Points; outside of the base interval the end polynomials are continued.
+    knots : array, shape (m,)
+        Non-decreasing, with ``degree + 1`` equal knots at both ends.
+    degree : int
+        Polynomial degree.
+    derivative : int
+        Order of the derivative, 0 for the functions themselves.
+
+    Returns
+    -------
+    array, shape (n, m - degree - 1)
+        One column a basis function.
+    """
+    count = len(knots) - degree - 1
+    if derivative > degree:
+        return np.zeros((len(x), count))
+    if derivative:
+        lower = basis_matrix(x, knots[1:-1], degree - 1, derivative - 1)
+        span = knots[degree + 1 : degree + count] - knots[1:count]
+        scaled = degree * lower / span
+        result = np.zeros((len(x), count))
+        result[:, 1:] += scaled
+        result[:, :-1] -= scaled
+        return result
+    cell = np.clip(np.searchsorted(knots, x, side="right") - 1, degree, count - 1)
+    local = np.zeros((len(x), degree + 1))
+    local[:, 0] = 1.0
+    for p in range(1, degree + 1):
+        saved = np.zeros(len(x))
+        for r in range(p):
+            right = knots[cell + r + 1] - x
+            left = x - knots[cell + 1 - p + r]
+            term = local[:, r] / (right + left)
+            local[:, r] = saved + right * term
+            saved = left * term
+        local[:, p] = saved
+    result = np.zeros((len(x), count))
+    columns = cell[:, None] - degree + np.arange(degree + 1)
+    np.put_along_axis(result, columns, local, axis=1)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class TensorSpline:
+    """S(x, y) = sum_ab C[a, b] B_a(x) B_b(y).
+
+    Parameters
+    ----------
+    x_knots, y_knots : array
+        Clamped knot vectors (``degree + 1`` equal knots at both ends).
+    x_degree, y_degree : int
+        Polynomial degrees.
+    coefficients : array, shape (len(x_knots) - x_degree - 1, len(y_knots) - y_degree - 1)
+        C.
+    """
+
+    x_knots: FloatArray
+    y_knots: FloatArray
+    x_degree: int
+    y_degree: int
+    coefficients: FloatArray
+
+    @cached_property
+    def _cells(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Break points of x and y, and P of shape (cells, x_degree + 1, y_degree + 1)."""
+        x_breaks, y_breaks = np.unique(self.x_knots), np.unique(self.y_knots)
+        x_taylor = _taylor_rows(x_breaks[:-1], self.x_knots, self.x_degree)
+        y_taylor = _taylor_rows(y_breaks[:-1], self.y_knots, self.y_degree)
+        cells = np.einsum("xai,ij,ybj->xyab", x_taylor, self.coefficients, y_taylor)
+        return x_breaks, y_breaks, cells.reshape(-1, self.x_degree + 1, self.y_degree + 1)
+
+    def derivatives(self, x: FloatArray, y: FloatArray, orders: tuple[tuple[int, int], ...]) -> list[FloatArray]:
+        """Partial derivatives at points, several at once.
+
+        Parameters
+        ----------
+        x, y : array, shape (n,)
+            Points; outside of the base rectangle the border cells' polynomials are continued.
+        orders : tuple of (int, int)
+            Order in x and in y of each wanted derivative; (0, 0) is the value.
+
+        Returns
+        -------
+        list of array, each of shape (n,)
+            In the order asked for.
+        """
+        x_breaks, y_breaks, polynomials = self._cells
+        kx = np.clip(np.searchsorted(x_breaks, x, side="right") - 1, 0, len(x_breaks) - 2)
+        ky = np.clip(np.searchsorted(y_breaks, y, side="right") - 1, 0, len(y_breaks) - 2)
+        s, t = x - x_breaks[kx], y - y_breaks[ky]
+        local = polynomials[kx * (len(y_breaks) - 1) + ky]
+        partial = {b: _horner(local, t, b) for b in {order[1] for order in orders}}
+        return [_horner(partial[b], s, a) for a, b in orders]
+
+
+def _taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
+    """Taylor coefficients of every basis function at points, shape (n, degree + 1, functions)."""
+    rows = [basis_matrix(points, knots, degree, k) / factorial(k) for k in range(degree + 1)]
+    return np.stack(rows, axis=1)
+
+
+def _horner(coefficients: FloatArray, t: FloatArray, derivative: int) -> FloatArray:
+    """Evaluate the derivative of sum_b c[..., b] t^b along the last axis, t of shape (n,)."""
+    degree = coefficients.shape[-1] - 1
+    t = t.reshape(-1, *([1] * (coefficients.ndim - 2)))
+    result = np.zeros(coefficients.shape[:-1])
+    for power in range(degree, derivative - 1, -1):
+        factor = factorial(power) // factorial(power - derivative)
+        result = result * t + factor * coefficients[..., power]
+    return result

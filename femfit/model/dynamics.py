@@ -1,0 +1,108 @@
+"""The equations of motion that plant and filters share.
+
+State (d, v, i): d' = v, v' = g - F(d, i) / m, and from U = R i + d(flux linkage)/dt with
+d(flux linkage)/dt = L i' - k_m v, i' = (U - R i + k_m v) / L.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (2) and (3), with 1/m, the sign of the current's force and
+the back-EMF that their (32) lacks.
+"""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.model.actuator_model import ActuatorModel
+
+
+def state_derivative(
+    model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
+) -> FloatArray:
+    """Time derivative of (distance, velocity, current).
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit and motion.
+    state : array, shape (..., 3)
+        Distance in m, velocity in m/s (positive: falling away), current in A.
+    voltage : array, shape (...)
+        Across the winding, in V.
+    disturbance : array or float
+        Further force along growing distance, in N.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        m/s, m/s^2, A/s.
+    """
+    circuit, motion = model.require_circuit(), model.require_motion()
+    distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
+    magnetic = model.magnetics.state(distance, current)
+    acceleration = motion.gravity_m_s2 + (disturbance - magnetic.force) / motion.mass_kg
+    current_rate = (
+        voltage - circuit.resistance_ohm * current + magnetic.motional_constant * velocity
+    ) / magnetic.inductance
+    return np.stack([velocity, acceleration, current_rate], axis=-1)
+
+
+def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """One explicit Euler step, as the paper's (33).
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit and motion.
+    state : array, shape (..., 3)
+        As in :func:`state_derivative`.
+    voltage : array, shape (...)
+        Held over the step, in V.
+    step : float
+        In s.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        The state one step later.
+    """
+    return state + step * state_derivative(model, state, voltage)
+
+
+def runge_kutta_step(
+    model: ActuatorModel,
+    state: FloatArray,
+    voltage: FloatArray,
+    step: float,
+    substeps: int = 1,
+    disturbance: FloatArray | float = 0.0,
+) -> FloatArray:
+    """Advance by classical fourth-order Runge-Kutta with equal substeps.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit and motion.
+    state : array, shape (..., 3)
+        As in :func:`state_derivative`.
+    voltage : array, shape (...)
+        Held over the step, in V.
+    step : float
+        In s.
+    substeps : int
+        Number of equal parts of the step.
+    disturbance : array or float
+        Held over the step, in N.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        The state one step later.
+    """
+    h = step / substeps
+    for _ in range(substeps):
+        k1 = state_derivative(model, state, voltage, disturbance)
+        k2 = state_derivative(model, state + 0.5 * h * k1, voltage, disturbance)
+        k3 = state_derivative(model, state + 0.5 * h * k2, voltage, disturbance)
+        k4 = state_derivative(model, state + h * k3, voltage, disturbance)
+        state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return state

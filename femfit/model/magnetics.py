@@ -1,0 +1,239 @@
+"""The magnetic half of the model: force and flux linkage from one co-energy W'(d, i).
+
+F = -dW'/dd (on the moving part, positive towards the electromagnet), flux linkage = dW'/di, motional constant
+k_m = dF/di = -d(flux linkage)/dd, inductance L = d(flux linkage)/di. Deriving all of them from one function
+makes reciprocity hold to rounding, whatever was fitted.
+
+References
+----------
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.laws.catalogue import law_by_name
+from femfit.laws.law import ForceLaw
+from femfit.model.bspline import TensorSpline
+
+
+@dataclass(frozen=True)
+class MagneticState:
+    """What the circuit and the motion need at one or many points.
+
+    Parameters
+    ----------
+    force : array
+        F in N.
+    motional_constant : array
+        k_m in V s/m = N/A.
+    inductance : array
+        L in H.
+    """
+
+    force: FloatArray
+    motional_constant: FloatArray
+    inductance: FloatArray
+
+
+class Magnetics(ABC):
+    """A co-energy W'(d, i); all arguments broadcast, distances in m, currents in A."""
+
+    @abstractmethod
+    def _derivatives(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        """Partial derivatives of W' at flat arrays, for orders (in d, in i) up to (2, 2)."""
+
+    def coenergy_derivatives(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        """Partial derivatives of the co-energy, several at once.
+
+        Parameters
+        ----------
+        distance, current : array
+            Points; broadcast against each other.
+        orders : tuple of (int, int)
+            Order in distance (0 to 2) and in current (0 to 2) of each.
+
+        Returns
+        -------
+        list of array
+            In the order asked for, J / m^a / A^b.
+        """
+        distance, current = np.broadcast_arrays(
+            np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        )
+        values = self._derivatives(distance.ravel(), current.ravel(), orders)
+        return [value.reshape(distance.shape) for value in values]
+
+    def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """W' in J, up to a constant."""
+        return self.coenergy_derivatives(distance, current, ((0, 0),))[0]
+
+    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """F = -dW'/dd in N, positive towards the electromagnet."""
+        return -self.coenergy_derivatives(distance, current, ((1, 0),))[0]
+
+    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """dW'/di in Wb."""
+        return self.coenergy_derivatives(distance, current, ((0, 1),))[0]
+
+    def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """k_m = dF/di = -d(flux linkage)/dd in N/A."""
+        return -self.coenergy_derivatives(distance, current, ((1, 1),))[0]
+
+    def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """L = d(flux linkage)/di in H."""
+        return self.coenergy_derivatives(distance, current, ((0, 2),))[0]
+
+    def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """dF/dd in N/m."""
+        return -self.coenergy_derivatives(distance, current, ((2, 0),))[0]
+
+    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
+        """Force, motional constant and inductance together, at the price of little more than one."""
+        d_w, di_w, ii_w = self.coenergy_derivatives(distance, current, ((1, 0), (1, 1), (0, 2)))
+        return MagneticState(force=-d_w, motional_constant=-di_w, inductance=ii_w)
+
+
+@dataclass(frozen=True, eq=False)
+class CoenergySpline(Magnetics):
+    """W'(d, i) as a tensor B-spline in u = d_0 / d and i.
+
+    Parameters
+    ----------
+    reference_distance_m : float
+        d_0.
+    spline : TensorSpline
+        In (u, i), in J.
+    """
+
+    reference_distance_m: float
+    spline: TensorSpline
+
+    def _derivatives(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        u = self.reference_distance_m / distance
+        wanted = dict.fromkeys((a, b) for a, b in orders if a < 2)
+        for _, b in (order for order in orders if order[0] == 2):
+            wanted |= dict.fromkeys(((1, b), (2, b)))
+        inner = dict(zip(wanted, self.spline.derivatives(u, current, tuple(wanted)), strict=True))
+        first, second = -u / distance, 2.0 * u / distance**2  # du/dd and d2u/dd2
+        result = []
+        for a, b in orders:
+            if a == 0:
+                result.append(inner[0, b])
+            elif a == 1:
+                result.append(first * inner[1, b])
+            else:
+                result.append(first**2 * inner[2, b] + second * inner[1, b])
+        return result
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One term c i^n phi_k(d) of a force law, as fitted.
+
+    Parameters
+    ----------
+    basis : str
+        Name of the column phi_k.
+    current_power : int
+        n.
+    value : float
+        c.
+    unit : str
+        Its unit.
+    ci95 : (float, float) or None
+        95 % interval, where it was estimated.
+    bounds : (float, float)
+        What the fit allowed; infinite where it did not bound.
+    active : str
+        ``lower``, ``upper`` or empty: the bound that the fit hit.
+    """
+
+    basis: str
+    current_power: int
+    value: float
+    unit: str
+    ci95: tuple[float, float] | None = None
+    bounds: tuple[float, float] = (-np.inf, np.inf)
+    active: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LawMagnetics(Magnetics):
+    """A force law with polynomial coefficient functions, and the flux linkage that reciprocity leaves open.
+
+    W'(d, i) = sum_k,n c_kn i^n Phi_k(d) + flux_linkage_0 i + L_0 i^2 / 2: the terms of the last two do not depend on
+    the distance, so force data say nothing about them; they come from the sweep's flux linkage or a measurement.
+
+    Parameters
+    ----------
+    law_name : str
+        In the catalogue.
+    coefficients : tuple of Coefficient
+        c_kn.
+    shape : mapping of str to float
+        The law's nonlinear parameters.
+    constant_inductance_H : float
+        L_0.
+    constant_flux_linkage_Wb : float
+        flux_linkage_0.
+    """
+
+    law_name: str
+    coefficients: tuple[Coefficient, ...]
+    shape: Mapping[str, float] = field(default_factory=dict)
+    constant_inductance_H: float = 0.0
+    constant_flux_linkage_Wb: float = 0.0
+
+    @cached_property
+    def law(self) -> ForceLaw:
+        """The law's data and functions."""
+        return law_by_name(self.law_name)
+
+    @cached_property
+    def _powers(self) -> FloatArray:
+        """C of shape (columns, highest power of current + 1)."""
+        table = np.zeros((len(self.law.basis), 1 + max(c.current_power for c in self.coefficients)))
+        for c in self.coefficients:
+            table[self.law.basis.index(c.basis), c.current_power] += c.value
+        return table
+
+    def _derivatives(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        columns = {}
+        for a in {order[0] for order in orders}:
+            if a == 0:
+                columns[a] = self.law.potential_columns(distance, self.shape)
+            elif a == 1:
+                columns[a] = -self.law.columns(distance, self.shape)
+            else:
+                columns[a] = -self.law.gradient_columns(distance, self.shape)
+        result = []
+        for a, b in orders:
+            weights = np.polynomial.polynomial.polyder(self._powers, b, axis=1) if b else self._powers
+            coefficient = np.polynomial.polynomial.polyval(current, weights.T)  # (columns, n)
+            value = np.einsum("nk,kn->n", columns[a], np.atleast_2d(coefficient))
+            if a == 0:
+                value = value + self._constant_part(current, b)
+            result.append(value)
+        return result
+
+    def _constant_part(self, current: FloatArray, order: int) -> FloatArray:
+        flux, inductance = self.constant_flux_linkage_Wb, self.constant_inductance_H
+        if order == 0:
+            return flux * current + 0.5 * inductance * current**2
+        if order == 1:
+            return flux + inductance * current
+        return np.full_like(current, inductance) if order == 2 else np.zeros_like(current)

@@ -1,0 +1,1 @@
+"""Plant, Hall sensor, controllers, closed loop. numpy only."""
