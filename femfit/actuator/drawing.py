@@ -1,0 +1,161 @@
+"""The drawing of an actuator file: materials, regions and the winding, each region on its own."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from femfit.actuator.checks import DrawnPart
+from femfit.actuator.complaints import did_you_mean, joined, read_table
+from femfit.actuator.materials import LIBRARY
+from femfit.actuator.outline import outline
+from femfit.actuator.parts import LinearMaterial
+from femfit.actuator.schema import NAME_PATTERN, CoilEntry, MaterialEntry, RegionEntry
+
+RESERVED = ("air", "coil")
+"""Region names that the field solver gives to what is not a region."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What could be drawn of a file.
+
+    Parameters
+    ----------
+    fixed, moving : tuple of DrawnPart
+        Regions of the electromagnet and of the moving part.
+    winding : DrawnPart or None
+        The coil's section.
+    complete : bool
+        Whether nothing had to be left out because of a problem.
+    """
+
+    fixed: tuple[DrawnPart, ...]
+    moving: tuple[DrawnPart, ...]
+    winding: DrawnPart | None
+    complete: bool
+
+    @property
+    def standing(self) -> tuple[DrawnPart, ...]:
+        """The electromagnet's regions and the winding."""
+        return self.fixed if self.winding is None else (*self.fixed, self.winding)
+
+
+def read_drawing(data: Mapping[str, Any], coil: CoilEntry | None, problems: list[str]) -> Drawing:
+    """Draw what can be drawn of a file.
+
+    Parameters
+    ----------
+    data : mapping
+        The file's tables.
+    coil : CoilEntry or None
+        The coil's table, where it is valid.
+    problems : list of str
+        Appended to.
+
+    Returns
+    -------
+    Drawing
+        Of the usable parts.
+    """
+    materials = _materials(table_at(data, "materials"), problems)
+    before = len(problems)
+    fixed = _regions(data, "electromagnet", materials, problems)
+    moving = _regions(data, "moving", materials, problems)
+    problems += [
+        f"{part.path} must have a name of its own; electromagnet.regions has one of the same name. Rename one of them."
+        for part in moving
+        if part.name in {other.name for other in fixed}
+    ]
+    winding = _winding(coil, problems)
+    complete = len(problems) == before and winding is not None
+    return Drawing(fixed, moving, winding, complete)
+
+
+def table_at(data: Mapping[str, Any], *keys: str) -> dict[str, Any]:
+    """The table at a key path, empty if there is none.
+
+    Parameters
+    ----------
+    data : mapping
+        The file's tables.
+    *keys : str
+        The path.
+
+    Returns
+    -------
+    dict
+        A wrong type counts as none; the table above reports it.
+    """
+    found: Any = data
+    for key in keys:
+        found = found.get(key) if isinstance(found, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _materials(tables: Mapping[str, Any], problems: list[str]) -> dict[str, LinearMaterial | None]:
+    """The library and the file's own materials, which come first; None where the file's is wrong."""
+    materials: dict[str, LinearMaterial | None] = {name: entry.material for name, entry in LIBRARY.items()}
+    for name, table in tables.items():
+        entry = read_table(MaterialEntry, table, joined("materials", name), problems)
+        materials[name] = (
+            None if entry is None else LinearMaterial(name, entry.relative_permeability, entry.remanence_T)
+        )
+    return materials
+
+
+def _regions(
+    data: Mapping[str, Any], body: str, materials: Mapping[str, LinearMaterial | None], problems: list[str]
+) -> tuple[DrawnPart, ...]:
+    parts = []
+    for name, table in table_at(data, body, "regions").items():
+        path = joined(body, "regions", name)
+        if not re.match(NAME_PATTERN, name) or len(name) > 64 or name in RESERVED:
+            problems.append(
+                f"{path} must be named with letters, digits, - and _, beginning with a letter, and not "
+                f"{' or '.join(RESERVED)}. Rename the region."
+            )
+        entry = read_table(RegionEntry, table, path, problems)
+        if entry is None:
+            continue
+        material = _region_material(entry, path, materials, problems)
+        polygon = outline(entry, path, problems)
+        if polygon is not None:
+            parts.append(DrawnPart(path, name, polygon, material))
+    return tuple(parts)
+
+
+def _region_material(
+    entry: RegionEntry, path: str, materials: Mapping[str, LinearMaterial | None], problems: list[str]
+) -> LinearMaterial | None:
+    if entry.material not in materials:
+        problems.append(
+            f"{path}.material must name a material of [materials] or of the library; it is {entry.material[:60]!r}."
+            f"{did_you_mean(entry.material, materials)} Known: {', '.join(materials)}."
+        )
+        return None
+    material = materials[entry.material]
+    if material is None:
+        return None
+    if material.remanence_T and entry.magnetization is None:
+        problems.append(
+            f"{path}.magnetization is missing; {material.name} has a remanence. "
+            'Give magnetization = "+z" (towards the moving part) or "-z".'
+        )
+        return None
+    if entry.magnetization and not material.remanence_T:
+        problems.append(
+            f"{path}.magnetization must be left out; {material.name} has no remanence. "
+            "Remove it, or name a magnet or give the material a remanence_T."
+        )
+        return None
+    return replace(material, remanence_T=-material.remanence_T) if entry.magnetization == "-z" else material
+
+
+def _winding(coil: CoilEntry | None, problems: list[str]) -> DrawnPart | None:
+    polygon = None if coil is None else outline(coil, "coil", problems)
+    if polygon is None:
+        return None
+    if polygon.bounds[0] <= 0:
+        problems.append("coil must lie off the axis; its winding touches r = 0. Give an inner radius > 0.")
+    return DrawnPart("coil", "coil", polygon)

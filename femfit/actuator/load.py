@@ -1,0 +1,230 @@
+"""Read an actuator file: every problem at once, or the actuator in SI units."""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from shapely import Polygon
+
+from femfit.actuator.checks import (
+    DrawnPart,
+    check_collisions,
+    check_force_source,
+    check_hall_place,
+    check_overlaps,
+    check_zero_heights,
+)
+from femfit.actuator.complaints import AnyEntry, read_table
+from femfit.actuator.decimals import axis_values, scaled
+from femfit.actuator.drawing import Drawing, read_drawing
+from femfit.actuator.parts import AIR, Actuator, Coil, HallElement, MovingPart, Region, Supply, SweepAxes
+from femfit.actuator.schema import (
+    SCHEMA_VERSION,
+    CoilEntry,
+    ElectromagnetEntry,
+    FileEntry,
+    HallEntry,
+    MovingEntry,
+    ReferenceEntry,
+    SupplyEntry,
+    SweepEntry,
+)
+from femfit.actuator.winding import smallest_winding_area, wire_resistance
+from femfit.core.errors import ActuatorFileError
+
+
+def read_actuator(path: Path) -> Actuator:
+    """Read an actuator file.
+
+    Parameters
+    ----------
+    path : Path
+        Of the TOML file.
+
+    Returns
+    -------
+    Actuator
+        In SI units, checked.
+
+    Raises
+    ------
+    ActuatorFileError
+        If the file cannot be read or has any problem; the error lists all of them.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise ActuatorFileError(str(path), ["does not exist. Give the path of an actuator .toml file."]) from error
+    except OSError as error:
+        raise ActuatorFileError(str(path), [f"cannot be read: {error.strerror}."]) from error
+    except UnicodeDecodeError as error:
+        raise ActuatorFileError(str(path), [f"must be UTF-8 text; byte {error.start} is not. Save it so."]) from error
+    return actuator_from_toml(text, str(path))
+
+
+def actuator_from_toml(text: str, source: str = "actuator file") -> Actuator:
+    """Build an actuator from TOML text.
+
+    Parameters
+    ----------
+    text : str
+        As in the files of ``geometry/``.
+    source : str
+        Name for messages.
+
+    Returns
+    -------
+    Actuator
+        In SI units, checked.
+
+    Raises
+    ------
+    ActuatorFileError
+        If there is any problem; the error lists all of them.
+    """
+    data = _parse(text, source)
+    problems: list[str] = []
+    header = read_table(FileEntry, data, "", problems)
+    _section(ElectromagnetEntry, data, "electromagnet", problems)
+    body = _section(MovingEntry, data, "moving", problems)
+    winding = _section(CoilEntry, data, "coil", problems)
+    hall = _section(HallEntry, data, "hall", problems)
+    supply = _section(SupplyEntry, data, "supply", problems)
+    sweep = _section(SweepEntry, data, "sweep", problems)
+    reference = _section(ReferenceEntry, data, "reference", problems)
+    drawing = read_drawing(data, winding, problems)
+    currents = axis_values(sweep.current_A, "sweep.current_A", problems) if sweep else ()
+    distances = axis_values(sweep.distance_mm, "sweep.distance_mm", problems) if sweep else ()
+    _check_numbers(body, hall, supply, reference, distances, problems)
+    coil = _coil(winding, drawing, problems)
+    _check_drawing(drawing, hall, distances, problems)
+    if problems or header is None or body is None or coil is None or supply is None:
+        raise ActuatorFileError(source, problems)
+    return Actuator(
+        name=header.name,
+        description=header.description,
+        fixed=tuple(_region(part) for part in drawing.fixed),
+        coil=coil,
+        moving=MovingPart(tuple(_region(part) for part in drawing.moving), scaled(body.mass_g)),
+        supply=Supply(supply.voltage_min_V, supply.voltage_max_V, scaled(supply.sample_time_ms)),
+        sweep=SweepAxes(currents, tuple(scaled(d) for d in distances)),
+        hall=_hall(hall),
+        reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),
+    )
+
+
+def _parse(text: str, source: str) -> dict[str, Any]:
+    try:
+        data = tomllib.loads(text)
+    except RecursionError as error:
+        raise ActuatorFileError(source, ["must be TOML; its brackets are nested too deeply."]) from error
+    except ValueError as error:  # TOMLDecodeError, or a number with too many digits
+        raise ActuatorFileError(source, [f"must be TOML; {error}. Correct that place first."]) from error
+    version = data.get("schema")
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        raise ActuatorFileError(
+            source,
+            [f"schema is {version}; this femfit reads up to schema {SCHEMA_VERSION}. Update femfit, or write it so."],
+        )
+    return data
+
+
+def _section(entry: type[AnyEntry], data: dict[str, Any], key: str, problems: list[str]) -> AnyEntry | None:
+    """A table of the top level; a missing one or one of the wrong type is reported by the top level."""
+    return read_table(entry, data[key], key, problems) if isinstance(data.get(key), dict) else None
+
+
+def _check_numbers(
+    body: MovingEntry | None,
+    hall: HallEntry | None,
+    supply: SupplyEntry | None,
+    reference: ReferenceEntry | None,
+    distances: Sequence[float],
+    problems: list[str],
+) -> None:
+    if body is not None and not body.regions:
+        problems.append("moving.regions must hold a part; it is empty. Give a table [moving.regions.NAME].")
+    if supply is not None and supply.voltage_min_V >= supply.voltage_max_V:
+        problems.append(
+            f"supply.voltage_min_V must be below voltage_max_V; they are {supply.voltage_min_V:g} and "
+            f"{supply.voltage_max_V:g}. Exchange or change them."
+        )
+    if hall is not None and not hall.output_min_V <= hall.quiescent_V <= hall.output_max_V:
+        problems.append(
+            f"hall.quiescent_V must lie between output_min_V and output_max_V; it is {hall.quiescent_V:g} with "
+            f"{hall.output_min_V:g} and {hall.output_max_V:g}. Change one of the three."
+        )
+    if hall is not None and hall.output_min_V >= hall.output_max_V:
+        problems.append(
+            f"hall.output_min_V must be below output_max_V; they are {hall.output_min_V:g} and "
+            f"{hall.output_max_V:g}. Exchange or change them."
+        )
+    if hall is not None and hall.sensitivity_V_per_T == 0:
+        problems.append(
+            "hall.sensitivity_V_per_T must not be 0: the element would see nothing. Give it, or leave [hall]."
+        )
+    if distances and distances[0] <= 0:
+        problems.append(
+            f"sweep.distance_mm must be > 0, the gap from face to face; it starts at {distances[0]:g}. Start above 0."
+        )
+    if reference is not None and distances:
+        outside = [d for d in reference.distance_mm if not distances[0] <= d <= distances[-1]]
+        if outside:
+            problems.append(
+                f"reference.distance_mm must lie within the sweep, {distances[0]:g} to {distances[-1]:g} mm; "
+                f"{', '.join(f'{d:g}' for d in outside[:5])} is outside. Change it or widen sweep.distance_mm."
+            )
+
+
+def _check_drawing(drawing: Drawing, hall: HallEntry | None, distances: Sequence[float], problems: list[str]) -> None:
+    check_overlaps(drawing.standing, problems)
+    check_overlaps(drawing.moving, problems)
+    if drawing.complete:
+        check_zero_heights(drawing.standing, drawing.moving, problems)
+        check_force_source(drawing.moving, problems)
+    check_collisions(drawing.standing, drawing.moving, distances, problems)
+    if hall is not None:
+        check_hall_place(hall, drawing.standing, drawing.moving, distances, problems)
+
+
+def _coil(entry: CoilEntry | None, drawing: Drawing, problems: list[str]) -> Coil | None:
+    if entry is None or drawing.winding is None:
+        return None
+    polygon = drawing.winding.polygon
+    if entry.wire_diameter_mm is not None:
+        needed = smallest_winding_area(entry.turns, entry.wire_diameter_mm)
+        if needed > polygon.area:
+            problems.append(
+                f"coil.wire_diameter_mm must let the turns fit; {entry.turns:g} turns of {entry.wire_diameter_mm:g} mm "
+                f"need at least {needed:.4g} mm^2 and the winding has {polygon.area:.4g} mm^2. "
+                "Take fewer turns, a thinner wire or a larger winding."
+            )
+    resistance = entry.resistance_ohm
+    if resistance is None:
+        if entry.wire_diameter_mm is None:
+            problems.append(
+                "coil.resistance_ohm is missing, and so is wire_diameter_mm to have it from. Give one of the two."
+            )
+            return None
+        resistance = wire_resistance(
+            entry.turns, polygon.centroid.x * 1e-3, entry.wire_diameter_mm * 1e-3, entry.temperature_C
+        )
+    diameter = None if entry.wire_diameter_mm is None else scaled(entry.wire_diameter_mm)
+    return Coil(_vertices(polygon), entry.turns, resistance, diameter)
+
+
+def _hall(entry: HallEntry | None) -> HallElement | None:
+    if entry is None:
+        return None
+    electrical = entry.model_dump(exclude={"r_mm", "z_mm"})
+    return HallElement(radius_m=scaled(entry.r_mm), height_m=scaled(entry.z_mm), **electrical)
+
+
+def _region(part: DrawnPart) -> Region:
+    return Region(part.name, _vertices(part.polygon), part.material or AIR)
+
+
+def _vertices(polygon: Polygon) -> tuple[tuple[float, float], ...]:
+    return tuple((scaled(r), scaled(z)) for r, z in polygon.exterior.coords[:-1])

@@ -1,0 +1,123 @@
+"""One outline of the file as a polygon: closed, without crossings, on the right side of the axis."""
+
+from itertools import pairwise
+
+from shapely import LineString, MultiPoint, Polygon, unary_union
+from shapely.affinity import translate
+from shapely.geometry.polygon import orient
+from shapely.validation import explain_validity
+
+from femfit.actuator.complaints import joined
+from femfit.actuator.schema import OutlineEntry
+
+MIN_AREA = 1e-6
+"""In mm^2: far below any part, far above the rounding of areas."""
+
+
+def outline(entry: OutlineEntry, path: str, problems: list[str]) -> Polygon | None:
+    """The polygon of a region or winding, in mm.
+
+    Parameters
+    ----------
+    entry : OutlineEntry
+        Box or polygon.
+    path : str
+        Key path of its table.
+    problems : list of str
+        Appended to.
+
+    Returns
+    -------
+    Polygon or None
+        Counter-clockwise; None if it is unusable.
+    """
+    corners = _corners(entry, path, problems)
+    if corners is None:
+        return None
+    key = joined(path, "r_mm" if entry.polygon_mm is None else "polygon_mm")
+    inner = min(r for r, _ in corners)
+    if inner < 0:
+        problems.append(f"{key} must have r >= 0, the axis being r = 0; it goes down to {inner:g}. Draw one half only.")
+        return None
+    polygon = Polygon(corners)
+    if polygon.area < MIN_AREA:
+        problems.append(f"{key} must enclose an area; its corners lie on a line. Give corners that span a surface.")
+        return None
+    if not polygon.is_valid:
+        problems.append(
+            f"{key} must not cross or touch itself; {explain_validity(polygon)} (r, z in mm). "
+            "List the corners in their order around the outline."
+        )
+        return None
+    if _touches_axis_in_a_point(polygon):
+        problems.append(
+            f"{key} must meet the axis in a whole edge or not at all; it touches r = 0 in a single point. "
+            "Add a second corner at r = 0, or keep away from the axis."
+        )
+        return None
+    return orient(polygon)
+
+
+def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
+    """Everything that a polygon passes while it is shifted along z from start to stop.
+
+    Parameters
+    ----------
+    polygon : Polygon
+        In mm.
+    start, stop : float
+        Shifts in mm.
+
+    Returns
+    -------
+    Polygon
+        Of both end positions and of each edge's track.
+    """
+    corners = list(polygon.exterior.coords)
+    tracks = [
+        MultiPoint([(r, z + shift) for r, z in (one, other) for shift in (start, stop)]).convex_hull
+        for one, other in pairwise(corners)
+    ]
+    return unary_union([translate(polygon, yoff=start), translate(polygon, yoff=stop), *tracks])
+
+
+def _corners(entry: OutlineEntry, path: str, problems: list[str]) -> list[tuple[float, float]] | None:
+    if entry.polygon_mm is not None:
+        if entry.r_mm is not None or entry.z_mm is not None:
+            problems.append(f"{path} must have either polygon_mm or r_mm and z_mm; it has both. Remove one.")
+            return None
+        corners = [(r, z) for r, z in entry.polygon_mm]
+        if corners[0] == corners[-1]:
+            corners.pop()
+        repeated = [n for n, corner in enumerate(corners) if n and corner == corners[n - 1]]
+        if repeated:
+            where = joined(path, "polygon_mm", repeated[0])
+            problems.append(
+                f"{where} must differ from the corner before it; both are {corners[repeated[0]]}. Remove one."
+            )
+            return None
+        return corners
+    if entry.r_mm is None or entry.z_mm is None:
+        needed = " and ".join(key for key in ("r_mm", "z_mm") if getattr(entry, key) is None)
+        problems.append(
+            f"{path} must have an outline; {needed} missing. Give r_mm = [inner, outer] and z_mm = [lower, upper], "
+            "or polygon_mm = [[r, z], ...]."
+        )
+        return None
+    ascending = True
+    for key, (low, high) in (("r_mm", entry.r_mm), ("z_mm", entry.z_mm)):
+        if low >= high:
+            problems.append(
+                f"{joined(path, key)} must ascend; it is [{low:g}, {high:g}]. Exchange or change the values."
+            )
+            ascending = False
+    if not ascending:
+        return None
+    (inner, outer), (lower, upper) = entry.r_mm, entry.z_mm
+    return [(inner, lower), (outer, lower), (outer, upper), (inner, upper)]
+
+
+def _touches_axis_in_a_point(polygon: Polygon) -> bool:
+    _, lower, _, upper = polygon.bounds
+    contact = polygon.intersection(LineString([(0.0, lower - 1.0), (0.0, upper + 1.0)]))
+    return any(part.geom_type == "Point" for part in getattr(contact, "geoms", [contact]) if not part.is_empty)

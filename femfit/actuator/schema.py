@@ -1,0 +1,157 @@
+"""The actuator file as typed tables: which keys there are, in which unit and range.
+
+A field's description is the remedy printed when its key is missing or wrong. Lengths are in mm, masses in g;
+:mod:`femfit.actuator.load` turns them into the SI data of :mod:`femfit.actuator.parts`.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+SCHEMA_VERSION = 1
+NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]*$"
+MAX_AXIS_POINTS = 10_000
+
+# 100 m is beyond any actuator, and keeps areas and volumes far from overflow.
+Length = Annotated[float, Field(ge=-1e5, le=1e5)]
+Interval = Annotated[list[Length], Field(min_length=2, max_length=2)]
+Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
+
+
+class Entry(BaseModel):
+    """A table of the file: unknown keys, coerced types, NaN and infinity are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+class FileEntry(Entry):
+    """The top level; each table is read by its own entry so that one mistake hides no other."""
+
+    schema_version: int = Field(alias="schema", ge=1, description=f"Write schema = {SCHEMA_VERSION}.")
+    name: Name = Field(description="Give a short name of letters, digits, - and _; directories are named after it.")
+    description: str = Field("", description="Give free text in quotes.")
+    materials: dict[str, Any] = Field({}, description="Give each material as a table [materials.NAME].")
+    electromagnet: dict[str, Any] = Field({}, description="Give fixed parts as [electromagnet.regions.NAME].")
+    coil: dict[str, Any] = Field(description="Give the winding as a table [coil].")
+    moving: dict[str, Any] = Field(description="Give the moving part as [moving] and [moving.regions.NAME].")
+    hall: dict[str, Any] | None = Field(None, description="Give the Hall element as a table [hall], or leave it out.")
+    supply: dict[str, Any] = Field(description="Give the driver as a table [supply].")
+    sweep: dict[str, Any] = Field(description="Give the grid as a table [sweep] with current_A and distance_mm.")
+    reference: dict[str, Any] | None = Field(None, description="Give [reference] distance_mm, or leave it out.")
+
+
+class MaterialEntry(Entry):
+    """``[materials.NAME]``: a linear material."""
+
+    relative_permeability: float = Field(
+        gt=0, le=1e7, description="Give mu_r, 1 for everything non-magnetic; the recoil permeability of a magnet."
+    )
+    remanence_T: float = Field(
+        0.0, ge=0, le=3, description="Give B_r in tesla (1 T = 10 kG); the direction is the region's magnetization."
+    )
+
+
+class OutlineEntry(Entry):
+    """An outline: a box (r_mm and z_mm) or a polygon (polygon_mm)."""
+
+    r_mm: Interval | None = Field(None, description="Give [inner, outer] radius in mm.")
+    z_mm: Interval | None = Field(None, description="Give [lower, upper] height in mm.")
+    polygon_mm: Annotated[list[Interval], Field(min_length=3, max_length=1000)] | None = Field(
+        None, description="Give at least three corners [[r, z], ...] in mm."
+    )
+
+
+class RegionEntry(OutlineEntry):
+    """``[electromagnet.regions.NAME]`` or ``[moving.regions.NAME]``."""
+
+    material: str = Field(description="Name a material of [materials] or of the library.")
+    magnetization: Literal["+z", "-z"] | None = Field(
+        None, description='Give "+z" or "-z" for a magnet; leave it out otherwise.'
+    )
+
+
+class ElectromagnetEntry(Entry):
+    """``[electromagnet]``."""
+
+    regions: dict[str, Any] = Field({}, description="Give each fixed part as a table [electromagnet.regions.NAME].")
+
+
+class CoilEntry(OutlineEntry):
+    """``[coil]``."""
+
+    turns: float = Field(gt=0, le=1e7, description="Give the number of turns of the whole winding.")
+    wire_diameter_mm: float | None = Field(None, gt=0, le=1e3, description="Give the bare copper diameter in mm.")
+    resistance_ohm: float | None = Field(
+        None, gt=0, le=1e9, description="Give the resistance in ohm, or leave it out to have it from the wire."
+    )
+    temperature_C: float = Field(
+        20.0, ge=-200, le=500, description="Give the winding's temperature for the resistance from the wire."
+    )
+
+
+class MovingEntry(Entry):
+    """``[moving]``."""
+
+    mass_g: float = Field(gt=0, le=1e9, description="Give the mass of the whole moving body in grams.")
+    regions: dict[str, Any] = Field(description="Give each magnetic part of the body as [moving.regions.NAME].")
+
+
+class HallEntry(Entry):
+    """``[hall]``; the defaults are those of :class:`femfit.actuator.parts.HallElement`."""
+
+    r_mm: Length = Field(description="Give the radius of the element in mm, 0 on the axis.", ge=0)
+    z_mm: Length = Field(description="Give the height of the element in mm, 0 at the electromagnet's face.")
+    sensitivity_V_per_T: float = Field(50.0, description="Give the slope in V/T (5 mV/G is 50 V/T).")
+    quiescent_V: float = Field(2.5, description="Give the output without field in volts.")
+    output_min_V: float = Field(0.0, description="Give the lowest output in volts.")
+    output_max_V: float = Field(5.0, description="Give the highest output in volts.")
+    adc_bits: int = Field(12, ge=0, le=32, description="Give the converter's bits, 0 for none.")
+    noise_V: float = Field(0.0, ge=0, description="Give the standard deviation of one sample in volts.")
+
+
+class SupplyEntry(Entry):
+    """``[supply]``."""
+
+    voltage_min_V: float = Field(description="Give the lowest voltage of the driver; negative for a bridge.")
+    voltage_max_V: float = Field(description="Give the highest voltage of the driver.")
+    sample_time_ms: float = Field(0.5, gt=0, le=1e6, description="Give the controller's period in ms.")
+
+
+class RangeEntry(Entry):
+    """``{ start = ..., stop = ..., step = ... }``, both ends included."""
+
+    start: float = Field(description="Give the first value.")
+    stop: float = Field(description="Give the last value; it belongs to the grid.")
+    step: float = Field(gt=0, description="Give a positive step that divides stop - start.")
+
+
+def _axis_kind(value: object) -> str | None:
+    if isinstance(value, RangeEntry | dict):
+        return "<range>"
+    return "<list>" if isinstance(value, list) else None
+
+
+Axis = Annotated[
+    Annotated[RangeEntry, Tag("<range>")]
+    | Annotated[list[float], Field(min_length=1, max_length=MAX_AXIS_POINTS), Tag("<list>")],
+    Discriminator(
+        _axis_kind,
+        custom_error_type="axis",
+        custom_error_message="Input should be a list of numbers or a table { start, stop, step }",
+    ),
+]
+
+
+class SweepEntry(Entry):
+    """``[sweep]``."""
+
+    current_A: Axis = Field(description="Give ascending currents as a list or as { start, stop, step }.")
+    distance_mm: Axis = Field(description="Give ascending distances > 0 as a list or as { start, stop, step }.")
+
+
+class ReferenceEntry(Entry):
+    """``[reference]``: the closed loop's steps."""
+
+    distance_mm: Annotated[list[Length], Field(min_length=1, max_length=1000)] = Field(
+        description="Give the reference distances in mm, in their order, within the sweep."
+    )
