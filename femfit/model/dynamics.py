@@ -106,3 +106,58 @@ def runge_kutta_step(
         k4 = state_derivative(model, state + h * k3, voltage, disturbance)
         state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return state
+
+
+def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
+    """Jacobian of :func:`state_derivative` with respect to the state.
+
+    With F and k_m = dF/di, and dk_m/di = -dL/dd by reciprocity, for i' = N / L and N = U - R i + k_m v:
+    di'/dd = (dk_m/dd v - i' dL/dd) / L, di'/dv = k_m / L, di'/di = (-R - dL/dd v - i' dL/di) / L.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit and motion.
+    state : array, shape (..., 3)
+        As in :func:`state_derivative`.
+    voltage : array, shape (...)
+        Across the winding, in V.
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+        Row: component of the derivative; column: component of the state.
+    """
+    circuit, motion = model.require_circuit(), model.require_motion()
+    distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
+    orders = ((2, 0), (1, 1), (2, 1), (0, 2), (1, 2), (0, 3))
+    dd_w, di_w, ddi_w, inductance, dii_w, iii_w = model.magnetics.coenergy_derivatives(distance, current, orders)
+    rate = (voltage - circuit.resistance_ohm * current - di_w * velocity) / inductance
+    result = np.zeros((*state.shape[:-1], 3, 3))
+    result[..., 0, 1] = 1.0
+    result[..., 1, 0] = dd_w / motion.mass_kg
+    result[..., 1, 2] = di_w / motion.mass_kg
+    result[..., 2, 0] = (-ddi_w * velocity - rate * dii_w) / inductance
+    result[..., 2, 1] = -di_w / inductance
+    result[..., 2, 2] = (-circuit.resistance_ohm - dii_w * velocity - rate * iii_w) / inductance
+    return result
+
+
+def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """Jacobian of :func:`euler_step`, shape (..., 3, 3); arguments as there."""
+    return np.eye(3) + step * state_jacobian(model, state, voltage)
+
+
+def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """Jacobian of :func:`runge_kutta_step` with one substep, by the chain rule; shape (..., 3, 3)."""
+    k1 = state_derivative(model, state, voltage)
+    second = state + 0.5 * step * k1
+    k2 = state_derivative(model, second, voltage)
+    third = state + 0.5 * step * k2
+    fourth = state + step * state_derivative(model, third, voltage)
+    unit = np.eye(3)
+    j1 = state_jacobian(model, state, voltage)
+    j2 = state_jacobian(model, second, voltage) @ (unit + 0.5 * step * j1)
+    j3 = state_jacobian(model, third, voltage) @ (unit + 0.5 * step * j2)
+    j4 = state_jacobian(model, fourth, voltage) @ (unit + step * j3)
+    return np.asarray(unit + step / 6.0 * (j1 + 2.0 * j2 + 2.0 * j3 + j4))

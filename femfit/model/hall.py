@@ -33,7 +33,11 @@ class HallField:
 
     def field(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """B_z in T at distances (m) and currents (A) that broadcast."""
-        return self.derivatives(distance, current)[0]
+        distance, current = np.broadcast_arrays(
+            np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        )
+        u = self.reference_distance_m / distance.ravel()
+        return self.spline.derivatives(u, current.ravel(), ((0, 0),))[0].reshape(distance.shape)
 
     def derivatives(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """B_z in T, dB_z/dd in T/m and dB_z/di in T/A.
