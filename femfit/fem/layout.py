@@ -1,0 +1,138 @@
+"""Lengths of a drawing over its sweep, and which distances can share one mesh."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+
+from femfit.actuator.parts import Actuator
+from femfit.core.errors import FieldSolverError
+from femfit.fem.settings import SolverSettings
+
+INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
+LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer only costs elements
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Lengths that the mesh and its motion are built from, in m.
+
+    Parameters
+    ----------
+    clearance : float
+        Smallest distance between the moving part and any other part or sensor over the sweep.
+    inner_offset, outer_offset : float
+        Of the layer's two outlines from the moving part.
+    fixed_top : float
+        Largest z of all fixed parts and the Hall element.
+    radius : float
+        Largest distance of any part from the origin, over the sweep.
+    outer_radius : float
+        Of the domain.
+    stretchable : bool
+        Whether the moving part with its layer stays above all fixed parts, so that one mesh can be stretched along z.
+    """
+
+    clearance: float
+    inner_offset: float
+    outer_offset: float
+    fixed_top: float
+    radius: float
+    outer_radius: float
+    stretchable: bool
+
+
+def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
+    """Measure an actuator over its sweep.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked: nothing overlaps or collides.
+    settings : SolverSettings
+        For the size of the domain.
+
+    Returns
+    -------
+    Layout
+        The lengths.
+    """
+    mover = mover_outline(actuator)
+    fixed: list[Any] = [shapely.Polygon(region.vertices_m) for region in actuator.fixed]
+    fixed.append(shapely.Polygon(actuator.coil.vertices_m))
+    if actuator.hall is not None:
+        fixed.append(shapely.Point(actuator.hall.radius_m, actuator.hall.height_m))
+    still = shapely.union_all(fixed)
+    distances = (min(actuator.sweep.distances_m), max(actuator.sweep.distances_m))
+    steps = np.linspace(*distances, 65)
+    clearance = min(still.distance(shapely.affinity.translate(mover, 0.0, d)) for d in steps)
+    r0, z0, r1, z1 = mover.bounds
+    scale = min(clearance, LARGEST_OFFSET * min(r1 - r0, z1 - z0))
+    moved = np.concatenate([np.asarray(mover.exterior.coords) + np.array([0.0, d]) for d in distances])
+    parts = [*(np.asarray(part.exterior.coords) for part in fixed if part.geom_type == "Polygon"), moved]
+    radius = max(float(np.hypot(*points.T).max()) for points in parts)
+    outer = OUTER_OFFSET * scale
+    fixed_top = still.bounds[3]
+    return Layout(
+        clearance=clearance,
+        inner_offset=INNER_OFFSET * scale,
+        outer_offset=outer,
+        fixed_top=fixed_top,
+        radius=radius,
+        outer_radius=settings.outer_radius_factor * radius,
+        stretchable=bool(distances[0] - outer > fixed_top + 0.2 * clearance),
+    )
+
+
+def mover_outline(actuator: Actuator) -> shapely.Polygon:
+    """Outline of the whole moving part at distance zero.
+
+    Raises
+    ------
+    FieldSolverError
+        If its regions do not form one connected body without holes off the axis.
+    """
+    outline = shapely.union_all([shapely.Polygon(region.vertices_m) for region in actuator.moving.regions])
+    if outline.geom_type != "Polygon":
+        raise FieldSolverError(
+            "The regions of the moving part must touch each other, so that one closed surface encloses them; "
+            f"they form {len(outline.geoms)} separate bodies. Join them by a region of air or another material."
+        )
+    return outline
+
+
+def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: SolverSettings) -> list[tuple[float, ...]]:
+    """Split distances into consecutive groups that share one mesh.
+
+    Parameters
+    ----------
+    distances : tuple of float
+        Ascending, in m.
+    layout : Layout
+        From :func:`layout_of`.
+    settings : SolverSettings
+        ``stretch_limit`` bounds the ratio of the stretched gaps in a group.
+
+    Returns
+    -------
+    list of tuple of float
+        Single distances where the drawing cannot be stretched.
+    """
+    if not layout.stretchable:
+        return [(d,) for d in distances]
+    gaps = [d - layout.outer_offset - layout.fixed_top for d in distances]
+    count = max(1, int(np.ceil(np.log(gaps[-1] / gaps[0]) / np.log(max(settings.stretch_limit, 1.0 + 1e-9)))))
+    if settings.stretch_limit <= 1.0 or count >= len(distances):
+        return [(d,) for d in distances]
+    edges = np.geomspace(gaps[0], gaps[-1], count + 1)
+    index = np.clip(np.searchsorted(edges, gaps, side="right") - 1, 0, count - 1)
+    cuts = [0, *(np.flatnonzero(np.diff(index)) + 1).tolist(), len(distances)]
+    return [tuple(distances[a:b]) for a, b in pairwise(cuts)]
+
+
+def reference_distance(group: tuple[float, ...], layout: Layout) -> float:
+    """The distance at which a group's mesh is made: the geometric mean of its gaps."""
+    low, high = (d - layout.outer_offset - layout.fixed_top for d in (group[0], group[-1]))
+    return float(np.sqrt(low * high)) + layout.outer_offset + layout.fixed_top if len(group) > 1 else group[0]

@@ -1,0 +1,94 @@
+"""The force by Maxwell's stress tensor, weighted over a layer of air around the moving part.
+
+With g = 1 on the moving part and 0 outside of the layer, F_z = -integral T_z . grad g 2 pi r with
+T_z = (B_z B_r, B_z^2 - B^2 / 2) / mu_0: the average of the surface integral over all surfaces in the layer. F is a
+quadratic form in w; its matrix lives in the layer alone, which moves as a rigid body, so that one matrix serves all
+distances of a mesh.
+
+References
+----------
+F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the eggshell method; S. McFee, J. P. Webb and
+D. A. Lowther, IEEE Trans. Magn. 24 (1988) 439: weight functions and their equality with virtual work.
+"""
+
+import math
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, Mesh, dx, grad
+
+from femfit.core.constants import MU_0
+from femfit.fem.weak_form import RADIAL_WEIGHT_ORDER, flux_density
+
+
+def weight(mesh: Mesh) -> GridFunction:
+    """The weight g: 1 up to the layer's inner outline, 0 from its outer outline on, harmonic between.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+        With materials ``halo`` and ``layer``.
+
+    Returns
+    -------
+    ngsolve.GridFunction
+        Of order 2.
+    """
+    space = H1(mesh, order=2)
+    g = GridFunction(space)
+    inner = _dofs(space, "halo|moving:.*")
+    outer = _dofs(space, "air|coil|fixed:.*")
+    vertices = np.arange(space.ndof) < mesh.nv
+    g.vec.FV().NumPy()[:] = inner & vertices
+    free = ng.BitArray((_dofs(space, "layer") & ~inner & ~outer).tolist())
+    u, v = space.TnT()
+    laplace = BilinearForm(grad(u) * grad(v) * dx("layer")).Assemble()
+    residual = laplace.mat.CreateColVector()
+    residual.data = -laplace.mat * g.vec
+    g.vec.data += laplace.mat.Inverse(free, inverse="sparsecholesky") * residual
+    return g
+
+
+def _dofs(space: H1, regions: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    return np.array(list(space.GetDofs(space.mesh.Materials(regions))), dtype=bool)
+
+
+class LayerForce:
+    """The force as a quadratic form of solutions on one mesh.
+
+    Parameters
+    ----------
+    space : ngsolve.H1
+        Of the solutions.
+    g : ngsolve.GridFunction
+        From :func:`weight`.
+    """
+
+    def __init__(self, space: H1, g: GridFunction) -> None:
+        w, v = space.TnT()
+        b, c = flux_density(w), flux_density(v)
+        slope = grad(g)
+        radial = 0.5 * (b[0] * c[1] + b[1] * c[0])
+        axial = 0.5 * (b[1] * c[1] - b[0] * c[0])
+        form = BilinearForm(space, symmetric=True)
+        region = dx("layer", bonus_intorder=RADIAL_WEIGHT_ORDER + 1)
+        form += (slope[0] * radial + slope[1] * axial) / MU_0 * 2.0 * math.pi * ng.x * region
+        self._form = form.Assemble()
+
+    def between(self, first: GridFunction, second: GridFunction) -> float:
+        """The bilinear force of two solutions in N, positive towards the electromagnet.
+
+        Parameters
+        ----------
+        first, second : ngsolve.GridFunction
+            Solutions w; the force of their sum is f(1, 1) + 2 f(1, 2) + f(2, 2).
+
+        Returns
+        -------
+        float
+            In N.
+        """
+        image = first.vec.CreateVector()
+        image.data = self._form.mat * second.vec
+        return float(InnerProduct(first.vec, image))
