@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from femfit.actuator.schema import Entry
+from femfit.actuator.schema import AXIS_KINDS, Entry
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 
@@ -99,9 +99,9 @@ def _errors(entry: type[Entry], table: object) -> Sequence[ErrorDetails]:
 
 
 def _sentence(entry: type[Entry], error: ErrorDetails, path: str) -> str:
-    # Tags of a union, such as <list>, are no keys of the file.
-    keys = [key for key in error["loc"] if not (isinstance(key, str) and key.startswith("<"))]
-    where = joined(path, *keys) or "the file"
+    # The second place of a location may be the tag of a union, which is no key of the file.
+    keys = [key for n, key in enumerate(error["loc"]) if n != 1 or key not in AXIS_KINDS]
+    where = joined(path, *keys)
     fields: dict[str, Any] = {info.alias or name: info for name, info in entry.model_fields.items()}
     remedy = fields[str(keys[0])].description if keys and keys[0] in fields else ""
     if error["type"] == "extra_forbidden":
@@ -112,7 +112,9 @@ def _sentence(entry: type[Entry], error: ErrorDetails, path: str) -> str:
         return f"{where} is missing. {remedy}"
     if error["type"] in _TABLE_TYPES:
         return f"{where} must be a table; it is {_shortened(error['input'])}. {remedy}".rstrip()
-    need = re.sub(r"^(Input|String|List|Dictionary) should", "must", error["msg"])
+    need = re.sub(r"^(Input|String|List) should", "must", error["msg"])
+    need = need.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
+    need = need.replace(" after validation", "")
     return f"{where} {need}; it is {_shortened(error['input'])}. {remedy}"
 
 

@@ -33,6 +33,9 @@ from femfit.actuator.schema import (
 from femfit.actuator.winding import smallest_winding_area, wire_resistance
 from femfit.core.errors import ActuatorFileError
 
+MIN_DISTANCE = 1e-3
+"""In mm: a micrometre is less than a face is flat, and still a gap that can be meshed."""
+
 
 def read_actuator(path: Path) -> Actuator:
     """Read an actuator file.
@@ -165,9 +168,10 @@ def _check_numbers(
         problems.append(
             "hall.sensitivity_V_per_T must not be 0: the element would see nothing. Give it, or leave [hall]."
         )
-    if distances and distances[0] <= 0:
+    if distances and distances[0] < MIN_DISTANCE:
         problems.append(
-            f"sweep.distance_mm must be > 0, the gap from face to face; it starts at {distances[0]:g}. Start above 0."
+            f"sweep.distance_mm must be > 0, the gap from face to face; it starts at {distances[0]:g}. "
+            f"Start at {MIN_DISTANCE:g} mm or more."
         )
     if reference is not None and distances:
         outside = [d for d in reference.distance_mm if not distances[0] <= d <= distances[-1]]

@@ -40,14 +40,15 @@ def outline(entry: OutlineEntry, path: str, problems: list[str]) -> Polygon | No
         problems.append(f"{key} must have r >= 0, the axis being r = 0; it goes down to {inner:g}. Draw one half only.")
         return None
     polygon = Polygon(corners)
-    if polygon.area < MIN_AREA:
-        problems.append(f"{key} must enclose an area; its corners lie on a line. Give corners that span a surface.")
-        return None
-    if not polygon.is_valid:
+    # A figure of eight has no net area but spans one, a line does not.
+    if not polygon.is_valid and polygon.convex_hull.area >= MIN_AREA:
         problems.append(
             f"{key} must not cross or touch itself; {explain_validity(polygon)} (r, z in mm). "
             "List the corners in their order around the outline."
         )
+        return None
+    if polygon.area < MIN_AREA:
+        problems.append(f"{key} must enclose an area; its corners lie on a line. Give corners that span a surface.")
         return None
     if _touches_axis_in_a_point(polygon):
         problems.append(
@@ -82,39 +83,43 @@ def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
 
 
 def _corners(entry: OutlineEntry, path: str, problems: list[str]) -> list[tuple[float, float]] | None:
+    if entry.polygon_mm is not None and (entry.r_mm is not None or entry.z_mm is not None):
+        problems.append(f"{path} must have either polygon_mm or r_mm and z_mm; it has both. Remove one.")
+        return None
     if entry.polygon_mm is not None:
-        if entry.r_mm is not None or entry.z_mm is not None:
-            problems.append(f"{path} must have either polygon_mm or r_mm and z_mm; it has both. Remove one.")
-            return None
-        corners = [(r, z) for r, z in entry.polygon_mm]
-        if corners[0] == corners[-1]:
-            corners.pop()
-        repeated = [n for n, corner in enumerate(corners) if n and corner == corners[n - 1]]
-        if repeated:
-            where = joined(path, "polygon_mm", repeated[0])
-            problems.append(
-                f"{where} must differ from the corner before it; both are {corners[repeated[0]]}. Remove one."
-            )
-            return None
-        return corners
-    if entry.r_mm is None or entry.z_mm is None:
-        needed = " and ".join(key for key in ("r_mm", "z_mm") if getattr(entry, key) is None)
-        problems.append(
-            f"{path} must have an outline; {needed} missing. Give r_mm = [inner, outer] and z_mm = [lower, upper], "
-            "or polygon_mm = [[r, z], ...]."
-        )
+        return _polygon_corners(entry.polygon_mm, joined(path, "polygon_mm"), problems)
+    if entry.r_mm is not None and entry.z_mm is not None:
+        return _box_corners(entry.r_mm, entry.z_mm, path, problems)
+    needed = " and ".join(key for key in ("r_mm", "z_mm") if getattr(entry, key) is None)
+    problems.append(
+        f"{path} must have an outline; {needed} missing. Give r_mm = [inner, outer] and z_mm = [lower, upper], "
+        "or polygon_mm = [[r, z], ...]."
+    )
+    return None
+
+
+def _polygon_corners(polygon: list[list[float]], path: str, problems: list[str]) -> list[tuple[float, float]] | None:
+    corners = [(r, z) for r, z in polygon]
+    if corners[0] == corners[-1]:
+        corners.pop()
+    repeated = [n for n in range(1, len(corners)) if corners[n] == corners[n - 1]]
+    if repeated:
+        where = joined(path, repeated[0])
+        problems.append(f"{where} must differ from the corner before it; both are {corners[repeated[0]]}. Remove one.")
         return None
-    ascending = True
-    for key, (low, high) in (("r_mm", entry.r_mm), ("z_mm", entry.z_mm)):
-        if low >= high:
-            problems.append(
-                f"{joined(path, key)} must ascend; it is [{low:g}, {high:g}]. Exchange or change the values."
-            )
-            ascending = False
-    if not ascending:
+    if len(corners) < 3:
+        problems.append(f"{path} must have three corners; it has {len(corners)} and closes on itself. Add corners.")
         return None
-    (inner, outer), (lower, upper) = entry.r_mm, entry.z_mm
-    return [(inner, lower), (outer, lower), (outer, upper), (inner, upper)]
+    return corners
+
+
+def _box_corners(r: list[float], z: list[float], path: str, problems: list[str]) -> list[tuple[float, float]] | None:
+    descending = [(key, low, high) for key, (low, high) in (("r_mm", r), ("z_mm", z)) if low >= high]
+    problems += [
+        f"{joined(path, key)} must ascend; it is [{low:g}, {high:g}]. Exchange or change the values."
+        for key, low, high in descending
+    ]
+    return None if descending else [(r[0], z[0]), (r[1], z[0]), (r[1], z[1]), (r[0], z[1])]
 
 
 def _touches_axis_in_a_point(polygon: Polygon) -> bool:

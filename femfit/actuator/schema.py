@@ -12,8 +12,9 @@ SCHEMA_VERSION = 1
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]*$"
 MAX_AXIS_POINTS = 10_000
 
-# 100 m is beyond any actuator, and keeps areas and volumes far from overflow.
+# The bounds are far beyond any actuator, and keep products of values far from overflow and underflow.
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
+Electrical = Annotated[float, Field(ge=-1e6, le=1e6)]
 Interval = Annotated[list[Length], Field(min_length=2, max_length=2)]
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
 
@@ -44,7 +45,7 @@ class MaterialEntry(Entry):
     """``[materials.NAME]``: a linear material."""
 
     relative_permeability: float = Field(
-        gt=0, le=1e7, description="Give mu_r, 1 for everything non-magnetic; the recoil permeability of a magnet."
+        ge=1e-6, le=1e7, description="Give mu_r, 1 for everything non-magnetic; the recoil permeability of a magnet."
     )
     remanence_T: float = Field(
         0.0, ge=0, le=3, description="Give B_r in tesla (1 T = 10 kG); the direction is the region's magnetization."
@@ -79,10 +80,10 @@ class ElectromagnetEntry(Entry):
 class CoilEntry(OutlineEntry):
     """``[coil]``."""
 
-    turns: float = Field(gt=0, le=1e7, description="Give the number of turns of the whole winding.")
-    wire_diameter_mm: float | None = Field(None, gt=0, le=1e3, description="Give the bare copper diameter in mm.")
+    turns: float = Field(ge=1, le=1e7, description="Give the number of turns of the whole winding.")
+    wire_diameter_mm: float | None = Field(None, ge=1e-3, le=1e3, description="Give the bare copper diameter in mm.")
     resistance_ohm: float | None = Field(
-        None, gt=0, le=1e9, description="Give the resistance in ohm, or leave it out to have it from the wire."
+        None, ge=1e-9, le=1e9, description="Give the resistance in ohm, or leave it out to have it from the wire."
     )
     temperature_C: float = Field(
         20.0, ge=-200, le=500, description="Give the winding's temperature for the resistance from the wire."
@@ -92,48 +93,54 @@ class CoilEntry(OutlineEntry):
 class MovingEntry(Entry):
     """``[moving]``."""
 
-    mass_g: float = Field(gt=0, le=1e9, description="Give the mass of the whole moving body in grams.")
+    mass_g: float = Field(ge=1e-6, le=1e9, description="Give the mass of the whole moving body in grams.")
     regions: dict[str, Any] = Field(description="Give each magnetic part of the body as [moving.regions.NAME].")
 
 
 class HallEntry(Entry):
     """``[hall]``; the defaults are those of :class:`femfit.actuator.parts.HallElement`."""
 
-    r_mm: Length = Field(description="Give the radius of the element in mm, 0 on the axis.", ge=0)
+    r_mm: float = Field(ge=0, le=1e5, description="Give the radius of the element in mm, 0 on the axis.")
     z_mm: Length = Field(description="Give the height of the element in mm, 0 at the electromagnet's face.")
-    sensitivity_V_per_T: float = Field(50.0, description="Give the slope in V/T (5 mV/G is 50 V/T).")
-    quiescent_V: float = Field(2.5, description="Give the output without field in volts.")
-    output_min_V: float = Field(0.0, description="Give the lowest output in volts.")
-    output_max_V: float = Field(5.0, description="Give the highest output in volts.")
+    sensitivity_V_per_T: Electrical = Field(50.0, description="Give the slope in V/T (5 mV/G is 50 V/T).")
+    quiescent_V: Electrical = Field(2.5, description="Give the output without field in volts.")
+    output_min_V: Electrical = Field(0.0, description="Give the lowest output in volts.")
+    output_max_V: Electrical = Field(5.0, description="Give the highest output in volts.")
     adc_bits: int = Field(12, ge=0, le=32, description="Give the converter's bits, 0 for none.")
-    noise_V: float = Field(0.0, ge=0, description="Give the standard deviation of one sample in volts.")
+    noise_V: float = Field(0.0, ge=0, le=1e6, description="Give the standard deviation of one sample in volts.")
 
 
 class SupplyEntry(Entry):
     """``[supply]``."""
 
-    voltage_min_V: float = Field(description="Give the lowest voltage of the driver; negative for a bridge.")
-    voltage_max_V: float = Field(description="Give the highest voltage of the driver.")
-    sample_time_ms: float = Field(0.5, gt=0, le=1e6, description="Give the controller's period in ms.")
+    voltage_min_V: Electrical = Field(description="Give the lowest voltage of the driver; negative for a bridge.")
+    voltage_max_V: Electrical = Field(description="Give the highest voltage of the driver.")
+    sample_time_ms: float = Field(0.5, ge=1e-6, le=1e6, description="Give the controller's period in ms.")
+
+
+AxisValue = Annotated[float, Field(ge=-1e5, le=1e5)]
 
 
 class RangeEntry(Entry):
     """``{ start = ..., stop = ..., step = ... }``, both ends included."""
 
-    start: float = Field(description="Give the first value.")
-    stop: float = Field(description="Give the last value; it belongs to the grid.")
+    start: AxisValue = Field(description="Give the first value.")
+    stop: AxisValue = Field(description="Give the last value; it belongs to the grid.")
     step: float = Field(gt=0, description="Give a positive step that divides stop - start.")
+
+
+AXIS_KINDS = ("<range>", "<list>")
 
 
 def _axis_kind(value: object) -> str | None:
     if isinstance(value, RangeEntry | dict):
-        return "<range>"
-    return "<list>" if isinstance(value, list) else None
+        return AXIS_KINDS[0]
+    return AXIS_KINDS[1] if isinstance(value, list) else None
 
 
 Axis = Annotated[
-    Annotated[RangeEntry, Tag("<range>")]
-    | Annotated[list[float], Field(min_length=1, max_length=MAX_AXIS_POINTS), Tag("<list>")],
+    Annotated[RangeEntry, Tag(AXIS_KINDS[0])]
+    | Annotated[list[AxisValue], Field(min_length=1, max_length=MAX_AXIS_POINTS), Tag(AXIS_KINDS[1])],
     Discriminator(
         _axis_kind,
         custom_error_type="axis",
