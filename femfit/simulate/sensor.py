@@ -1,0 +1,141 @@
+"""The Hall sensor as the controller sees it: field, offset, drift, noise, clipping, converter, faults.
+
+V = quiescent + S B(d, i) + offset + drift(t) + noise, clipped to the output's range and rounded to the converter's
+steps of (V_max - V_min) / 2^bits; a random-walk drift adds N(0, q^2 t_s) each sample.
+
+References
+----------
+Allegro MicroSystems, A1321/A1322/A1323 datasheet: 5 mV/G, ratiometric quiescent output of half the supply.
+B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008): error variance LSB^2/12.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.model.actuator_model import HallSensor
+
+
+@dataclass(frozen=True, eq=False)
+class SensorErrors:
+    """What is wrong with the sensor; every entry is one number or one a run.
+
+    Parameters
+    ----------
+    noise_V : array, shape (runs,), or float
+        Standard deviation of white noise on a sample.
+    offset_V : array or float
+        Constant offset that the model does not know.
+    drift_V_per_s : array or float
+        Ramp of the offset.
+    drift_V_per_sqrt_s : array or float
+        Random walk of the offset: its standard deviation after one second.
+    stuck_after_s : float
+        From then on the last reading is repeated; infinite for never.
+    dropout_probability : float
+        Of a sample that reads the lower end of the range.
+    """
+
+    noise_V: FloatArray | float = 0.0
+    offset_V: FloatArray | float = 0.0
+    drift_V_per_s: FloatArray | float = 0.0
+    drift_V_per_sqrt_s: FloatArray | float = 0.0
+    stuck_after_s: float = np.inf
+    dropout_probability: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SensorState:
+    """What the sensor remembers.
+
+    Parameters
+    ----------
+    walk_V : array, shape (runs,)
+        Random-walk part of the offset.
+    reading_V : array, shape (runs,)
+        Last reading.
+    """
+
+    walk_V: FloatArray
+    reading_V: FloatArray
+
+
+def initial_sensor_state(runs: int) -> SensorState:
+    """A sensor that has not drifted yet."""
+    return SensorState(np.zeros(runs), np.zeros(runs))
+
+
+def read_sensor(
+    sensor: HallSensor,
+    errors: SensorErrors,
+    state: SensorState,
+    plant_state: FloatArray,
+    time: float,
+    sample_time: float,
+    random: np.random.Generator,
+) -> SensorState:
+    """Take one reading.
+
+    Parameters
+    ----------
+    sensor : HallSensor
+        Field, scale and converter.
+    errors : SensorErrors
+        What is wrong with it.
+    state : SensorState
+        After the sample before.
+    plant_state : array, shape (runs, 3)
+        Distance in m, velocity in m/s, current in A.
+    time, sample_time : float
+        In s.
+    random : Generator
+        Source of noise and faults.
+
+    Returns
+    -------
+    SensorState
+        Whose ``reading_V`` is the new reading.
+    """
+    runs = len(plant_state)
+    # Always drawn, so that runs with and without an error share the same noise
+    white, step, lost = random.standard_normal(runs), random.standard_normal(runs), random.random(runs)
+    walk = state.walk_V + errors.drift_V_per_sqrt_s * np.sqrt(sample_time) * step
+    if time >= errors.stuck_after_s:
+        return SensorState(walk, state.reading_V)
+    voltage = sensor.voltage(plant_state[:, 0], plant_state[:, 2])
+    voltage = voltage + errors.offset_V + errors.drift_V_per_s * time + walk + errors.noise_V * white
+    reading = convert(sensor, voltage)
+    dropped: BoolArray = lost < errors.dropout_probability
+    return SensorState(walk, np.where(dropped, sensor.output_min_V, reading))
+
+
+def convert(sensor: HallSensor, voltage: FloatArray) -> FloatArray:
+    """Clip to the output's range and round to the converter's steps.
+
+    Parameters
+    ----------
+    sensor : HallSensor
+        ``adc_bits`` 0 means no converter.
+    voltage : array
+        In V.
+
+    Returns
+    -------
+    array
+        In V.
+    """
+    low, high = sensor.output_min_V, sensor.output_max_V
+    clipped = np.clip(voltage, low, high)
+    if sensor.adc_bits == 0:
+        return clipped
+    step = quantisation_step(sensor)
+    codes = np.minimum(np.round((clipped - low) / step), 2.0**sensor.adc_bits - 1.0)
+    return low + step * codes
+
+
+def quantisation_step(sensor: HallSensor) -> float:
+    """One step of the converter in V, 0 where there is none."""
+    if sensor.adc_bits == 0:
+        return 0.0
+    return (sensor.output_max_V - sensor.output_min_V) / 2.0**sensor.adc_bits
