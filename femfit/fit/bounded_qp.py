@@ -1,0 +1,399 @@
+"""The bounded quadratic programme that every fit solves, and its independent check.
+
+minimise || (A x - y) / sigma ||^2  subject to  lower <= x <= upper  and  G x >= h.
+
+Rows are divided by sigma, columns by their norm, and the scaled matrix is replaced by the triangle of its QR
+factorisation (not by its normal equations, which square the condition number: 8e3 becomes 7e7 for d^-4 and d^-2).
+OSQP solves the small problem; a second, unrelated algorithm (an active-set method) solves it again, because a
+first-order solver can stop early and still report success.
+
+References
+----------
+B. Stellato et al., OSQP: an operator splitting solver for quadratic programs, Math. Prog. Comp. 12 (2020) 637.
+C. L. Lawson and R. J. Hanson, Solving Least Squares Problems (SIAM, 1995), chapter 23 (problems LSI and LDP).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cvxpy as cp
+import numpy as np
+from scipy.linalg import null_space, qr, solve_triangular
+from scipy.optimize import lsq_linear, nnls
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import FitError, InfeasibleFitError
+
+TOLERANCE = 1e-9
+"""OSQP's absolute and relative tolerance on the scaled problem."""
+
+EXCESS_ALLOWED = 1e-6
+"""Largest relative excess of the sum of squares over the independent solver's."""
+
+# Below this fraction of ||y||^2 a sum of squares is rounding and has no relative accuracy.
+_SSE_FLOOR = 1e-22
+_ACTIVE = 1e-8
+_CONDITION_MAX = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Inequalities:
+    """G x >= h.
+
+    Parameters
+    ----------
+    matrix : array, shape (m, k)
+        G.
+    right : array, shape (m,)
+        h.
+    labels : tuple of str
+        What each row demands, in words.
+    """
+
+    matrix: FloatArray
+    right: FloatArray
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class QPSolution:
+    """Solution of a bounded QP.
+
+    Parameters
+    ----------
+    x : array, shape (k,)
+        Coefficients.
+    active : tuple of str
+        For each coefficient ``lower``, ``upper`` or empty: the bound it stands on.
+    active_inequalities : array of bool, shape (m,)
+        Which rows of G x >= h hold with equality.
+    covariance : array, shape (k, k)
+        Of the free coefficients, from the residual variance; zero for those on a bound. White residuals assumed.
+    degrees_of_freedom : int
+        Rows minus free coefficients.
+    weighted_sse : float
+        || (A x - y) / sigma ||^2.
+    residual : array, shape (n,)
+        A x - y.
+    condition : float
+        Of A / sigma before columns are scaled.
+    condition_scaled : float
+        After.
+    iterations : int
+        OSQP's.
+    """
+
+    x: FloatArray
+    active: tuple[str, ...]
+    active_inequalities: BoolArray
+    covariance: FloatArray
+    degrees_of_freedom: int
+    weighted_sse: float
+    residual: FloatArray
+    condition: float
+    condition_scaled: float
+    iterations: int
+
+
+def solve_bounded_qp(
+    matrix: FloatArray,
+    y: FloatArray,
+    sigma: FloatArray,
+    lower: FloatArray | None = None,
+    upper: FloatArray | None = None,
+    inequalities: Inequalities | None = None,
+    names: Sequence[str] | None = None,
+) -> QPSolution:
+    """Least squares with bounds and linear inequalities, solved twice.
+
+    Parameters
+    ----------
+    matrix : array, shape (n, k)
+        A; n >= k.
+    y, sigma : array, shape (n,)
+        Data and their standard deviations (> 0), in the same unit.
+    lower, upper : array, shape (k,), or None
+        Bounds; infinite entries bound nothing.
+    inequalities : Inequalities or None
+        G x >= h.
+    names : sequence of str or None
+        Names of the coefficients for messages.
+
+    Returns
+    -------
+    QPSolution
+        The optimum.
+
+    Raises
+    ------
+    InfeasibleFitError
+        If bounds and inequalities exclude every solution.
+    FitError
+        If the data do not determine the coefficients, or the two solvers disagree.
+    """
+    labels = [f"x{k + 1}" for k in range(matrix.shape[1])] if names is None else list(names)
+    problem = _scaled(matrix, y, sigma, lower, upper, inequalities, labels)
+    count, column_scale, scale = matrix.shape[1], problem.column_scale, problem.scale
+    condition_scaled = float(np.linalg.cond(problem.triangle))
+    if condition_scaled > _CONDITION_MAX:
+        raise FitError(
+            f"The data do not determine {', '.join(labels[:6])}{' ...' if count > 6 else ''}: condition number "
+            f"{condition_scaled:.1e} after scaling. Use fewer coefficients, or rows at more distances and currents."
+        )
+    z, iterations = _osqp(problem, labels)
+    _cross_check(problem, z)
+
+    x = z * scale / column_scale
+    residual = matrix @ x - y
+    sse = float(np.sum((residual / sigma) ** 2))
+    active = tuple(
+        "lower" if z[k] - problem.lower[k] < _ACTIVE else "upper" if problem.upper[k] - z[k] < _ACTIVE else ""
+        for k in range(count)
+    )
+    touching = np.zeros(0, dtype=np.bool_)
+    if problem.inequalities is not None:
+        touching = problem.inequalities.matrix @ z - problem.inequalities.right < _ACTIVE
+    covariance, free = _covariance(problem, active, touching, sse, len(y), column_scale)
+    return QPSolution(
+        x=x,
+        active=active,
+        active_inequalities=touching,
+        covariance=covariance,
+        degrees_of_freedom=len(y) - free,
+        weighted_sse=sse,
+        residual=residual,
+        condition=float(np.linalg.cond(problem.triangle * column_scale)),
+        condition_scaled=condition_scaled,
+        iterations=iterations,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """minimise ||R z - q||^2 + outside with bounds and inequalities on z = column_scale x / scale."""
+
+    triangle: FloatArray
+    right: FloatArray
+    outside: float
+    lower: FloatArray
+    upper: FloatArray
+    inequalities: Inequalities | None
+    column_scale: FloatArray
+    scale: float
+
+    def excess(self, z: FloatArray) -> float:
+        """||R z - q||^2."""
+        return float(np.sum((self.triangle @ z - self.right) ** 2))
+
+    def all_rows(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds and inequalities together as G z >= h."""
+        identity = np.eye(len(self.lower))
+        below, above = np.isfinite(self.lower), np.isfinite(self.upper)
+        blocks = [identity[below], -identity[above]]
+        right = [self.lower[below], -self.upper[above]]
+        if self.inequalities is not None:
+            blocks.append(self.inequalities.matrix)
+            right.append(self.inequalities.right)
+        return np.concatenate(blocks), np.concatenate(right)
+
+
+def active_set_least_squares(
+    matrix: FloatArray,
+    y: FloatArray,
+    sigma: FloatArray,
+    lower: FloatArray | None = None,
+    upper: FloatArray | None = None,
+    inequalities: Inequalities | None = None,
+) -> FloatArray:
+    """Solve the same problem by the independent solver alone: for the many refits of held-out and jackknife errors.
+
+    Parameters
+    ----------
+    matrix, y, sigma, lower, upper, inequalities
+        As in :func:`solve_bounded_qp`.
+
+    Returns
+    -------
+    array, shape (k,)
+        Coefficients.
+    """
+    names = [f"x{k + 1}" for k in range(matrix.shape[1])]
+    problem = _scaled(matrix, y, sigma, lower, upper, inequalities, names)
+    return _active_set(problem) * problem.scale / problem.column_scale
+
+
+def _scaled(
+    matrix: FloatArray,
+    y: FloatArray,
+    sigma: FloatArray,
+    lower: FloatArray | None,
+    upper: FloatArray | None,
+    inequalities: Inequalities | None,
+    names: Sequence[str],
+) -> _Scaled:
+    count = matrix.shape[1]
+    low = np.full(count, -np.inf) if lower is None else np.asarray(lower, dtype=np.float64)
+    high = np.full(count, np.inf) if upper is None else np.asarray(upper, dtype=np.float64)
+    _check(matrix, y, sigma, low, high, names)
+    weighted, target = matrix / sigma[:, None], y / sigma
+    column_scale = np.linalg.norm(weighted, axis=0)
+    if not np.all(column_scale > 0):
+        dead = names[int(np.argmin(column_scale))]
+        raise FitError(f"The data do not contain {dead}: its column is zero in every row. Leave it out of the fit.")
+    q_factor, triangle = qr(weighted / column_scale, mode="economic")
+    scale = float(np.linalg.norm(target)) or 1.0
+    right = q_factor.T @ target / scale
+    return _Scaled(
+        triangle=triangle,
+        right=right,
+        outside=float(np.sum((target / scale - q_factor @ right) ** 2)),
+        lower=low * column_scale / scale,
+        upper=high * column_scale / scale,
+        inequalities=_scale_inequalities(inequalities, column_scale, scale),
+        column_scale=column_scale,
+        scale=scale,
+    )
+
+
+def _check(
+    matrix: FloatArray, y: FloatArray, sigma: FloatArray, lower: FloatArray, upper: FloatArray, names: Sequence[str]
+) -> None:
+    rows, count = matrix.shape
+    if rows < count:
+        raise FitError(f"{count} coefficients need at least {count} rows; instead received {rows}. Sweep more points.")
+    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(y))):
+        raise FitError("Rows of a fit must be finite numbers; at least one is not. Remove or repair these rows.")
+    if not np.all((sigma > 0) & np.isfinite(sigma)):
+        raise FitError(f"Standard deviations must be > 0 and finite; instead received {np.min(sigma):g}.")
+    for name, low, high in zip(names, lower, upper, strict=True):
+        if low > high:
+            raise InfeasibleFitError(
+                f"The fit is infeasible, because {name} must be at least {low:g} and at most {high:g}. "
+                "Swap or widen these bounds."
+            )
+
+
+def _scale_inequalities(given: Inequalities | None, column_scale: FloatArray, scale: float) -> Inequalities | None:
+    if given is None or len(given.right) == 0:
+        return None
+    matrix = given.matrix / column_scale
+    norms = np.linalg.norm(matrix, axis=1)
+    norms[norms == 0.0] = 1.0
+    return Inequalities(matrix / norms[:, None], given.right / scale / norms, given.labels)
+
+
+def _osqp(problem: _Scaled, names: Sequence[str]) -> tuple[FloatArray, int]:
+    z = cp.Variable(len(problem.right))
+    constraints = []
+    below, above = np.flatnonzero(np.isfinite(problem.lower)), np.flatnonzero(np.isfinite(problem.upper))
+    if len(below):
+        constraints.append(z[below] >= problem.lower[below])
+    if len(above):
+        constraints.append(z[above] <= problem.upper[above])
+    if problem.inequalities is not None:
+        constraints.append(problem.inequalities.matrix @ z >= problem.inequalities.right)
+    programme = cp.Problem(cp.Minimize(cp.sum_squares(problem.triangle @ z - problem.right)), constraints)
+    try:
+        programme.solve(
+            solver=cp.OSQP, eps_abs=TOLERANCE, eps_rel=TOLERANCE, polishing=True, max_iter=200_000, verbose=False
+        )
+    except cp.SolverError as error:
+        raise FitError(f"OSQP failed: {error}. Use fewer coefficients or looser constraints.") from error
+    if programme.status in {cp.INFEASIBLE, cp.INFEASIBLE_INACCURATE}:
+        raise InfeasibleFitError(
+            f"The fit of {', '.join(names)} is infeasible, because no coefficients satisfy all "
+            f"{len(problem.all_rows()[1])} bounds and inequalities at once. Drop or widen some of them."
+        )
+    if programme.status != cp.OPTIMAL or z.value is None:
+        raise FitError(
+            f"OSQP stopped with status {programme.status!r}; only 'optimal' is accepted. Use fewer coefficients, or "
+            "drop constraints that the data contradict."
+        )
+    value = np.clip(np.asarray(z.value, dtype=np.float64), problem.lower, problem.upper)
+    return value, int(programme.solver_stats.num_iters or 0)
+
+
+def _active_set(problem: _Scaled) -> FloatArray:
+    if problem.inequalities is not None:
+        return solve_least_distance(problem.triangle, problem.right, *problem.all_rows())
+    bounds = (problem.lower, problem.upper)
+    return np.asarray(lsq_linear(problem.triangle, problem.right, bounds, method="bvls", tol=1e-15).x)
+
+
+def _cross_check(problem: _Scaled, z: FloatArray) -> None:
+    ours, theirs = problem.excess(z), problem.excess(_active_set(problem))
+    whole = max(problem.outside + theirs, _SSE_FLOOR)
+    if ours - theirs > EXCESS_ALLOWED * whole:
+        raise FitError(
+            f"OSQP's solution has a sum of squares {(ours - theirs) / whole:.1e} (relative) above that of an "
+            f"independent active-set solver; at most {EXCESS_ALLOWED:g} is accepted. Use fewer coefficients or "
+            "constraints; please report this case."
+        )
+    if problem.inequalities is not None:
+        violation = float(np.max(problem.inequalities.right - problem.inequalities.matrix @ z))
+        if violation > 1e-6:
+            raise FitError(f"OSQP's solution violates an inequality by {violation:.1e} of its scale. Loosen it.")
+
+
+def solve_least_distance(triangle: FloatArray, q: FloatArray, G: FloatArray, h: FloatArray) -> FloatArray:
+    """Minimise ||R z - q||^2 subject to G z >= h by non-negative least squares.
+
+    With w = R z - q the problem is: minimise ||w|| subject to G R^-1 w >= h - G R^-1 q, whose dual is a non-negative
+    least-squares problem.
+
+    Parameters
+    ----------
+    triangle : array, shape (k, k)
+        R, upper triangular and regular.
+    q : array, shape (k,)
+        Right side.
+    G, h : array, shapes (m, k) and (m,)
+        Inequalities.
+
+    Returns
+    -------
+    array, shape (k,)
+        z.
+
+    Raises
+    ------
+    InfeasibleFitError
+        If no z satisfies the inequalities.
+
+    References
+    ----------
+    Lawson and Hanson (1995), section 23.4.
+    """
+    if len(h) == 0:
+        return np.asarray(solve_triangular(triangle, q))
+    moved = solve_triangular(triangle, G.T, trans="T").T
+    shifted = h - moved @ q
+    system = np.vstack([moved.T, shifted])
+    goal = np.zeros(len(system))
+    goal[-1] = 1.0
+    multipliers, _ = nnls(system, goal, maxiter=30 * system.shape[1])
+    rest = system @ multipliers - goal
+    if abs(rest[-1]) < 1e-13:
+        raise InfeasibleFitError(
+            f"The fit is infeasible, because no coefficients satisfy all {len(h)} bounds and inequalities at once. "
+            "Drop or widen some of them."
+        )
+    return np.asarray(solve_triangular(triangle, q - rest[:-1] / rest[-1]))
+
+
+def _covariance(
+    problem: _Scaled, active: Sequence[str], touching: BoolArray, sse: float, rows: int, column_scale: FloatArray
+) -> tuple[FloatArray, int]:
+    """Covariance of x in the directions that active bounds leave free, and their number."""
+    count = len(active)
+    fixed = np.eye(count)[[bool(a) for a in active]]
+    if problem.inequalities is not None and np.any(touching):
+        fixed = np.concatenate([fixed, problem.inequalities.matrix[touching]])
+    directions = null_space(fixed) if len(fixed) else np.eye(count)
+    free = directions.shape[1]
+    if free == 0 or rows <= free:
+        return np.zeros((count, count)), free
+    reduced = np.linalg.qr(problem.triangle @ directions, mode="r")
+    half = solve_triangular(reduced, np.eye(free))
+    spread = directions @ half / column_scale[:, None]
+    return spread @ spread.T * (sse / (rows - free)), free

@@ -1,0 +1,299 @@
+"""A force law fitted to a sweep: shape search, two stages, the joint fit beside them, intervals."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FitError
+from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
+from femfit.fit.law_columns import CoefficientBounds, design_matrix, term_bounds, term_names
+from femfit.fit.rows import FitRows
+from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
+from femfit.laws.law import ForceLaw
+
+NEGLIGIBLE = 5e-4
+"""Part of the weight (or of the rms force) below which a coefficient function's held-out error does not matter."""
+
+JACKKNIFE_BLOCKS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """95 % intervals of the joint fit's terms, under two assumptions.
+
+    Parameters
+    ----------
+    white : array, shape (terms, 2)
+        Student t on independent residuals of equal variance. Too narrow where the law's own misfit dominates, because
+        that is the same at neighbouring distances and all currents.
+    block : array, shape (terms, 2)
+        Delete-a-block jackknife over neighbouring distances with all their currents, shape parameters fitted again
+        each time: valid for residuals that are dependent within a block.
+    block_covariance : array, shape (terms, terms)
+        Of the same jackknife.
+    """
+
+    white: FloatArray
+    block: FloatArray
+    block_covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class LawFit:
+    """A fitted law.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        Which.
+    shape : mapping of str to float
+        Its nonlinear parameters.
+    shape_interval : mapping of str to (float, float)
+        Their 95 % block-jackknife intervals.
+    functions : tuple of str
+        Coefficient function of each column.
+    terms : tuple of (str, int)
+        Column and power of current of each term.
+    stage_one : StageOne
+        The law at each current.
+    stage_two : tuple of CoefficientFunction
+        One a column.
+    two_stage : array, shape (terms,)
+        Coefficients of the two-stage fit.
+    joint : QPSolution
+        The one-stage fit of the same terms to all rows.
+    joint_active : tuple of str
+        Its active bounds in words.
+    interval : Interval
+        Of the joint fit's terms.
+    """
+
+    law: ForceLaw
+    shape: Mapping[str, float]
+    shape_interval: Mapping[str, tuple[float, float]]
+    functions: tuple[str, ...]
+    terms: tuple[tuple[str, int], ...]
+    stage_one: StageOne
+    stage_two: tuple[CoefficientFunction, ...]
+    two_stage: FloatArray
+    joint: QPSolution
+    joint_active: tuple[str, ...]
+    interval: Interval
+
+    def force(self, coefficients: FloatArray, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """Force in N for coefficients in the order of ``terms``."""
+        return np.asarray(design_matrix(self.law, self.shape, self.functions, distance, current) @ coefficients)
+
+
+def law_sigma(rows: FitRows) -> FloatArray:
+    """Standard deviation for which a law's rows are weighted: the same everywhere, and the row's own error.
+
+    Parameters
+    ----------
+    rows : FitRows
+        Of the sweep.
+
+    Returns
+    -------
+    array, shape (n,)
+        N. A thousandth of the weight, or of the largest force: with an equal sigma the weighted sum is J of the paper.
+    """
+    scale = rows.weight or float(np.max(np.abs(rows.force)))
+    return np.hypot(1e-3 * scale, rows.force_error)
+
+
+def default_bounds(law: ForceLaw) -> CoefficientBounds:
+    """The law's own: coefficients that it calls non-negative, per current, as in the paper.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        Any.
+
+    Returns
+    -------
+    CoefficientBounds
+        Zero or minus infinity below, infinity above.
+    """
+    nonnegative = law.nonnegative or (False,) * len(law.basis)
+    return CoefficientBounds(np.where(nonnegative, 0.0, -np.inf), np.full(len(law.basis), np.inf))
+
+
+def fit_law(
+    law: ForceLaw, rows: FitRows, bounds: CoefficientBounds | None = None, functions: Sequence[str] | None = None
+) -> LawFit:
+    """Fit a force law in two stages, and jointly.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        Any.
+    rows : FitRows
+        Of the sweep.
+    bounds : CoefficientBounds or None
+        On every c_k(i); None for the law's own.
+    functions : sequence of str or None
+        Coefficient functions to take without choosing.
+
+    Returns
+    -------
+    LawFit
+        Everything that the report tells.
+    """
+    bounds = default_bounds(law) if bounds is None else bounds
+    sigma = law_sigma(rows)
+    shape = fit_shape(law, rows, sigma)
+    stage_one = fit_each_current(law, shape, rows, sigma, bounds)
+    scale = rows.weight or float(np.sqrt(np.mean(rows.force**2)))
+    typical = np.sqrt(np.mean(law.columns(rows.distance, shape) ** 2, axis=0))
+    stage_two = fit_functions(law, stage_one, bounds, functions, NEGLIGIBLE * scale / typical)
+    chosen = tuple(function.name for function in stage_two)
+    joint, active = fit_joint(law, shape, chosen, rows, sigma, bounds)
+    interval, shape_interval = _intervals(law, shape, chosen, rows, sigma, bounds, joint)
+    return LawFit(
+        law=law,
+        shape=shape,
+        shape_interval=shape_interval,
+        functions=chosen,
+        terms=term_names(law, chosen),
+        stage_one=stage_one,
+        stage_two=stage_two,
+        two_stage=np.concatenate([function.values for function in stage_two]),
+        joint=joint,
+        joint_active=active,
+        interval=interval,
+    )
+
+
+def fit_joint(
+    law: ForceLaw,
+    shape: Mapping[str, float],
+    functions: Sequence[str],
+    rows: FitRows,
+    sigma: FloatArray,
+    bounds: CoefficientBounds,
+) -> tuple[QPSolution, tuple[str, ...]]:
+    """All coefficients of all currents in one QP.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        Any.
+    shape : mapping of str to float
+        Its nonlinear parameters.
+    functions : sequence of str
+        Coefficient function of each column.
+    rows : FitRows
+        Of the sweep.
+    sigma : array, shape (n,)
+        N.
+    bounds : CoefficientBounds
+        On c_k(i) at every current.
+
+    Returns
+    -------
+    tuple of QPSolution and tuple of str
+        The solution and its active bounds in words.
+    """
+    matrix = design_matrix(law, shape, functions, rows.distance, rows.current)
+    lower, upper, inequalities = term_bounds(functions, law.basis, rows.currents, bounds)
+    names = [f"{basis} i^{power}" for basis, power in term_names(law, functions)]
+    solution = solve_bounded_qp(matrix, rows.force, sigma, lower, upper, inequalities, names)
+    active = [f"{name} on its {side} bound" for name, side in zip(names, solution.active, strict=True) if side]
+    if inequalities is not None:
+        active += [w for w, hit in zip(inequalities.labels, solution.active_inequalities, strict=True) if hit]
+    return solution, tuple(active)
+
+
+def fit_shape(
+    law: ForceLaw, rows: FitRows, sigma: FloatArray, start: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """The law's nonlinear parameters, by variable projection with affine coefficient functions.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        Any; without shape parameters the result is empty.
+    rows : FitRows
+        Of the sweep.
+    sigma : array, shape (n,)
+        N.
+    start : mapping of str to float or None
+        Where to start; None: the law's first guess, and three further ones between its bounds.
+
+    Returns
+    -------
+    dict of str to float
+        By name.
+
+    Raises
+    ------
+    FitError
+        If no start reaches a minimum.
+
+    References
+    ----------
+    G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413 (variable projection).
+    """
+    if not law.shape:
+        return {}
+    names = [p.name for p in law.shape]
+    lower, upper = np.array([p.lower for p in law.shape]), np.array([p.upper for p in law.shape])
+    functions = ("affine",) * len(law.basis) if len(rows.currents) > 1 else ("constant",) * len(law.basis)
+
+    def misfit(unit: FloatArray) -> FloatArray:
+        shape = dict(zip(names, lower + unit * (upper - lower), strict=True))
+        matrix = design_matrix(law, shape, functions, rows.distance, rows.current) / sigma[:, None]
+        q_factor = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0))[0]
+        target = rows.force / sigma
+        return np.asarray(target - q_factor @ (q_factor.T @ target))
+
+    first = np.array([p.start if start is None else start[p.name] for p in law.shape])
+    unit = (first - lower) / (upper - lower)
+    spread = (1.0,) if start is not None else (1.0, 0.5, 1.5, 3.0)
+    found = []
+    for factor in spread:
+        guess = np.clip(unit * factor, 1e-3, 1.0 - 1e-3)
+        found.append(least_squares(misfit, guess, bounds=(0.0, 1.0), xtol=1e-10, ftol=1e-10, gtol=1e-10))
+    best = min(found, key=lambda r: float(r.cost))
+    if not best.success:
+        raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
+    return {name: float(v) for name, v in zip(names, lower + best.x * (upper - lower), strict=True)}
+
+
+def _intervals(
+    law: ForceLaw,
+    shape: Mapping[str, float],
+    functions: Sequence[str],
+    rows: FitRows,
+    sigma: FloatArray,
+    bounds: CoefficientBounds,
+    joint: QPSolution,
+) -> tuple[Interval, dict[str, tuple[float, float]]]:
+    half = student.ppf(0.975, max(joint.degrees_of_freedom, 1)) * np.sqrt(np.diag(joint.covariance))
+    white = np.stack([joint.x - half, joint.x + half], axis=1)
+    blocks = np.array_split(rows.distances, min(JACKKNIFE_BLOCKS, len(rows.distances)))
+    values = []
+    for block in blocks:
+        rest = ~np.isin(rows.distance, block)
+        part = rows.take(rest)
+        refit = fit_shape(law, part, sigma[rest], shape)
+        lower, upper, inequalities = term_bounds(functions, law.basis, rows.currents, bounds)
+        matrix = design_matrix(law, refit, functions, part.distance, part.current)
+        x = active_set_least_squares(matrix, part.force, sigma[rest], lower, upper, inequalities)
+        values.append(np.concatenate([x, list(refit.values())]))
+    table = np.array(values)
+    g = len(blocks)
+    centred = table - table.mean(axis=0)
+    covariance = (g - 1) / g * centred.T @ centred
+    half = student.ppf(0.975, g - 1) * np.sqrt(np.diag(covariance))
+    terms = len(joint.x)
+    block_interval = np.stack([joint.x - half[:terms], joint.x + half[:terms]], axis=1)
+    shapes = {
+        name: (value - float(h), value + float(h)) for (name, value), h in zip(shape.items(), half[terms:], strict=True)
+    }
+    return Interval(white, block_interval, covariance[:terms, :terms]), shapes

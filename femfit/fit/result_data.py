@@ -1,0 +1,160 @@
+"""Fit results as JSON-ready data: for ``--json``, the model file's provenance and the report."""
+
+from typing import Any
+
+import numpy as np
+
+from femfit.fit.coenergy import CoenergyFit
+from femfit.fit.hall import HallFit
+from femfit.fit.law_fit import LawFit
+from femfit.fit.linearity import LinearityTest
+from femfit.fit.rows import FitRows
+
+
+def law_data(fit: LawFit, rows: FitRows) -> dict[str, Any]:
+    """A law's fit.
+
+    Parameters
+    ----------
+    fit : LawFit
+        Any.
+    rows : FitRows
+        That it was fitted to.
+
+    Returns
+    -------
+    dict
+        Coefficients, functions, sums of squares, intervals, active bounds and condition numbers.
+    """
+    two, joint = (fit.force(c, rows.distance, rows.current) for c in (fit.two_stage, fit.joint.x))
+    return {
+        "name": fit.law.name,
+        "formula": fit.law.formula,
+        "operations": fit.law.operations,
+        "shape": dict(fit.shape),
+        "shape_interval95": {name: list(ends) for name, ends in fit.shape_interval.items()},
+        "stage_one": [
+            {
+                "current_A": float(i),
+                "coefficients": dict(zip(fit.law.basis, map(float, c), strict=True)),
+                "J_N2": float(j),
+                "active": {b: side for b, side in zip(fit.law.basis, s.active, strict=True) if side},
+                "condition": s.condition,
+                "condition_scaled": s.condition_scaled,
+            }
+            for i, c, j, s in zip(
+                fit.stage_one.currents,
+                fit.stage_one.coefficients,
+                fit.stage_one.residual_sums,
+                fit.stage_one.solutions,
+                strict=True,
+            )
+        ],
+        "stage_two": [
+            {
+                "coefficient": basis,
+                "function": function.name,
+                "values": function.values.tolist(),
+                "J3": function.residual_sum,
+                "held_out_rms": dict(function.held_out),
+                "active": list(function.active),
+            }
+            for basis, function in zip(fit.law.basis, fit.stage_two, strict=True)
+        ],
+        "terms": [
+            {
+                "column": basis,
+                "current_power": power,
+                "two_stage": float(fit.two_stage[n]),
+                "joint": float(fit.joint.x[n]),
+                "interval95_white": fit.interval.white[n].tolist(),
+                "interval95_block": fit.interval.block[n].tolist(),
+            }
+            for n, (basis, power) in enumerate(fit.terms)
+        ],
+        "two_stage_rms_N": _rms(two - rows.force),
+        "joint_rms_N": _rms(joint - rows.force),
+        "two_stage_minus_joint_rms_N": _rms(two - joint),
+        "joint_active": list(fit.joint_active),
+        "condition": fit.joint.condition,
+        "condition_scaled": fit.joint.condition_scaled,
+    }
+
+
+def coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
+    """A co-energy's fit.
+
+    Parameters
+    ----------
+    fit : CoenergyFit
+        Any.
+
+    Returns
+    -------
+    dict
+        Size, held-out error, constraints and condition numbers.
+    """
+    return {
+        "coefficients": int(np.prod(fit.basis.shape)),
+        "cells": list(fit.basis.cells),
+        "current_degree": fit.basis.current_degree,
+        "held_out_relative_rms": fit.held_out,
+        "constraints": list(fit.constraints),
+        "active": list(fit.active),
+        "condition": fit.qp.condition,
+        "condition_scaled": fit.qp.condition_scaled,
+    }
+
+
+def hall_data(fit: HallFit) -> dict[str, Any]:
+    """A Hall characteristic's fit.
+
+    Parameters
+    ----------
+    fit : HallFit
+        Any.
+
+    Returns
+    -------
+    dict
+        Coil part, magnet part and misfit.
+    """
+    return {
+        "coil_slope_T_per_A": list(fit.coil_slope_T_per_A),
+        "magnet_field_T": list(fit.magnet_field_T),
+        "rms_T": fit.rms_T,
+        "max_T": fit.max_T,
+        "held_out_of_range": fit.held_out,
+        "coefficients": int(fit.field.spline.coefficients.size),
+        "condition_scaled": fit.qp.condition_scaled,
+    }
+
+
+def linearity_data(test: LinearityTest) -> dict[str, Any]:
+    """The linearity test.
+
+    Parameters
+    ----------
+    test : LinearityTest
+        Any.
+
+    Returns
+    -------
+    dict
+        Table 2 and the test of the quadratic part.
+    """
+    return {
+        "pairs_A": test.pairs_A.tolist(),
+        "mean_N": test.mean_N.tolist(),
+        "sd_N": test.sd_N.tolist(),
+        "spread_between_pairs": test.spread_between_pairs,
+        "quadratic_share": test.quadratic_share,
+        "quadratic_of_force": test.quadratic_of_force,
+        "F": test.f_value,
+        "p": test.p_value,
+        "degrees_of_freedom": list(test.degrees_of_freedom),
+    }
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,131 @@
+"""A sweep table's rows as arrays, checked for what every fit needs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import TableError
+from femfit.core.sweep_table import SweepTable
+
+FEWEST_ROWS = 12
+FEWEST_DISTANCES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class FitRows:
+    """Rows of a sweep, SI units, shape (n,) each.
+
+    Parameters
+    ----------
+    distance, current, force : array
+        d, i and F.
+    flux_linkage, hall : array or None
+        Where every row has them.
+    force_error : array
+        Estimated error of the force; zero where the table gives none.
+    weight : float or None
+        Weight m g of the moving part in N, where the mass is known.
+    """
+
+    distance: FloatArray
+    current: FloatArray
+    force: FloatArray
+    flux_linkage: FloatArray | None
+    hall: FloatArray | None
+    force_error: FloatArray
+    weight: float | None
+
+    @property
+    def currents(self) -> FloatArray:
+        """Distinct currents, ascending."""
+        return np.unique(self.current)
+
+    @property
+    def distances(self) -> FloatArray:
+        """Distinct distances, ascending."""
+        return np.unique(self.distance)
+
+    def take(self, which: BoolArray) -> "FitRows":
+        """The rows of a boolean mask."""
+        return FitRows(
+            self.distance[which],
+            self.current[which],
+            self.force[which],
+            None if self.flux_linkage is None else self.flux_linkage[which],
+            None if self.hall is None else self.hall[which],
+            self.force_error[which],
+            self.weight,
+        )
+
+
+def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float) -> FitRows:
+    """Check a sweep table and give its rows.
+
+    Parameters
+    ----------
+    table : SweepTable
+        Any.
+    mass_kg : float or None
+        Mass of the moving part.
+    gravity_m_s2 : float
+        g.
+
+    Returns
+    -------
+    FitRows
+        Rows with status ``ok``.
+
+    Raises
+    ------
+    TableError
+        If a value is missing or not a number, or there are too few rows or distances.
+    """
+    rows = table.valid_rows()
+    columns: dict[str, FloatArray | None] = {
+        name: _numbers(rows, name) for name in ("distance_m", "current_A", "force_N")
+    }
+    distance, current, force = (columns[name] for name in ("distance_m", "current_A", "force_N"))
+    if distance is None or current is None or force is None:
+        missing = ", ".join(name for name, values in columns.items() if values is None)
+        raise TableError(f"A fit needs the columns distance_m, current_A and force_N; {missing} missing.")
+    if len(distance) < FEWEST_ROWS or len(np.unique(distance)) < FEWEST_DISTANCES:
+        raise TableError(
+            f"A fit needs at least {FEWEST_ROWS} usable rows at {FEWEST_DISTANCES} distances; instead received "
+            f"{len(distance)} rows at {len(np.unique(distance))} distances. Sweep more distances."
+        )
+    duplicate = rows.duplicated(subset=["distance_m", "current_A"])
+    if duplicate.any():
+        first = rows[duplicate].iloc[0]
+        raise TableError(
+            f"Rows must differ in current or distance; {int(duplicate.sum())} repeat another, the first at "
+            f"{first['current_A']:g} A and {1e3 * first['distance_m']:g} mm. Remove the repetitions."
+        )
+    error = _numbers(rows, "force_error_N")
+    return FitRows(
+        distance=distance,
+        current=current,
+        force=force,
+        flux_linkage=_numbers(rows, "flux_linkage_Wb"),
+        hall=_numbers(rows, "hall_T"),
+        force_error=np.zeros_like(force) if error is None else np.abs(error),
+        weight=None if mass_kg is None else mass_kg * gravity_m_s2,
+    )
+
+
+def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:
+    """A column as floats; None where it is absent or empty, an error where it has holes or text."""
+    if name not in rows or rows[name].isna().all():
+        return None
+    try:
+        values = rows[name].to_numpy(dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TableError(f"Column {name} must be numeric; {error}.") from error
+    if not np.all(np.isfinite(values)):
+        where = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise TableError(
+            f"Column {name} must hold finite numbers in every row with status ok; row {where + 1} holds "
+            f"{values[where]}. Remove the row, give it another status, or drop the column."
+        )
+    return values

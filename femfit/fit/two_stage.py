@@ -1,0 +1,246 @@
+"""The paper's two stages: a law at each current, then each coefficient as a function of the current.
+
+Stage one minimises J_1 = sum_j (F_j - sum_k c_k phi_k(d_j))^2 at each current by itself; stage two fits the values
+c_k(i) with a constant, a line through the origin, a line or a parabola, and J_3 is its sum of squares. Which of
+them is taken is decided by leaving each current out in turn, not by eye.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (5) to (13).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FitError
+from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
+from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, term_bounds
+from femfit.fit.rows import FitRows
+from femfit.laws.law import ForceLaw
+
+FEWEST_CURRENTS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class StageOne:
+    """A law fitted at each current by itself.
+
+    Parameters
+    ----------
+    currents : array, shape (m,)
+        A.
+    coefficients : array, shape (m, k)
+        c_k at each current.
+    residual_sums : array, shape (m,)
+        J in N^2.
+    solutions : tuple of QPSolution
+        One a current.
+    """
+
+    currents: FloatArray
+    coefficients: FloatArray
+    residual_sums: FloatArray
+    solutions: tuple[QPSolution, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class CoefficientFunction:
+    """A coefficient as a polynomial of the current.
+
+    Parameters
+    ----------
+    name : str
+        One of :data:`femfit.fit.law_columns.FUNCTIONS`.
+    values : array
+        One a power of the function.
+    residual_sum : float
+        J_3, sum of squares over the currents.
+    held_out : mapping of str to float
+        Root mean square error at the current left out, for every function that was tried.
+    active : tuple of str
+        Bounds that the function stands on.
+    """
+
+    name: str
+    values: FloatArray
+    residual_sum: float
+    held_out: Mapping[str, float]
+    active: tuple[str, ...]
+
+    def at(self, current: FloatArray) -> FloatArray:
+        """c(i) at currents in A."""
+        powers = np.array(FUNCTIONS[self.name], dtype=np.float64)
+        return np.asarray(np.power(np.asarray(current)[..., None], powers) @ self.values)
+
+
+def fit_each_current(
+    law: ForceLaw, shape: Mapping[str, float], rows: FitRows, sigma: FloatArray, bounds: CoefficientBounds
+) -> StageOne:
+    """Stage one.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        Any.
+    shape : mapping of str to float
+        Its nonlinear parameters, the same at all currents.
+    rows : FitRows
+        Of the sweep.
+    sigma : array, shape (n,)
+        Standard deviation of each row's force, N.
+    bounds : CoefficientBounds
+        On c_k.
+
+    Returns
+    -------
+    StageOne
+        One solution a current.
+
+    Raises
+    ------
+    FitError
+        If there are fewer than three currents.
+    """
+    currents = rows.currents
+    if len(currents) < FEWEST_CURRENTS:
+        given = ", ".join(f"{i:g} A" for i in currents)
+        raise FitError(
+            f"Two stages need at least {FEWEST_CURRENTS} currents, to leave one out and still tell a line from a "
+            f"constant; the table holds {len(currents)} ({given}). Sweep or import more currents."
+        )
+    solutions, sums = [], []
+    for i in currents:
+        at = rows.current == i
+        columns = law.columns(rows.distance[at], shape)
+        names = [f"{basis} at {i:g} A" for basis in law.basis]
+        solution = solve_bounded_qp(columns, rows.force[at], sigma[at], bounds.lower, bounds.upper, names=names)
+        solutions.append(solution)
+        sums.append(float(np.sum(solution.residual**2)))
+    return StageOne(currents, np.array([s.x for s in solutions]), np.array(sums), tuple(solutions))
+
+
+def fit_coefficient_function(
+    currents: FloatArray,
+    values: FloatArray,
+    label: str,
+    lower: float = -np.inf,
+    upper: float = np.inf,
+    name: str | None = None,
+    negligible: float = 0.0,
+) -> CoefficientFunction:
+    """Stage two for one coefficient.
+
+    The simplest function is taken whose mean squared held-out error lies within one standard error of the best one's
+    (Breiman et al.), or below ``negligible``.
+
+    Parameters
+    ----------
+    currents, values : array, shape (m,)
+        c at each current.
+    label : str
+        Name of the coefficient.
+    lower, upper : float
+        Bounds of c at every current.
+    name : str or None
+        A function of :data:`FUNCTIONS` to take without choosing.
+    negligible : float
+        Held-out error, in the coefficient's unit, that does not matter.
+
+    Returns
+    -------
+    CoefficientFunction
+        The chosen function, with the held-out error of every one tried.
+
+    References
+    ----------
+    L. Breiman et al., Classification and Regression Trees (Wadsworth, 1984), section 3.4.3 (one standard error).
+    """
+    bounds = CoefficientBounds(np.array([lower]), np.array([upper]))
+    squares = {trial: _held_out_squares(trial, currents, values, bounds) for trial in _testable(currents)}
+    chosen = name or _simplest(squares, negligible)
+    low, high, inequalities = term_bounds([chosen], [label], currents, bounds)
+    matrix = _monomials(chosen, currents)
+    ones = np.ones(len(values))
+    names = [f"{label} i^{power}" for power in FUNCTIONS[chosen]]
+    solution = solve_bounded_qp(matrix, values, ones, low, high, inequalities, names)
+    active = [f"{n} on its {side} bound" for n, side in zip(names, solution.active, strict=True) if side]
+    if inequalities is not None:
+        active += [w for w, hit in zip(inequalities.labels, solution.active_inequalities, strict=True) if hit]
+    return CoefficientFunction(
+        name=chosen,
+        values=solution.x,
+        residual_sum=float(np.sum(solution.residual**2)),
+        held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()},
+        active=tuple(active),
+    )
+
+
+def _testable(currents: FloatArray) -> list[str]:
+    """Functions that a table with one current left out still determines, with one point to spare in all."""
+    return [name for name, powers in FUNCTIONS.items() if len(currents) > len(powers) + 1 or len(powers) == 1]
+
+
+def _monomials(name: str, currents: FloatArray) -> FloatArray:
+    return np.asarray(np.power(currents[:, None], np.array(FUNCTIONS[name], dtype=np.float64)))
+
+
+def _held_out_squares(name: str, currents: FloatArray, values: FloatArray, bounds: CoefficientBounds) -> FloatArray:
+    errors = []
+    for out in range(len(currents)):
+        rest = np.arange(len(currents)) != out
+        low, high, inequalities = term_bounds([name], ["c"], currents[rest], bounds)
+        x = active_set_least_squares(
+            _monomials(name, currents[rest]), values[rest], np.ones(int(rest.sum())), low, high, inequalities
+        )
+        errors.append(float((_monomials(name, currents[out : out + 1]) @ x)[0] - values[out]))
+    return np.array(errors) ** 2
+
+
+def _simplest(squares: Mapping[str, FloatArray], negligible: float) -> str:
+    best = min(squares.values(), key=lambda s: float(np.mean(s)))
+    allowed = max(float(np.mean(best) + np.std(best, ddof=1) / np.sqrt(len(best))), negligible**2)
+    return next(name for name, s in squares.items() if np.mean(s) <= allowed)
+
+
+def fit_functions(
+    law: ForceLaw,
+    stage_one: StageOne,
+    bounds: CoefficientBounds,
+    functions: Sequence[str] | None = None,
+    negligible: FloatArray | None = None,
+) -> tuple[CoefficientFunction, ...]:
+    """Stage two for every coefficient of a law.
+
+    Parameters
+    ----------
+    law : ForceLaw
+        Any.
+    stage_one : StageOne
+        Its coefficients at each current.
+    bounds : CoefficientBounds
+        On c_k(i).
+    functions : sequence of str or None
+        Functions to take without choosing, one a column.
+    negligible : array, shape (k,), or None
+        Held-out error of each coefficient that does not matter.
+
+    Returns
+    -------
+    tuple of CoefficientFunction
+        One a column.
+    """
+    return tuple(
+        fit_coefficient_function(
+            stage_one.currents,
+            stage_one.coefficients[:, k],
+            basis,
+            float(bounds.lower[k]),
+            float(bounds.upper[k]),
+            None if functions is None else functions[k],
+            0.0 if negligible is None else float(negligible[k]),
+        )
+        for k, basis in enumerate(law.basis)
+    )
