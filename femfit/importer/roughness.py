@@ -1,0 +1,140 @@
+"""Noise of a force curve F(d), told from its curvature.
+
+The curve is divided by a smooth positive envelope S(d) and contrasted over neighbours: for every q + 2 consecutive
+points the unit vector that annihilates polynomials of degree q in log d. On white noise of relative size s each
+contrast has variance s^2 whatever q; on a smooth curve the contrasts shrink with q. The smallest robust spread over
+q = 1..5 therefore measures the noise, and its fall from order to order says whether the grid resolves the curve at all.
+
+References
+----------
+T. Gasser, L. Sroka, C. Jennen-Steinmetz, Residual variance and residual pattern in nonlinear regression, Biometrika 73
+(1986) 625-633 (contrasts on uneven grids). P. Hall, J. W. Kay, D. M. Titterington, Asymptotically optimal
+difference-based estimation of variance in nonparametric regression, Biometrika 77 (1990) 521-528 (higher orders).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+
+_MAD_TO_SIGMA = 1 / 0.6745
+_MEAN_LOG_NORMAL = -(np.euler_gamma + math.log(2)) / 2  # mean of log|z|, z standard normal
+_LARGEST_ORDER = 5
+_FEWEST_CONTRASTS = 4
+MIN_DISTANCES = 7
+"""Order 2 with four contrasts: fewer points cannot tell noise from curvature."""
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """Noise of one curve.
+
+    Parameters
+    ----------
+    relative : float
+        Robust standard deviation over the envelope of |F|.
+    by_order : tuple of float
+        The same for each order of contrast, from 1.
+    sigma_N : ndarray, shape (n,)
+        Estimated standard deviation of the force at each distance.
+    """
+
+    relative: float
+    by_order: tuple[float, ...]
+    sigma_N: FloatArray
+
+    @property
+    def resolved(self) -> bool:
+        """False if the spread still falls with the order, so that it is curvature of a coarse grid."""
+        return max(self.by_order) < 3 * self.relative
+
+
+def measure_roughness(distances: FloatArray, force: FloatArray) -> Roughness | None:
+    """Noise of a force curve.
+
+    Parameters
+    ----------
+    distances : ndarray, shape (n,)
+        m, ascending, > 0.
+    force : ndarray, shape (n,)
+        N; any sign, may cross zero.
+
+    Returns
+    -------
+    Roughness or None
+        None for fewer than seven distances or a force that vanishes.
+    """
+    if len(distances) < MIN_DISTANCES or not np.any(force):
+        return None
+    x = np.log(distances)
+    envelope = _envelope(x, force)
+    largest = min(_LARGEST_ORDER, len(distances) - _FEWEST_CONTRASTS - 1)
+    families = [_contrasts(x, force / envelope, degree) for degree in range(1, largest + 1)]
+    spreads = [float(np.median(np.abs(family)) * _MAD_TO_SIGMA) for family in families]
+    best = int(np.argmin(spreads))
+    sigma = _local_sigma(x, families[best], best + 1, spreads[best]) * envelope
+    return Roughness(spreads[best], tuple(spreads), sigma)
+
+
+def contrast_field(distances: FloatArray, force: FloatArray, order: int) -> FloatArray:
+    """Contrasts of every current's curve over one common envelope, so that equal errors in newtons stay equal.
+
+    Parameters
+    ----------
+    distances : ndarray, shape (n,)
+        m, ascending, > 0.
+    force : ndarray, shape (n, m)
+        N, not zero everywhere.
+    order : int
+        Degree of the polynomials that are annihilated.
+
+    Returns
+    -------
+    ndarray, shape (n - order - 1, m)
+        Relative to the envelope of the median |F| over the currents.
+    """
+    x = np.log(distances)
+    envelope = _envelope(x, np.median(np.abs(force), axis=1) + 1e-9 * np.abs(force).max())
+    return np.stack([_contrasts(x, column / envelope, order) for column in force.T], axis=1)
+
+
+def _contrasts(x: FloatArray, values: FloatArray, degree: int) -> FloatArray:
+    """Unit-norm combinations of degree + 2 neighbours, zero on polynomials of that degree, shape (n - degree - 1,)."""
+    width = degree + 2
+    out = np.empty(len(x) - width + 1)
+    for start in range(len(out)):
+        window = x[start : start + width]
+        scaled = 2 * (window - window.mean()) / np.ptp(window)
+        basis, _ = np.linalg.qr(np.vander(scaled, degree + 1, increasing=True), mode="complete")
+        out[start] = basis[:, -1] @ values[start : start + width]
+    return out
+
+
+def _envelope(x: FloatArray, force: FloatArray) -> FloatArray:
+    """Smooth positive size of a curve: a robust polynomial of log|F| over log d, shape (n,)."""
+    size = np.abs(force)
+    target = np.log(np.maximum(size, 1e-6 * size.max()))
+    basis = np.vander(2 * (x - x.mean()) / np.ptp(x), 4 if len(x) > 9 else 3)
+    weights = np.ones(len(x))
+    fitted = target
+    for _ in range(10):
+        solution, *_ = np.linalg.lstsq(basis * weights[:, None], target * weights, rcond=None)
+        fitted = basis @ solution
+        residual = target - fitted
+        scale = np.median(np.abs(residual)) * _MAD_TO_SIGMA + 1e-9
+        weights = 1 / np.sqrt(1 + (residual / (2 * scale)) ** 2)  # Cauchy weights: a sign change is no size
+    envelope: FloatArray = np.exp(fitted)
+    return envelope
+
+
+def _local_sigma(x: FloatArray, contrasts: FloatArray, order: int, overall: float) -> FloatArray:
+    """Relative noise as a power of d: a magnet's self-force error falls more slowly than its force, shape (n,)."""
+    if len(contrasts) < 12 or overall == 0:
+        return np.full(len(x), overall)
+    centres = np.array([x[start : start + order + 2].mean() for start in range(len(contrasts))])
+    size = np.log(np.maximum(np.abs(contrasts), 0.02 * overall)) - _MEAN_LOG_NORMAL
+    slope, level = np.polyfit(centres - x.mean(), size, 1)
+    sigma: FloatArray = np.clip(np.exp(level + slope * (x - x.mean())), overall / 10, 10 * overall)
+    return sigma
