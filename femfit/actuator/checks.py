@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from shapely import Point, Polygon
+from shapely import Point, Polygon, unary_union
 from shapely.affinity import translate
 
 from femfit.actuator.outline import MIN_AREA, swept
 from femfit.actuator.parts import LinearMaterial
-from femfit.actuator.schema import HallEntry
+from femfit.actuator.schema import HallPlace
 
 CONTACT = 1e-6
 """Clearance in mm below which parts touch: the field solver needs air around the moving part."""
@@ -116,8 +116,8 @@ def check_collisions(
             )
 
 
-def check_force_source(moving: Sequence[DrawnPart], problems: list[str]) -> None:
-    """Report a moving part on which no magnetic force can act.
+def check_moving_body(moving: Sequence[DrawnPart], problems: list[str]) -> None:
+    """Report a moving part in pieces, and one on which no magnetic force can act.
 
     Parameters
     ----------
@@ -126,9 +126,17 @@ def check_force_source(moving: Sequence[DrawnPart], problems: list[str]) -> None
     problems : list of str
         Appended to.
     """
-    known = [part.material for part in moving if part.material is not None]
-    if known and all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in known):
-        names = ", ".join(sorted({material.name for material in known}))
+    pieces = unary_union([part.polygon for part in moving])
+    if pieces.geom_type == "MultiPolygon":
+        problems.append(
+            f"moving.regions must touch each other along an edge; they form {len(pieces.geoms)} separate bodies. "
+            "Join them, if need be by a region of air."
+        )
+    materials = [part.material for part in moving if part.material is not None]
+    if len(materials) < len(moving) or not moving:
+        return
+    if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
+        names = ", ".join(sorted({material.name for material in materials}))
         problems.append(
             f"moving.regions must hold a magnet or something permeable; it is all {names}, on which no force acts. "
             "Name a magnet or a steel."
@@ -136,7 +144,7 @@ def check_force_source(moving: Sequence[DrawnPart], problems: list[str]) -> None
 
 
 def check_hall_place(
-    hall: HallEntry,
+    hall: HallPlace,
     fixed: Sequence[DrawnPart],
     moving: Sequence[DrawnPart],
     distances: Sequence[float],
@@ -146,7 +154,7 @@ def check_hall_place(
 
     Parameters
     ----------
-    hall : HallEntry
+    hall : HallPlace
         The element.
     fixed, moving : sequence of DrawnPart
         Drawn as in the file.

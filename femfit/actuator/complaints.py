@@ -46,6 +46,27 @@ def read_table(entry: type[AnyEntry], table: object, path: str, problems: list[s
     return entry.model_validate(table)
 
 
+def read_part(entry: type[AnyEntry], table: object) -> AnyEntry | None:
+    """The keys of an entry out of a larger table, so that a mistake elsewhere in that table hides no later check.
+
+    Parameters
+    ----------
+    entry : type
+        A base of the table's own entry; problems are reported there.
+    table : object
+        As read from TOML.
+
+    Returns
+    -------
+    Entry or None
+        None if one of its keys is wrong or missing.
+    """
+    if not isinstance(table, Mapping):
+        return None
+    part = {key: table[key] for key in entry.model_fields if key in table}
+    return None if _errors(entry, part) else entry.model_validate(part)
+
+
 def did_you_mean(given: str, known: Iterable[str]) -> str:
     """`` Did you mean 'x'?`` for the closest known word, or nothing.
 

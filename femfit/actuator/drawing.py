@@ -5,12 +5,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from shapely import Polygon
+
 from femfit.actuator.checks import DrawnPart
-from femfit.actuator.complaints import did_you_mean, joined, read_table
+from femfit.actuator.complaints import did_you_mean, joined, read_part, read_table
 from femfit.actuator.materials import LIBRARY
 from femfit.actuator.outline import outline
 from femfit.actuator.parts import LinearMaterial
-from femfit.actuator.schema import NAME_PATTERN, CoilEntry, MaterialEntry, RegionEntry
+from femfit.actuator.schema import NAME_PATTERN, MaterialEntry, OutlineEntry, RegionEntry
 
 RESERVED = ("air", "coil")
 """Region names that the field solver gives to what is not a region."""
@@ -27,7 +29,7 @@ class Drawing:
     winding : DrawnPart or None
         The coil's section.
     complete : bool
-        Whether nothing had to be left out because of a problem.
+        Whether every region and the winding could be drawn.
     """
 
     fixed: tuple[DrawnPart, ...]
@@ -41,15 +43,13 @@ class Drawing:
         return self.fixed if self.winding is None else (*self.fixed, self.winding)
 
 
-def read_drawing(data: Mapping[str, Any], coil: CoilEntry | None, problems: list[str]) -> Drawing:
+def read_drawing(data: Mapping[str, Any], problems: list[str]) -> Drawing:
     """Draw what can be drawn of a file.
 
     Parameters
     ----------
     data : mapping
         The file's tables.
-    coil : CoilEntry or None
-        The coil's table, where it is valid.
     problems : list of str
         Appended to.
 
@@ -59,7 +59,6 @@ def read_drawing(data: Mapping[str, Any], coil: CoilEntry | None, problems: list
         Of the usable parts.
     """
     materials = _materials(table_at(data, "materials"), problems)
-    before = len(problems)
     fixed = _regions(data, "electromagnet", materials, problems)
     moving = _regions(data, "moving", materials, problems)
     problems += [
@@ -67,8 +66,9 @@ def read_drawing(data: Mapping[str, Any], coil: CoilEntry | None, problems: list
         for part in moving
         if part.name in {other.name for other in fixed}
     ]
-    winding = _winding(coil, problems)
-    complete = len(problems) == before and winding is not None
+    winding = _winding(data, problems)
+    regions = len(table_at(data, "electromagnet", "regions")) + len(table_at(data, "moving", "regions"))
+    complete = len(fixed) + len(moving) == regions and winding is not None
     return Drawing(fixed, moving, winding, complete)
 
 
@@ -116,10 +116,8 @@ def _regions(
                 f"{' or '.join(RESERVED)}. Rename the region."
             )
         entry = read_table(RegionEntry, table, path, problems)
-        if entry is None:
-            continue
-        material = _region_material(entry, path, materials, problems)
-        polygon = outline(entry, path, problems)
+        material = None if entry is None else _region_material(entry, path, materials, problems)
+        polygon = _polygon(table, path, problems)
         if polygon is not None:
             parts.append(DrawnPart(path, name, polygon, material))
     return tuple(parts)
@@ -152,10 +150,15 @@ def _region_material(
     return replace(material, remanence_T=-material.remanence_T) if entry.magnetization == "-z" else material
 
 
-def _winding(coil: CoilEntry | None, problems: list[str]) -> DrawnPart | None:
-    polygon = None if coil is None else outline(coil, "coil", problems)
+def _winding(data: Mapping[str, Any], problems: list[str]) -> DrawnPart | None:
+    polygon = _polygon(data["coil"], "coil", problems) if isinstance(data.get("coil"), dict) else None
     if polygon is None:
         return None
     if polygon.bounds[0] <= 0:
         problems.append("coil must lie off the axis; its winding touches r = 0. Give an inner radius > 0.")
     return DrawnPart("coil", "coil", polygon)
+
+
+def _polygon(table: object, path: str, problems: list[str]) -> Polygon | None:
+    entry = read_part(OutlineEntry, table)
+    return None if entry is None else outline(entry, path, problems)

@@ -10,21 +10,24 @@ from shapely import Polygon
 from femfit.actuator.checks import (
     DrawnPart,
     check_collisions,
-    check_force_source,
     check_hall_place,
+    check_moving_body,
     check_overlaps,
     check_zero_heights,
 )
-from femfit.actuator.complaints import AnyEntry, read_table
+from femfit.actuator.complaints import AnyEntry, read_part, read_table
 from femfit.actuator.decimals import axis_values, scaled
 from femfit.actuator.drawing import Drawing, read_drawing
 from femfit.actuator.parts import AIR, Actuator, Coil, HallElement, MovingPart, Region, Supply, SweepAxes
 from femfit.actuator.schema import (
     SCHEMA_VERSION,
     CoilEntry,
+    CurrentAxis,
+    DistanceAxis,
     ElectromagnetEntry,
     FileEntry,
     HallEntry,
+    HallPlace,
     MovingEntry,
     ReferenceEntry,
     SupplyEntry,
@@ -95,14 +98,12 @@ def actuator_from_toml(text: str, source: str = "actuator file") -> Actuator:
     winding = _section(CoilEntry, data, "coil", problems)
     hall = _section(HallEntry, data, "hall", problems)
     supply = _section(SupplyEntry, data, "supply", problems)
-    sweep = _section(SweepEntry, data, "sweep", problems)
     reference = _section(ReferenceEntry, data, "reference", problems)
-    drawing = read_drawing(data, winding, problems)
-    currents = axis_values(sweep.current_A, "sweep.current_A", problems) if sweep else ()
-    distances = axis_values(sweep.distance_mm, "sweep.distance_mm", problems) if sweep else ()
+    currents, distances = _axes(data, problems)
+    drawing = read_drawing(data, problems)
     _check_numbers(body, hall, supply, reference, distances, problems)
     coil = _coil(winding, drawing, problems)
-    _check_drawing(drawing, hall, distances, problems)
+    _check_drawing(drawing, read_part(HallPlace, data.get("hall")), distances, problems)
     if problems or header is None or body is None or coil is None or supply is None:
         raise ActuatorFileError(source, problems)
     return Actuator(
@@ -137,6 +138,17 @@ def _parse(text: str, source: str) -> dict[str, Any]:
 def _section(entry: type[AnyEntry], data: dict[str, Any], key: str, problems: list[str]) -> AnyEntry | None:
     """A table of the top level; a missing one or one of the wrong type is reported by the top level."""
     return read_table(entry, data[key], key, problems) if isinstance(data.get(key), dict) else None
+
+
+def _axes(data: dict[str, Any], problems: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Currents in A and distances in mm; empty where they are unusable."""
+    _section(SweepEntry, data, "sweep", problems)
+    currents = read_part(CurrentAxis, data.get("sweep"))
+    distances = read_part(DistanceAxis, data.get("sweep"))
+    return (
+        axis_values(currents.current_A, "sweep.current_A", problems) if currents else (),
+        axis_values(distances.distance_mm, "sweep.distance_mm", problems) if distances else (),
+    )
 
 
 def _check_numbers(
@@ -182,12 +194,12 @@ def _check_numbers(
             )
 
 
-def _check_drawing(drawing: Drawing, hall: HallEntry | None, distances: Sequence[float], problems: list[str]) -> None:
+def _check_drawing(drawing: Drawing, hall: HallPlace | None, distances: Sequence[float], problems: list[str]) -> None:
     check_overlaps(drawing.standing, problems)
     check_overlaps(drawing.moving, problems)
     if drawing.complete:
         check_zero_heights(drawing.standing, drawing.moving, problems)
-        check_force_source(drawing.moving, problems)
+        check_moving_body(drawing.moving, problems)
     check_collisions(drawing.standing, drawing.moving, distances, problems)
     if hall is not None:
         check_hall_place(hall, drawing.standing, drawing.moving, distances, problems)

@@ -97,11 +97,16 @@ class MovingEntry(Entry):
     regions: dict[str, Any] = Field(description="Give each magnetic part of the body as [moving.regions.NAME].")
 
 
-class HallEntry(Entry):
-    """``[hall]``; the defaults are those of :class:`femfit.actuator.parts.HallElement`."""
+class HallPlace(Entry):
+    """Where the Hall element sits."""
 
     r_mm: float = Field(ge=0, le=1e5, description="Give the radius of the element in mm, 0 on the axis.")
     z_mm: Length = Field(description="Give the height of the element in mm, 0 at the electromagnet's face.")
+
+
+class HallEntry(HallPlace):
+    """``[hall]``; the defaults are those of :class:`femfit.actuator.parts.HallElement`."""
+
     sensitivity_V_per_T: Electrical = Field(50.0, description="Give the slope in V/T (5 mV/G is 50 V/T).")
     quiescent_V: Electrical = Field(2.5, description="Give the output without field in volts.")
     output_min_V: Electrical = Field(0.0, description="Give the lowest output in volts.")
@@ -149,11 +154,20 @@ Axis = Annotated[
 ]
 
 
-class SweepEntry(Entry):
-    """``[sweep]``."""
+class CurrentAxis(Entry):
+    """The currents of the sweep."""
 
     current_A: Axis = Field(description="Give ascending currents as a list or as { start, stop, step }.")
+
+
+class DistanceAxis(Entry):
+    """The distances of the sweep."""
+
     distance_mm: Axis = Field(description="Give ascending distances > 0 as a list or as { start, stop, step }.")
+
+
+class SweepEntry(CurrentAxis, DistanceAxis):
+    """``[sweep]``."""
 
 
 class ReferenceEntry(Entry):

@@ -169,6 +169,11 @@ MISTAKES = {
         'material = "copper"',
         ["moving.regions must hold a magnet or something permeable", "copper"],
     ),
+    "moving part in two pieces": (
+        "[hall]",
+        '[moving.regions.tip]\nmaterial = "iron"\nr_mm = [0, 1]\nz_mm = [6, 7]\n[hall]',
+        ["moving.regions must touch each other", "2 separate bodies"],
+    ),
     "moving part drawn in its place": ("z_mm = [0, 5]", "z_mm = [15, 20]", ["moving must have its nearest", "z_mm 15"]),
     "electromagnet drawn elsewhere": (
         "[2.5, 20]\nz_mm = [-5, 0]",
@@ -330,6 +335,28 @@ def test_geometry_is_checked_although_keys_are_wrong():
     assert "coil.turnz is no known key. Did you mean 'turns'?" in problems
     assert "coil.turns is missing" in problems
     assert "flange and electromagnet.regions.sleeve must not overlap" in problems
+
+
+def test_a_wrong_number_in_a_table_does_not_hide_where_its_part_lies():
+    text = changed("turns = 308", "turns = 0")
+    text = changed("z_mm = [-20, -5]", "z_mm = [-20, -3]", text)
+    text = changed("[0, 0.5, 1]", "[0, nan]", text)
+    text = changed("start = 15, stop = 45, step = 0.5", "start = 0, stop = 45, step = 0.5", text)
+    text = changed('material = "magnet"', "material = 3", text)
+    text = changed("r_mm = [0, 5.5]", "r_mm = [-1, 5.5]", text)
+    text = changed("r_mm = 0\nz_mm = 0\nadc_bits = 12", "r_mm = 4\nz_mm = -2\nadc_bits = 1.5", text)
+    problems = "\n".join(problems_of(text))
+    for fragment in (
+        "coil.turns must be at least 1",
+        "flange and coil must not overlap",
+        "sweep.current_A[1] must be a finite",
+        "sweep.distance_mm must be > 0",
+        "disc.material must be a valid string",
+        "disc.r_mm must have r >= 0",
+        "hall.adc_bits must be",
+        "hall must lie outside of solid parts",
+    ):
+        assert fragment in problems
 
 
 def test_an_invalid_material_is_reported_once_and_not_again_where_it_is_used():
