@@ -2,7 +2,7 @@
 
 import sys
 
-from cyclopts import App
+from cyclopts import App, CycloptsError
 
 from femfit import __version__
 from femfit.core.errors import FemfitError
@@ -39,6 +39,8 @@ def main() -> None:
     app = build_app()
     try:
         app(exit_on_error=False)
+    except CycloptsError:
+        sys.exit(2)  # cyclopts has printed what is wrong with the arguments
     except FemfitError as error:
         print(f"femfit: {error}", file=sys.stderr)
         sys.exit(1)

@@ -69,8 +69,7 @@ def hall_noise(sensor: HallSensor, noise_V: float | None = None) -> float:
         In V.
     """
     white = sensor.noise_V if noise_V is None else noise_V
-    step = (sensor.output_max_V - sensor.output_min_V) / 2**sensor.adc_bits if sensor.adc_bits else 0.0
-    return float(np.hypot(white, step / np.sqrt(12.0)))
+    return float(np.hypot(white, sensor.quantisation_step / np.sqrt(12.0)))
 
 
 def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: float | None = None) -> FilterNoise:

@@ -72,6 +72,11 @@ class HallSensor:
     adc_bits: int
     noise_V: float = 0.0
 
+    @property
+    def quantisation_step(self) -> float:
+        """One step of the converter in V; 0 where there is none."""
+        return (self.output_max_V - self.output_min_V) / 2.0**self.adc_bits if self.adc_bits else 0.0
+
     def voltage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """Output in V without noise, clipping or quantisation."""
         return self.quiescent_V + self.sensitivity_V_per_T * self.field.field(distance, current)

@@ -1,0 +1,39 @@
+"""``femfit export``: a model file to something that runs without femfit."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def export(
+    model: Path,
+    *,
+    to: str = "estimator",
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    json: Path | None = None,
+) -> None:
+    """Export a model.
+
+    Parameters
+    ----------
+    model : Path
+        Model file.
+    to : str
+        Kind of export: estimator (filters and simulator as a package that needs numpy alone).
+    output : Path
+        Directory; absent, empty, or an earlier export.
+    json : Path
+        File for the result as JSON.
+    """
+    import json as json_format
+
+    from femfit.export.targets import export_target
+    from femfit.model.json_file import read_model
+
+    target = export_target(to)
+    files = target.export(read_model(model), output)
+    print(f"{output}: {target.name} of {model}, {len(files)} files; try python {output / 'example.py'}")
+    if json is not None:
+        result = {"target": target.name, "directory": str(output), "files": [str(f.relative_to(output)) for f in files]}
+        json.write_text(json_format.dumps(result, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Packages that run a model without the fitting half of femfit."""
