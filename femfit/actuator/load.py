@@ -166,20 +166,8 @@ def _check_numbers(
             f"supply.voltage_min_V must be below voltage_max_V; they are {supply.voltage_min_V:g} and "
             f"{supply.voltage_max_V:g}. Exchange or change them."
         )
-    if hall is not None and not hall.output_min_V <= hall.quiescent_V <= hall.output_max_V:
-        problems.append(
-            f"hall.quiescent_V must lie between output_min_V and output_max_V; it is {hall.quiescent_V:g} with "
-            f"{hall.output_min_V:g} and {hall.output_max_V:g}. Change one of the three."
-        )
-    if hall is not None and hall.output_min_V >= hall.output_max_V:
-        problems.append(
-            f"hall.output_min_V must be below output_max_V; they are {hall.output_min_V:g} and "
-            f"{hall.output_max_V:g}. Exchange or change them."
-        )
-    if hall is not None and hall.sensitivity_V_per_T == 0:
-        problems.append(
-            "hall.sensitivity_V_per_T must not be 0: the element would see nothing. Give it, or leave [hall]."
-        )
+    if hall is not None:
+        _check_hall_output(hall, problems)
     if distances and distances[0] < MIN_DISTANCE:
         problems.append(
             f"sweep.distance_mm must be > 0, the gap from face to face; it starts at {distances[0]:g}. "
@@ -192,6 +180,21 @@ def _check_numbers(
                 f"reference.distance_mm must lie within the sweep, {distances[0]:g} to {distances[-1]:g} mm; "
                 f"{', '.join(f'{d:g}' for d in outside[:5])} is outside. Change it or widen sweep.distance_mm."
             )
+
+
+def _check_hall_output(hall: HallEntry, problems: list[str]) -> None:
+    if hall.output_min_V >= hall.output_max_V:
+        problems.append(
+            f"hall.output_min_V must be below output_max_V; they are {hall.output_min_V:g} and "
+            f"{hall.output_max_V:g}. Exchange or change them."
+        )
+    elif not hall.output_min_V <= hall.quiescent_V <= hall.output_max_V:
+        problems.append(
+            f"hall.quiescent_V must lie between output_min_V and output_max_V; it is {hall.quiescent_V:g} with "
+            f"{hall.output_min_V:g} and {hall.output_max_V:g}. Change one of the three."
+        )
+    if hall.sensitivity_V_per_T == 0:
+        problems.append("hall.sensitivity_V_per_T must not be 0; nothing would be seen. Give it, or leave [hall] out.")
 
 
 def _check_drawing(drawing: Drawing, hall: HallPlace | None, distances: Sequence[float], problems: list[str]) -> None:

@@ -222,6 +222,7 @@ MISTAKES = {
         "sensitivity_V_per_T = 0",
         ["hall.sensitivity_V_per_T must not be 0"],
     ),
+    "sensor range reversed": ("adc_bits = 12", "output_max_V = -1", ["hall.output_min_V must be below", "0 and -1"]),
     "sensor at rest beyond its range": ("adc_bits = 12", "quiescent_V = 6", ["hall.quiescent_V must lie between"]),
 }
 EXTRA_CHANGES = {
