@@ -1,0 +1,175 @@
+"""The field solver against closed forms: magnets, coils, loops, images."""
+
+import json
+import math
+
+import magpylib
+import numpy as np
+import pytest
+from femfit.actuator.parts import LinearMaterial, Region
+from femfit.core.constants import MU_0
+from femfit.fem.settings import SolverSettings
+from femfit.fem.weak_form import flux_density
+from scipy import special
+from support.actuators import assembly, magnet, rectangle
+from support.field import prepared, solved
+from support.reference import REFERENCE, needs_reference
+
+# Published once, cited so that the test also runs where the reference data are absent: force between two coaxial
+# cylinder magnets J = 1.3 T, R = 20 mm, h = 40 mm, centres 50 mm apart (magcode repository, Apache-2.0).
+MAGCODE_FORCE = 265.537
+
+
+def axis_field_of_cylinder(remanence, radius, height, z):
+    """B_z on the axis at z above the upper face of a uniformly magnetised cylinder."""
+    return remanence / 2.0 * ((z + height) / math.hypot(radius, z + height) - z / math.hypot(radius, z))
+
+
+def axis_field_of_thick_coil(turns, r1, r2, z1, z2, z):
+    """B_z on the axis of a coil of rectangular section with 1 A."""
+
+    def primitive(s):
+        return s * math.log((r2 + math.hypot(r2, s)) / (r1 + math.hypot(r1, s)))
+
+    return MU_0 * turns / (2.0 * (r2 - r1) * (z2 - z1)) * (primitive(z - z1) - primitive(z - z2))
+
+
+@pytest.mark.parametrize("height", [0.001, 0.005, 0.015, 0.045])
+def test_axis_field_of_a_cylinder_magnet_is_exact(height):
+    # The Hall element lies below the magnet's face, at distances that exact_references.json also lists.
+    body = magnet(1.44, 0.0055, 0.005)
+    actuator = assembly(moving=[body], distances=(0.05,), hall=(0.0, 0.05 - height))
+    assert solved(actuator).hall[0] == pytest.approx(axis_field_of_cylinder(1.44, 0.0055, 0.005, height), rel=2e-4)
+
+
+@needs_reference
+def test_closed_form_of_the_axis_field_is_the_reference_one():
+    for row in json.loads((REFERENCE / "exact_references.json").read_text())["cyl_axis"]:
+        assert axis_field_of_cylinder(row["J"], row["R"], row["h"], row["z_face"]) == pytest.approx(row["B"], rel=1e-12)
+
+
+@pytest.mark.parametrize("height", [-0.0125, 0.0, 0.02])
+def test_axis_field_of_a_thick_coil_is_exact(height):
+    coil = (0.01, 0.02, -0.02, -0.005)
+    actuator = assembly(
+        moving=[magnet(1.0, 0.005, 0.005)], distances=(0.06,), coil=rectangle(*coil), turns=308, hall=(0.0, height)
+    )
+    assert solved(actuator).hall[1] == pytest.approx(axis_field_of_thick_coil(308, *coil, height), rel=1e-4)
+
+
+def inductance_of_thick_coil(r1, r2, length):
+    """Self-inductance per turn squared: loops' mutual inductance averaged over the section, one integral over k."""
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    r = 0.5 * (r1 + r2) + 0.5 * (r2 - r1) * nodes
+    total, panel = 0.0, 2.0 / r2
+    x, w = np.polynomial.legendre.leggauss(30)
+    for start in np.arange(0.0, 600.0 / r2, 2.0 * panel):
+        k = start + panel * (x + 1.0)
+        moment = 0.5 * (r2 - r1) * (special.j1(np.outer(k, r)) * r) @ weights
+        total += panel * np.sum(w * moment**2 * 2.0 * (k * length + np.expm1(-k * length)) / k**2)
+    return MU_0 * math.pi * total / ((r2 - r1) * length) ** 2
+
+
+def test_inductance_of_a_brooks_coil_is_exact():
+    # Square section of 10 mm, inner radius 10 mm. Grover tabulates 0.025491 uH per turn squared.
+    exact = inductance_of_thick_coil(0.01, 0.02, 0.01)
+    assert exact == pytest.approx(0.025491e-6, rel=3e-5)
+    actuator = assembly(
+        moving=[magnet(1e-6, 0.001, 0.001)], distances=(0.1,), coil=rectangle(0.01, 0.02, -0.02, -0.01), turns=1
+    )
+    assert solved(actuator).flux_linkage[1] == pytest.approx(exact, rel=5e-4)
+    assert solved(actuator, settings=SolverSettings().finer()).flux_linkage[1] == pytest.approx(exact, rel=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("length", "inductance"), [(2.0, 1.3588917590e-6), (1.0, 2.0746304193e-6), (0.5, 2.8853346103e-6)]
+)
+def test_inductance_of_a_thin_solenoid_tends_to_nagaokas(length, inductance):
+    # Lyle/Nagaoka per turn squared, radius 1 m; two thicknesses extrapolated to zero, the error is linear in it.
+    values = []
+    for thickness in (0.02, 0.01):
+        coil = rectangle(1.0 - thickness / 2.0, 1.0 + thickness / 2.0, -length, 0.0)
+        actuator = assembly(moving=[magnet(1e-6, 0.05, 0.05)], distances=(2.0,), coil=coil)
+        values.append(solved(actuator).flux_linkage[1])
+    assert 2.0 * values[1] - values[0] == pytest.approx(inductance, rel=5e-4)
+
+
+@needs_reference
+def test_mutual_inductance_of_coaxial_loops_is_exact():
+    for row in json.loads((REFERENCE / "exact_references.json").read_text())["loops"]:
+        a, b, z = row["a"], row["b"], row["z"]
+        side = 0.01 * a  # a section this small changes M by (side / a)^2 / 24
+        coil = rectangle(a - side / 2.0, a + side / 2.0, -side / 2.0, side / 2.0)
+        actuator = assembly(moving=[magnet(1e-6, 0.02 * a, 0.02 * a)], distances=(3.0 * a,), coil=coil, hall=(b, z))
+        problem = prepared(actuator, 3.0 * a)
+        _, w = problem.fields(3.0 * a)
+        flux = 2.0 * math.pi * b**2 * w(problem.mesh(b, z))
+        assert flux == pytest.approx(row["M_H"], rel=2e-4)
+
+
+def test_force_between_two_magnets_is_exact():
+    fixed = magnet(1.3, 0.02, 0.04, z_min=-0.04, name="lower")
+    actuator = assembly(fixed=[fixed], moving=[magnet(1.3, 0.02, 0.04)], distances=(0.01,))
+    assert solved(actuator).force[0] == pytest.approx(MAGCODE_FORCE, rel=2e-4)
+
+
+def test_opposed_magnets_repel_by_the_same_force():
+    fixed = magnet(-1.3, 0.02, 0.04, z_min=-0.04, name="lower")
+    actuator = assembly(fixed=[fixed], moving=[magnet(1.3, 0.02, 0.04)], distances=(0.01,))
+    assert solved(actuator).force[0] == pytest.approx(-MAGCODE_FORCE, rel=2e-4)
+
+
+@pytest.mark.parametrize("permeability", [5.0, 1000.0])
+def test_force_above_a_wide_thick_plate_is_that_of_the_image(permeability):
+    # A half-space of mu_r mirrors the magnet with strength (mu_r - 1) / (mu_r + 1); 5 mm above it the image is 10 mm away.
+    plate = Region("plate", rectangle(0.0, 1.0, -0.8, 0.0), LinearMaterial("iron", permeability))
+    coil = rectangle(1.2, 1.25, -0.1, -0.05)
+    actuator = assembly(fixed=[plate], moving=[magnet(1.3, 0.02, 0.04)], distances=(0.005,), coil=coil)
+    image = (permeability - 1.0) / (permeability + 1.0)
+    assert solved(actuator).force[0] == pytest.approx(image * MAGCODE_FORCE, rel=5e-4)
+
+
+@pytest.mark.parametrize("distance", [0.002, 0.01, 0.03])
+def test_force_between_coil_and_magnet_is_that_of_the_lorentz_force(distance):
+    # Oracle: magpylib's exact field of the magnet, integrated over the coil; action equals reaction.
+    r1, r2, z1, z2, turns = 0.01, 0.02, -0.02, -0.005, 308.0
+    body = magnet(1.3, 0.0055, 0.005)
+    actuator = assembly(moving=[body], distances=(distance,), coil=rectangle(r1, r2, z1, z2), turns=turns)
+    source = magpylib.magnet.Cylinder(
+        polarization=(0, 0, 1.3), dimension=(0.011, 0.005), position=(0, 0, distance + 0.0025)
+    )
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    r = 0.5 * (r1 + r2) + 0.5 * (r2 - r1) * nodes
+    z = 0.5 * (z1 + z2) + 0.5 * (z2 - z1) * nodes
+    grid_r, grid_z = np.meshgrid(r, z)
+    field = source.getB(np.stack([grid_r, 0 * grid_r, grid_z], axis=-1).reshape(-1, 3))[:, 0].reshape(grid_r.shape)
+    # On the coil F_z = -int J B_r 2 pi r; positive towards the electromagnet on the magnet is the coil's pull upwards.
+    expected = -2.0 * math.pi * turns * np.einsum("ij,i,j->", field * grid_r, weights, weights) / 4.0
+    assert solved(actuator).force[1] == pytest.approx(expected, rel=2e-4)
+
+
+def test_field_of_a_recoil_magnet_is_weaker_on_its_own_axis():
+    hall = (0.0, 0.02)
+    fields = [
+        solved(assembly(moving=[magnet(1.45, 0.0055, 0.005, permeability=mu)], distances=(0.04,), hall=hall)).hall[0]
+        for mu in (1.0, 1.05)
+    ]
+    assert 0.94 < fields[1] / fields[0] < 1.0
+
+
+def test_flux_density_is_free_of_divergence():
+    # Flux through closed cylinders vanishes: B_z through the faces against B_r through the mantle.
+    actuator = assembly(moving=[magnet(1.3, 0.0055, 0.005)], distances=(0.02,))
+    problem = prepared(actuator, 0.02)
+    w, _ = problem.fields(0.02)
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    radius, low, high = 0.012, -0.001, 0.011
+    b = flux_density(w)
+    r = 0.5 * radius * (nodes + 1.0)
+    faces = sum(
+        sign * np.sum(weights * 0.5 * radius * 2.0 * math.pi * r * [b(problem.mesh(x, z))[1] for x in r])
+        for sign, z in ((1.0, high), (-1.0, low))
+    )
+    z = 0.5 * (low + high) + 0.5 * (high - low) * nodes
+    mantle = np.sum(weights * 0.5 * (high - low) * 2.0 * math.pi * radius * [b(problem.mesh(radius, y))[0] for y in z])
+    assert abs(faces + mantle) < 1e-4 * abs(mantle)

@@ -1,0 +1,55 @@
+"""Observed orders of convergence, element order by element order, on a smooth field with a known source."""
+
+import math
+
+import ngsolve as ng
+import numpy as np
+import pytest
+from femfit.core.constants import MU_0
+from femfit.fem.weak_form import flux_density, solve, stiffness
+from netgen.occ import OCCGeometry, WorkPlane
+from ngsolve import H1, Integrate, LinearForm, Mesh, dx
+
+RADIUS, WIDTH = 1.0, 0.18  # the Gaussian is 4e-14 on the boundary
+
+
+def energy_error(order, size):
+    """Relative error of B in the energy norm for w = exp(-(r^2 + z^2) / s^2)."""
+    half = WorkPlane().MoveTo(0.0, -RADIUS).Arc(RADIUS, 180.0).Close().Face()
+    for edge in half.edges:
+        edge.name = "outer" if edge.center.x > 0.1 else "axis"
+    mesh = Mesh(OCCGeometry(half, dim=2).GenerateMesh(maxh=size))
+    mesh.Curve(order)
+    space = H1(mesh, order=order)
+    r, z = ng.x, ng.y
+    exact = ng.exp(-(r**2 + z**2) / WIDTH**2)
+    radial, axial = -2.0 * r / WIDTH**2 * exact, -2.0 * z / WIDTH**2 * exact
+    # J_phi = -(r w_rr + 3 w_r + r w_zz) / mu_0, from curl (nu curl A) with A = r w.
+    laplacian = r * (4.0 * r**2 / WIDTH**4 - 2.0 / WIDTH**2) * exact + 3.0 * radial
+    laplacian += r * (4.0 * z**2 / WIDTH**4 - 2.0 / WIDTH**2) * exact
+    v = space.TestFunction()
+    load = LinearForm(-laplacian / MU_0 * r * v * 2.0 * math.pi * r * dx(bonus_intorder=10)).Assemble()
+    w = solve(stiffness(space, ng.CF(1.0 / MU_0), RADIUS), [load])[0]
+    b = ng.CF((-r * axial, 2.0 * exact + r * radial))
+    difference = flux_density(w) - b
+    norm = Integrate(b * b * r, mesh, order=24)
+    return math.sqrt(Integrate(difference * difference * r, mesh, order=24) / norm)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
+def test_flux_density_converges_with_the_elements_order(order):
+    sizes = np.array([0.1, 0.05]) if order < 5 else np.array([0.14, 0.07])
+    errors = np.array([energy_error(order, size) for size in sizes])
+    observed = np.log(errors[0] / errors[1]) / np.log(sizes[0] / sizes[1])
+    # Unstructured meshes are not exactly nested, hence the half order of slack.
+    assert order - 0.5 < observed < order + 1.0
+
+
+def test_a_field_of_constant_w_is_reproduced_exactly():
+    # w = 1/2 is the uniform field B_z = 1: the lowest order must hold it to rounding.
+    half = WorkPlane().MoveTo(0.0, -RADIUS).Arc(RADIUS, 180.0).Close().Face()
+    mesh = Mesh(OCCGeometry(half, dim=2).GenerateMesh(maxh=0.3))
+    w = ng.GridFunction(H1(mesh, order=1))
+    w.Set(0.5)
+    uniform = flux_density(w)
+    assert Integrate((uniform[1] - 1.0) ** 2 + uniform[0] ** 2, mesh) < 1e-28

@@ -1,0 +1,40 @@
+"""Actuators built in code, for tests of the field solver."""
+
+from pathlib import Path
+
+from femfit.actuator.parts import (
+    Actuator,
+    Coil,
+    HallElement,
+    LinearMaterial,
+    MovingPart,
+    Region,
+    Supply,
+    SweepAxes,
+)
+
+GEOMETRY = Path(__file__).parents[2] / "geometry"
+
+
+def rectangle(r_min, r_max, z_min, z_max):
+    """Corners of a rectangle in m."""
+    return ((r_min, z_min), (r_max, z_min), (r_max, z_max), (r_min, z_max))
+
+
+def magnet(remanence, r_max, height, z_min=0.0, permeability=1.0, name="magnet"):
+    """A cylinder magnet standing on z_min."""
+    material = LinearMaterial(name, permeability, remanence)
+    return Region(name, rectangle(0.0, r_max, z_min, z_min + height), material)
+
+
+def assembly(*, moving, distances, fixed=(), coil=None, turns=1.0, hall=None):
+    """An actuator of given parts; without a coil it gets a weak one far away."""
+    return Actuator(
+        name="assembly",
+        fixed=tuple(fixed),
+        coil=Coil(coil or rectangle(0.2, 0.21, -0.21, -0.2), turns, 1.0),
+        moving=MovingPart(tuple(moving), 0.1),
+        supply=Supply(0.0, 1.0),
+        sweep=SweepAxes((0.0, 1.0), tuple(distances)),
+        hall=None if hall is None else HallElement(*hall),
+    )

@@ -1,0 +1,19 @@
+"""Short ways to a solved field."""
+
+from femfit.fem.layout import layout_of, stretch_groups
+from femfit.fem.linear_point import LinearActuator
+from femfit.fem.settings import SolverSettings
+
+
+def prepared(actuator, distance, settings=None):
+    """The prepared problem of the group that a distance belongs to."""
+    settings = settings or SolverSettings()
+    layout = layout_of(actuator, settings)
+    group = next(g for g in stretch_groups(actuator.sweep.distances_m, layout, settings) if distance in g)
+    return LinearActuator(actuator, group, layout, settings)
+
+
+def solved(actuator, distance=None, settings=None):
+    """Coefficients of force, flux linkage and Hall field at a distance (the first one by default)."""
+    distance = actuator.sweep.distances_m[0] if distance is None else distance
+    return prepared(actuator, distance, settings).solve(distance)
