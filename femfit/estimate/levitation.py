@@ -68,11 +68,12 @@ def levitation_process(
 
     Raises
     ------
+    MissingPartError
+        If the model lacks circuit, motion, sensor or inductance.
     FilterError
         If the Hall bias is asked for together with the distance as measurement.
     """
-    model.require_circuit()
-    model.require_motion()
+    model.require_dynamics()
     sensor = model.require_sensor()
     if hall_bias and measurement == "distance":
         raise FilterError(

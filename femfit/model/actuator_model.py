@@ -218,6 +218,29 @@ class ActuatorModel:
             raise MissingPartError(self._missing("sensor (field at a Hall element)", "[hall] and a sweep with hall_T"))
         return self.sensor
 
+    def require_dynamics(self) -> None:
+        """Refuse a model whose motion and current cannot be integrated.
+
+        Raises
+        ------
+        MissingPartError
+            If circuit or motion is absent, or the inductance is not positive everywhere in the validity box, as in a
+            law fitted to forces alone.
+        """
+        self.require_circuit()
+        self.require_motion()
+        box = self.validity
+        d, i = np.meshgrid(
+            np.linspace(box.distance_min_m, box.distance_max_m, 9),
+            np.linspace(box.current_min_A, box.current_max_A, 9),
+        )
+        smallest = float(self.magnetics.inductance(d, i).min())
+        if not smallest > 0.0:
+            raise MissingPartError(
+                f"Model {self.name!r} must have an inductance > 0 for its current to be computed; it goes down to "
+                f"{smallest:g} H. Fit it to a table with flux linkage, or give femfit fit --inductance-H."
+            )
+
     def _missing(self, part: str, keys: str) -> str:
         return (
             f"Model {self.name!r} must have a {part} for this; it has none. Fit it again with an actuator file that "

@@ -66,6 +66,27 @@ def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int 
     return result
 
 
+def is_clamped(knots: FloatArray, degree: int) -> bool:
+    """Whether knots carry a spline: ascending, ``degree + 1`` equal ones at both ends, no more than ``degree`` inside.
+
+    Parameters
+    ----------
+    knots : array, shape (m,)
+        Finite.
+    degree : int
+        Polynomial degree.
+
+    Returns
+    -------
+    bool
+        False also where there are fewer than ``2 degree + 2`` knots.
+    """
+    if len(knots) < 2 * degree + 2 or np.any(np.diff(knots) < 0.0):
+        return False
+    _, counts = np.unique(knots, return_counts=True)
+    return bool(len(counts) > 1 and counts[0] == counts[-1] == degree + 1 and np.all(counts[1:-1] <= degree))
+
+
 @dataclass(frozen=True, eq=False)
 class TensorSpline:
     """S(x, y) = sum_ab C[a, b] B_a(x) B_b(y).

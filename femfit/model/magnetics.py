@@ -48,7 +48,7 @@ class Magnetics(ABC):
     def _derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        """Partial derivatives of W' at flat arrays, for orders (in d, in i) up to (2, 2)."""
+        """Partial derivatives of W' at flat arrays, for orders (in d, in i) up to 2 in d and any in i."""
 
     def coenergy_derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
@@ -60,7 +60,7 @@ class Magnetics(ABC):
         distance, current : array
             Points; broadcast against each other.
         orders : tuple of (int, int)
-            Order in distance (0 to 2) and in current (0 to 2) of each.
+            Order in distance (0 to 2) and in current (any) of each.
 
         Returns
         -------
@@ -224,7 +224,7 @@ class LawMagnetics(Magnetics):
         for a, b in orders:
             weights = np.polynomial.polynomial.polyder(self._powers, b, axis=1) if b else self._powers
             coefficient = np.polynomial.polynomial.polyval(current, weights.T)  # (columns, n)
-            value = np.einsum("nk,kn->n", columns[a], np.atleast_2d(coefficient))
+            value = np.einsum("nk,kn->n", columns[a], coefficient)
             if a == 0:
                 value = value + self._constant_part(current, b)
             result.append(value)

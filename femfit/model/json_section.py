@@ -1,0 +1,118 @@
+"""Values of a JSON object, each checked where it is read and named by its key path in every message."""
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import ModelFileError
+
+
+@dataclass(frozen=True)
+class Section:
+    """A JSON object and where it stands.
+
+    Parameters
+    ----------
+    source : str
+        File name, for messages.
+    path : str
+        Keys that lead to it, joined by dots; empty at the top.
+    data : mapping
+        The object.
+    """
+
+    source: str
+    path: str
+    data: Mapping[str, Any]
+
+    def where(self, key: str) -> str:
+        """Key path of a member."""
+        return f"{self.path}.{key}" if self.path else key
+
+    def refusal(self, key: str, needed: str) -> ModelFileError:
+        """The error for a member that is missing or not what is needed."""
+        given = f"instead received {_short(self.data[key])}" if key in self.data else "it is missing"
+        return ModelFileError(
+            f"{self.source} is damaged: {self.where(key)} must be {needed}; {given}. Write it again with femfit fit."
+        )
+
+    def refuse_others(self, known: tuple[str, ...]) -> None:
+        """Refuse members that this femfit does not know, for what they would change is unknown too."""
+        for key in self.data:
+            if key not in known:
+                raise ModelFileError(
+                    f"{self.source} has the unknown key {self.where(key)} (known: {', '.join(known)}). Correct its "
+                    "spelling, or update femfit."
+                )
+
+    def number(self, key: str, *, lower: float = -np.inf, positive: bool = False) -> float:
+        """A finite number of at least ``lower``, or > 0 where ``positive``."""
+        value = self.data.get(key)
+        needed = "a finite number" + (" > 0" if positive else f" >= {lower:g}" if np.isfinite(lower) else "")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.refusal(key, needed)
+        if not abs(value) <= sys.float_info.max or value < lower or (positive and value <= 0):
+            raise self.refusal(key, needed)
+        return float(value)
+
+    def optional_number(self, key: str) -> float | None:
+        """A finite number, or None where the member is null or absent."""
+        return None if self.data.get(key) is None else self.number(key)
+
+    def integer(self, key: str, lower: int, upper: int) -> int:
+        """A whole number within bounds."""
+        value = self.data.get(key)
+        if isinstance(value, bool) or not isinstance(value, int) or not lower <= value <= upper:
+            raise self.refusal(key, f"a whole number in {lower}..{upper}")
+        return value
+
+    def text(self, key: str) -> str:
+        """A string."""
+        value = self.data.get(key)
+        if not isinstance(value, str):
+            raise self.refusal(key, "a text")
+        return value
+
+    def section(self, key: str) -> "Section":
+        """A nested object."""
+        value = self.data.get(key)
+        if not isinstance(value, Mapping):
+            raise self.refusal(key, "an object")
+        return Section(self.source, self.where(key), value)
+
+    def optional_section(self, key: str) -> "Section | None":
+        """A nested object, or None where the member is null or absent."""
+        return None if self.data.get(key) is None else self.section(key)
+
+    def sections(self, key: str) -> tuple["Section", ...]:
+        """A list of one or more objects."""
+        value = self.data.get(key)
+        if not isinstance(value, list) or not value or not all(isinstance(item, Mapping) for item in value):
+            raise self.refusal(key, "a list of objects, at least one")
+        return tuple(Section(self.source, f"{self.where(key)}[{k}]", item) for k, item in enumerate(value))
+
+    def array(self, key: str, dimensions: int) -> FloatArray:
+        """Finite numbers in nested lists of equal lengths."""
+        needed = f"an array of finite numbers with {dimensions} dimension{'s' if dimensions > 1 else ''}"
+        value = self.data.get(key)
+        if not isinstance(value, list):
+            raise self.refusal(key, needed)
+        try:
+            result = np.array(value)
+        except ValueError as error:  # lists of unequal lengths
+            raise self.refusal(key, needed) from error
+        if result.size and result.dtype.kind not in "if":
+            raise self.refusal(key, needed)
+        result = result.astype(np.float64)
+        if result.ndim != dimensions or not np.all(np.isfinite(result)):
+            raise self.refusal(key, needed)
+        return result
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,85 @@
+"""The model as JSON-ready data, without loss."""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+from femfit.core.errors import ModelFileError
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.bspline import TensorSpline
+from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
+
+SCHEMA_VERSION = 1
+
+
+def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
+    """The model as JSON-ready data.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Any.
+
+    Returns
+    -------
+    dict
+        Floats keep all their digits; infinite bounds become null.
+    """
+    sensor = None
+    if model.sensor is not None:
+        sensor = {key: value for key, value in vars(model.sensor).items() if key != "field"}
+        sensor["field"] = _spline_to_dict(model.sensor.field.reference_distance_m, model.sensor.field.spline)
+    return {
+        "schema": SCHEMA_VERSION,
+        "name": model.name,
+        "magnetics": _magnetics_to_dict(model.magnetics),
+        "validity": asdict(model.validity),
+        "circuit": asdict(model.circuit) if model.circuit else None,
+        "motion": asdict(model.motion) if model.motion else None,
+        "sensor": sensor,
+        "misfit": asdict(model.misfit) if model.misfit else None,
+        "sample_time_s": model.sample_time_s,
+        "reference_distances_m": list(model.reference_distances_m),
+        "covariance": None if model.covariance is None else model.covariance.tolist(),
+        "effects": [dict(effect) for effect in model.effects],
+        "provenance": dict(model.provenance),
+    }
+
+
+def _magnetics_to_dict(magnetics: Magnetics) -> dict[str, Any]:
+    if isinstance(magnetics, CoenergySpline):
+        return {
+            "kind": "coenergy_spline",
+            **_spline_to_dict(magnetics.reference_distance_m, magnetics.spline),
+        }
+    if isinstance(magnetics, LawMagnetics):
+        return {
+            "kind": "law",
+            "law": magnetics.law_name,
+            "shape": dict(magnetics.shape),
+            "coefficients": [_coefficient_to_dict(c) for c in magnetics.coefficients],
+            "constant_inductance_H": magnetics.constant_inductance_H,
+            "constant_flux_linkage_Wb": magnetics.constant_flux_linkage_Wb,
+        }
+    raise ModelFileError(
+        f"Magnetics must be a co-energy spline or a law to be written; it is {type(magnetics).__name__}."
+    )
+
+
+def _coefficient_to_dict(c: Coefficient) -> dict[str, Any]:
+    return {
+        **asdict(c),
+        "ci95": list(c.ci95) if c.ci95 else None,
+        "bounds": [b if math.isfinite(b) else None for b in c.bounds],
+    }
+
+
+def _spline_to_dict(reference_distance_m: float, spline: TensorSpline) -> dict[str, Any]:
+    return {
+        "reference_distance_m": reference_distance_m,
+        "u_knots": spline.x_knots.tolist(),
+        "current_knots_A": spline.y_knots.tolist(),
+        "u_degree": spline.x_degree,
+        "current_degree": spline.y_degree,
+        "coefficients": spline.coefficients.tolist(),
+    }

@@ -1,0 +1,274 @@
+"""The model file keeps every digit and says what is wrong with a damaged one."""
+
+import copy
+import json
+from dataclasses import asdict, fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from femfit.core.errors import DomainError, MissingPartError, ModelFileError
+from femfit.laws.catalogue import BUILT_IN
+from femfit.model.actuator_model import ActuatorModel, ValidityBox
+from femfit.model.from_json import model_from_dict
+from femfit.model.json_file import read_model, write_model
+from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
+from femfit.model.to_json import model_to_dict
+
+
+@pytest.fixture
+def law_model(levitation_model):
+    coefficients = (
+        Coefficient("d^-4", 0, 0.1 + 0.2, "N m^4", ci95=(1e-9, 2.0 / 3.0), bounds=(0.0, np.inf)),
+        Coefficient("d^-2", 1, 4.51e-6, "N m^2/A", active="lower"),
+    )
+    magnetics = LawMagnetics("F1e", coefficients, {}, 0.0162, 1.0 / 3.0)
+    return replace(levitation_model, magnetics=magnetics, covariance=np.diag([1e-20, 1.0 / 7.0]))
+
+
+@pytest.fixture(params=["spline", "law"])
+def model(request, levitation_model, law_model):
+    return levitation_model if request.param == "spline" else law_model
+
+
+def test_writing_and_reading_keeps_every_digit(model, tmp_path):
+    write_model(model, tmp_path / "model.json")
+    again = read_model(tmp_path / "model.json")
+    assert model_to_dict(again) == model_to_dict(model)
+    d, i = np.linspace(0.015, 0.045, 50), np.linspace(0.0, 1.4, 50)
+    np.testing.assert_array_equal(again.magnetics.force(d, i), model.magnetics.force(d, i))
+    np.testing.assert_array_equal(again.sensor.voltage(d, i), model.sensor.voltage(d, i))
+    assert again.misfit == model.misfit
+    assert again.reference_distances_m == model.reference_distances_m
+    assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
+
+
+@pytest.mark.parametrize("part", ["circuit", "motion", "sensor", "misfit"])
+def test_an_absent_part_stays_absent(model, tmp_path, part):
+    write_model(replace(model, **{part: None}), tmp_path / "model.json")
+    assert getattr(read_model(tmp_path / "model.json"), part) is None
+
+
+@pytest.mark.parametrize("law", BUILT_IN, ids=lambda law: law.name)
+def test_every_law_with_its_shape_parameters_survives_the_file(law, levitation_model):
+    shape = {parameter.name: parameter.start for parameter in law.shape}
+    magnetics = LawMagnetics(law.name, (Coefficient(law.basis[0], 0, 1e-9, law.coefficient_units[0]),), shape)
+    again = model_from_dict(json.loads(json.dumps(model_to_dict(replace(levitation_model, magnetics=magnetics)))))
+    assert again.magnetics.shape == shape
+    assert again.magnetics.coefficients == magnetics.coefficients
+
+
+def test_a_newer_schema_is_refused_with_both_numbers(model):
+    data = model_to_dict(model) | {"schema": 99}
+    with pytest.raises(ModelFileError, match=r"schema 99.*up to schema 1.*Update femfit"):
+        model_from_dict(data, "m.json")
+
+
+def test_effects_that_cannot_be_evaluated_are_refused(model):
+    data = model_to_dict(model) | {"effects": [{"name": "eddy"}]}
+    with pytest.raises(ModelFileError, match=r"eddy.*silently different numbers"):
+        model_from_dict(data, "m.json")
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "message"),
+    [
+        (("motion", "mass_kg"), "4 g", r"motion\.mass_kg must be a finite number > 0; instead received '4 g'"),
+        (("motion", "mass_kg"), 0, r"motion\.mass_kg must be a finite number > 0"),
+        (("motion", "mass_kg"), True, r"motion\.mass_kg must be a finite number"),
+        (("circuit", "resistance_ohm"), None, r"circuit\.resistance_ohm must be a finite number > 0"),
+        (("circuit", "voltage_max_V"), -1.0, r"circuit\.voltage_max_V must be a finite number >= 0\.5"),
+        (("circuit",), {}, r"circuit\.voltage_min_V must be a finite number; it is missing"),
+        (("circuit", "colour"), "red", r"unknown key circuit\.colour"),
+        (("sensor", "adc_bits"), 12.5, r"sensor\.adc_bits must be a whole number"),
+        (("sensor", "noise_V"), -1e-3, r"sensor\.noise_V must be a finite number >= 0"),
+        (("sensor", "field", "coefficients"), [[1, 2], [3]], r"sensor\.field\.coefficients must be an array"),
+        (("validity", "distance_max_m"), float("nan"), r"validity\.distance_max_m must be a finite number"),
+        (("validity", "distance_min_m"), -0.01, r"validity must span distances > 0"),
+        (("validity", "distance_min_m"), 0.05, r"validity must span distances > 0"),
+        (("sample_time_s",), 0.0, r"sample_time_s must be a finite number > 0"),
+        (("sample_time_s",), 10**400, r"sample_time_s must be a finite number > 0"),
+        (("magnetics", "kind"), "neural", r"magnetics\.kind must be coenergy_spline or law; instead received 'neural'"),
+        (("schema",), None, "must be a femfit model file"),
+        (("schema",), True, "must be a femfit model file"),
+    ],
+)
+def test_a_damaged_value_is_named_by_its_key_path(levitation_model, keys, value, message):
+    data = copy.deepcopy(model_to_dict(levitation_model))
+    place = data
+    for key in keys[:-1]:
+        place = place[key]
+    place[keys[-1]] = value
+    with pytest.raises(ModelFileError, match=message):
+        model_from_dict(data, "m.json")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("u_knots", [1.0, 0.5], r"magnetics\.u_knots must be ascending, with 5 equal knots"),
+        ("u_degree", 0, r"magnetics\.u_degree must be a whole number in 1\.\.9"),
+        ("coefficients", [[1.0]], r"magnetics\.coefficients must be 10 lists of 3 numbers"),
+        ("reference_distance_m", 0.0, r"magnetics\.reference_distance_m must be a finite number > 0"),
+    ],
+)
+def test_a_damaged_spline_is_named_by_its_key_path(levitation_model, key, value, message):
+    data = model_to_dict(levitation_model)
+    data["magnetics"][key] = value
+    with pytest.raises(ModelFileError, match=message):
+        model_from_dict(data, "m.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"law": "F99"}, r"Force law must be one of F1e.*'F99'"),
+        ({"coefficients": []}, r"magnetics\.coefficients must be a list of objects, at least one"),
+        ({"shape": {"exponent": 3.0}}, r"unknown key magnetics\.shape\.exponent"),
+    ],
+)
+def test_a_damaged_law_is_named(law_model, change, message):
+    data = model_to_dict(law_model)
+    data["magnetics"] |= change
+    with pytest.raises(ModelFileError, match=message):
+        model_from_dict(data, "m.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"basis": "d^-9"}, r"coefficients\[0\]\.basis must be a column of the law \(d\^-4, d\^-2\)"),
+        ({"current_power": -1}, r"coefficients\[0\]\.current_power must be a whole number"),
+        ({"bounds": [0.0]}, r"coefficients\[0\]\.bounds must be a pair"),
+        ({"ci95": ["a", "b"]}, r"coefficients\[0\]\.ci95 must be an array"),
+    ],
+)
+def test_a_damaged_coefficient_is_named(law_model, change, message):
+    data = model_to_dict(law_model)
+    data["magnetics"]["coefficients"][0] |= change
+    with pytest.raises(ModelFileError, match=message):
+        model_from_dict(data, "m.json")
+
+
+def test_values_that_overflow_in_the_box_are_refused(levitation_model):
+    data = model_to_dict(levitation_model)
+    data["magnetics"]["coefficients"][0] = [1e308, -1e308, 1e308]
+    with pytest.raises(ModelFileError, match="not finite everywhere"):
+        model_from_dict(data, "m.json")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "null", '{"schema": 1}', "distance_m,force_N\n1,2\n", "\ud83d", "[" * 100_000]
+)
+def test_a_file_that_is_no_model_is_refused(tmp_path, text):
+    file = tmp_path / "model.json"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    with pytest.raises(ModelFileError, match=r"model\.json"):
+        read_model(file)
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(ModelFileError, match="cannot be read: No such file"):
+        read_model(tmp_path / "absent.json")
+
+
+def test_a_model_that_json_cannot_hold_is_refused_and_the_old_file_kept(model, tmp_path):
+    write_model(model, tmp_path / "model.json")
+    before = (tmp_path / "model.json").read_text()
+    for broken in (
+        replace(model, sample_time_s=float("nan")),
+        replace(model, provenance={"when": object()}),
+    ):
+        with pytest.raises(ModelFileError, match="cannot be written as JSON"):
+            write_model(broken, tmp_path / "model.json")
+    assert (tmp_path / "model.json").read_text() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
+
+
+JSON_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+def all_places(value, place=()):
+    """Key paths of every member of nested JSON."""
+    yield place
+    members = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, member in members:
+        yield from all_places(member, (*place, key))
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data(), junk=JSON_VALUES, delete=st.booleans())
+def test_any_mutation_gives_a_model_or_one_clear_error(model, data, junk, delete):
+    """A mutated member either is refused as damaged or is a value that the model may have."""
+    mutated = model_to_dict(model)
+    *parents, last = data.draw(st.sampled_from([p for p in all_places(mutated) if p]))
+    place = mutated
+    for key in parents:
+        place = place[key]
+    if delete:
+        del place[last]
+    else:
+        place[last] = junk
+    try:
+        again = model_from_dict(mutated, "m.json")
+    except ModelFileError:
+        return
+    assert np.isfinite(again.magnetics.force(np.asarray(0.02), np.asarray(0.5)))
+    for part in (again.circuit, again.motion):
+        assert part is None or all(isinstance(value, float) for value in asdict(part).values())
+
+
+def test_every_field_of_the_model_is_written(model):
+    assert set(model_to_dict(model)) == {"schema", *(field.name for field in fields(ActuatorModel))}
+
+
+BOX = ValidityBox(0.015, 0.045, 0.0, 1.4)
+
+
+@pytest.mark.parametrize(
+    ("distance", "current", "inside"),
+    [
+        (0.015, 0.0, True),
+        (0.045, 1.4, True),
+        (0.015 - 1e-12, 0.0, True),
+        (0.0149, 0.5, False),
+        (0.0451, 0.5, False),
+        (0.02, -0.01, False),
+        (0.02, 1.41, False),
+        (np.nan, 0.5, False),
+        (0.02, np.nan, False),
+        (np.inf, 0.5, False),
+    ],
+)
+def test_the_validity_box_holds_its_edges_and_no_nan(distance, current, inside):
+    assert bool(BOX.contains(np.asarray(distance), np.asarray(current))) is inside
+
+
+def test_a_point_outside_of_the_box_is_refused_with_the_range_in_mm():
+    BOX.require(np.array([0.02, 0.03]), np.asarray(0.5))
+    with pytest.raises(DomainError, match=r"15\.\.45 mm and 0\.\.1\.4 A.*received 60 mm and 0\.5 A"):
+        BOX.require(np.array([0.02, 0.06]), np.asarray(0.5))
+    with pytest.raises(DomainError, match="received nan mm"):
+        BOX.require(np.asarray(np.nan), np.asarray(0.5))
+
+
+def test_a_model_of_forces_alone_has_no_dynamics(law_model):
+    law_model.require_dynamics()
+    forces_alone = replace(law_model, magnetics=replace(law_model.magnetics, constant_inductance_H=0.0))
+    with pytest.raises(MissingPartError, match=r"inductance > 0.*--inductance-H"):
+        forces_alone.require_dynamics()
+
+
+def test_a_model_kind_without_a_file_form_is_refused(levitation_model, tmp_path):
+    class Other(Magnetics):
+        def _derivatives(self, distance, current, orders):  # noqa: ARG002  # as the base asks
+            return [np.zeros_like(distance) for _ in orders]
+
+    with pytest.raises(ModelFileError, match="it is Other"):
+        write_model(replace(levitation_model, magnetics=Other()), tmp_path / "m.json")
