@@ -1,5 +1,6 @@
 """``femfit fit``: a sweep table to a model file."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +13,10 @@ def fit(
     model: str = "coenergy",
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     bounds: str = "law",
+    bound: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    functions: str | None = None,
     stages: str = "two",
-    shape: tuple[str, ...] | None = None,
+    constraints: str | None = None,
     inductance_H: Annotated[float | None, Parameter(name="--inductance-H")] = None,
     actuator: Path | None = None,
     mass_g: float | None = None,
@@ -27,15 +30,21 @@ def fit(
     table : Path
         Sweep table, or the directory that holds it.
     model : str
-        Name of a force law, or coenergy.
+        coenergy, the name of a force law, or all: rank every law and write the recommended one.
     output : Path
         Model file; beside the table by default.
     bounds : str
         Bounds of a law's coefficients: law, none, paper or paper-coefficients.
+    bound : tuple of str
+        Bounds of one coefficient, for example "d^-4=0:1e-8"; repeat for more; either end may be empty.
+    functions : str
+        Coefficient functions of the current, one a column, for example constant,through-origin; default: by held-out
+        error among constant, through-origin, affine and quadratic.
     stages : str
         Coefficients of the two-stage fit (two) or of the one-stage fit (joint) in the model.
-    shape : tuple of str
-        Shape constraints of the co-energy: inductance, decreasing, attracting; default: those the data obey.
+    constraints : str
+        Shape constraints of the co-energy, any of inductance,decreasing,attracting, or none; default: those that the
+        data obey.
     inductance_H : float
         Inductance at the largest distance, for a table without flux linkage.
     actuator : Path
@@ -47,10 +56,9 @@ def fit(
     json : Path
         File for the result as JSON.
     """
-    import json as json_format
-
     from femfit.actuator.load import read_actuator
     from femfit.actuator.summary import sweep_manifest_entry
+    from femfit.cli.output import write_json
     from femfit.core.sweep_table import read_sweep_table
     from femfit.fit.build import FitOptions, fit_model
     from femfit.fit.text import fit_lines
@@ -59,8 +67,10 @@ def fit(
     options = FitOptions(
         model=model,
         bounds=bounds,
+        coefficient_bounds=dict(_single_bound(text) for text in bound),
+        functions=None if functions is None else _names(functions),
         stages=stages,
-        shapes=shape,
+        constraints=None if constraints is None else _names(constraints),
         inductance_H=inductance_H,
         actuator=sweep_manifest_entry(read_actuator(actuator)) if actuator else None,
         mass_kg=None if mass_g is None else 1e-3 * mass_g,
@@ -68,8 +78,26 @@ def fit(
     )
     result = fit_model(read_sweep_table(table), options)
     target = output or (table if table.is_dir() else table.parent) / f"model_{model}.json"
+    target.parent.mkdir(parents=True, exist_ok=True)
     write_model(result.model, target)
+    write_json(json, {**result.data, "model_file": str(target)})
     print("\n".join(fit_lines(result)))
     print(f"written: {target}")
-    if json is not None:
-        json.write_text(json_format.dumps(result.data, indent=1) + "\n", encoding="utf-8")
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip() not in {"", "none"})
+
+
+def _single_bound(text: str) -> tuple[str, tuple[float, float]]:
+    from femfit.core.errors import FitError
+
+    name, separator, ends = text.partition("=")
+    low, colon, high = ends.partition(":")
+    try:
+        limits = (float(low) if low else -math.inf, float(high) if high else math.inf)
+    except ValueError:
+        limits = (math.nan, math.nan)
+    if not (separator and colon) or any(math.isnan(end) for end in limits):
+        raise FitError(f"A bound must read COLUMN=LOW:HIGH, for example d^-4=0:1e-8; instead received {text!r}.")
+    return name.strip(), limits

@@ -14,17 +14,19 @@ from femfit.core.sweep_table import SweepTable
 from femfit.fit.bounded_qp import solve_bounded_qp
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.hall import HallFit, fit_hall
-from femfit.fit.law_fit import LawFit, default_bounds, fit_law
+from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.linearity import LinearityTest, linearity_test
 from femfit.fit.misfit import misfit_between, misfit_to_rows
-from femfit.fit.paper_box import bounds_by_name
-from femfit.fit.result_data import coenergy_data, hall_data, law_data, linearity_data
+from femfit.fit.named_bounds import bounds_by_name
+from femfit.fit.ranking import Ranking, rank_laws
+from femfit.fit.result_data import coenergy_data, hall_data, law_data, linearity_data, ranking_data
 from femfit.fit.rows import FitRows, rows_of_table
-from femfit.laws.catalogue import law_by_name
+from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
-from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
 
 COENERGY = "coenergy"
+ALL = "all"
 
 
 @dataclass(frozen=True)
@@ -34,29 +36,48 @@ class FitOptions:
     Parameters
     ----------
     model : str
-        ``coenergy`` or a law's name.
+        ``coenergy``, a law's name, or ``all``: every law is ranked and the recommended one becomes the model.
     bounds : str
-        ``law``, ``none``, ``paper`` or ``paper-coefficients``; see :mod:`femfit.fit.paper_box`.
+        ``law``, ``none``, ``paper`` or ``paper-coefficients``; see :mod:`femfit.fit.named_bounds`. Not used by ``all``.
+    coefficient_bounds : mapping of str to (float, float)
+        Bounds of single columns' coefficients, over those of ``bounds``.
+    functions : tuple of str or None
+        Coefficient function of each column, without choosing by held-out error.
     stages : str
         ``two`` puts the two-stage coefficients into the model, ``joint`` those of the one-stage fit.
-    shapes : tuple of str or None
+    constraints : tuple of str or None
         Shape constraints of the co-energy; None: those that the raw data obey.
     inductance_H : float or None
         Inductance at the largest distance, for a table without flux linkage.
     actuator : mapping or None
-        Replaces the manifest's ``actuator`` entry.
+        Replaces values of the manifest's ``actuator`` entry.
     mass_kg, resistance_ohm : float or None
         Replace single values of it.
     """
 
     model: str = COENERGY
     bounds: str = "law"
+    coefficient_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    functions: tuple[str, ...] | None = None
     stages: str = "two"
-    shapes: tuple[str, ...] | None = None
+    constraints: tuple[str, ...] | None = None
     inductance_H: float | None = None
     actuator: Mapping[str, Any] | None = None
     mass_kg: float | None = None
     resistance_ohm: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.stages not in {"two", "joint"}:
+            raise FitError(f"Stages must be 'two' or 'joint'; instead received {self.stages!r}.")
+        if self.model not in {COENERGY, ALL, *all_laws()}:
+            raise FitError(
+                f"The model must be {COENERGY}, {ALL} or a law ({', '.join(all_laws())}); instead received "
+                f"{self.model!r}."
+            )
+        for name in ("mass_kg", "resistance_ohm", "inductance_H"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise FitError(f"{name} must be > 0; instead received {value:g}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,33 +88,36 @@ class FitResult:
     ----------
     model : ActuatorModel
         To write with :func:`femfit.model.json_file.write_model`.
-    coenergy : CoenergyFit
-        The reference; the model itself where a co-energy was asked for.
+    coenergy : CoenergyFit or None
+        The reference; the model itself where a co-energy was asked for; None where the table is too small for one.
     law : LawFit or None
-        The law, where one was asked for.
+        The law, where one was asked for or recommended.
+    ranking : Ranking or None
+        Where all laws were asked for.
     hall : HallFit or None
         Where the table has the field at a Hall element.
     linearity : LinearityTest or None
         Table 2 of the paper, on these data.
     misfits : tuple of Misfit
-        Of the model, against the sweep first, then against the co-energy reference.
+        Of the model, against the sweep first, then of a law against the co-energy reference.
     rows : FitRows
         What was fitted.
     notes : tuple of str
         What the model lacks, and how to give it.
     data : mapping
-        The same as JSON.
+        All of it, JSON-ready.
     """
 
     model: ActuatorModel
     coenergy: CoenergyFit | None
     law: LawFit | None
+    ranking: Ranking | None
     hall: HallFit | None
     linearity: LinearityTest | None
     misfits: tuple[Misfit, ...]
     rows: FitRows
     notes: tuple[str, ...]
-    data: Mapping[str, Any] = field(default_factory=dict)
+    data: Mapping[str, Any]
 
 
 def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult:
@@ -120,56 +144,75 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
     """
     options = options or FitOptions()
     entry = actuator_entry(table, options)
-    mass = entry.get("mass_kg")
-    rows = rows_of_table(table, None if mass is None else float(mass), GRAVITY)
+    rows = rows_of_table(table, entry.get("mass_kg"), GRAVITY)
+    law, ranking = _law(rows, options)
+    coenergy = _coenergy(rows, options, needed=law is None)
     hall = None if rows.hall is None or len(rows.currents) < 2 else fit_hall(rows, rows.hall)
     linearity = linearity_test(rows)
-    coenergy: CoenergyFit | None
-    law: LawFit | None = None
-    if options.model == COENERGY:
-        coenergy = fit_coenergy(rows, options.shapes, options.inductance_H or 0.0)
-        magnetics: Any = coenergy.magnetics
-        covariance = None
-    else:
-        chosen = law_by_name(options.model)
-        bounds = bounds_by_name(options.bounds, chosen, rows) or default_bounds(chosen)
-        law = fit_law(chosen, rows, bounds)
+    magnetics: Magnetics
+    misfits = []
+    if law is not None:
         magnetics = law_magnetics(law, rows, options)
-        covariance = law.interval.block_covariance
-        coenergy = _reference(rows, options)
-    misfits = [misfit_to_rows(magnetics, rows, hall.rms_T if hall else None)]
-    if law is not None and coenergy is not None:
-        misfits.append(misfit_between(magnetics, coenergy.magnetics, rows))
+        if coenergy is not None:
+            misfits.append(misfit_between(magnetics, coenergy.magnetics, rows))
+    elif coenergy is not None:
+        magnetics = coenergy.magnetics
+    misfits.insert(0, misfit_to_rows(magnetics, rows, hall.rms_T if hall else None))
+    parts = _parts(entry, rows, hall, options)
     data = {
         "model": options.model,
+        "stages": options.stages,
+        "bounds": options.bounds,
         "rows": len(rows.force),
         "misfits": [vars(m) for m in misfits],
         "coenergy": coenergy_data(coenergy) if coenergy else None,
         "law": law_data(law, rows) if law else None,
+        "ranking": ranking_data(ranking) if ranking else None,
         "hall": hall_data(hall) if hall else None,
         "linearity": linearity_data(linearity) if linearity else None,
+        "notes": list(parts.notes),
     }
-    circuit, motion, sensor, notes = _parts(entry, rows, hall, options)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
         magnetics=magnetics,
         validity=ValidityBox(
             float(rows.distances[0]), float(rows.distances[-1]), float(rows.currents[0]), float(rows.currents[-1])
         ),
-        circuit=circuit,
-        motion=motion,
-        sensor=sensor,
+        circuit=parts.circuit,
+        motion=parts.motion,
+        sensor=parts.sensor,
         misfit=misfits[0],
         sample_time_s=float(entry.get("sample_time_s") or 0.5e-3),
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
-        covariance=covariance,
+        covariance=law.interval.block_covariance if law else None,
         provenance={
-            "fit": {**data, "notes": list(notes), "stages": options.stages, "bounds": options.bounds},
-            "sweep": {k: v for k, v in table.manifest.items() if k != "actuator"},
+            "fit": data,
+            "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
             "versions": _versions(),
         },
     )
-    return FitResult(model, coenergy, law, hall, linearity, tuple(misfits), rows, notes, data)
+    return FitResult(model, coenergy, law, ranking, hall, linearity, tuple(misfits), rows, parts.notes, data)
+
+
+def _law(rows: FitRows, options: FitOptions) -> tuple[LawFit | None, Ranking | None]:
+    if options.model == COENERGY:
+        return None, None
+    if options.model == ALL:
+        ranking = rank_laws(tuple(all_laws().values()), rows)
+        return ranking.recommended.fit, ranking
+    law = law_by_name(options.model)
+    bounds = bounds_by_name(options.bounds, law, rows, options.coefficient_bounds)
+    return fit_law(law, rows, bounds, options.functions), None
+
+
+def _coenergy(rows: FitRows, options: FitOptions, needed: bool) -> CoenergyFit | None:
+    """The co-energy; None for a table too small for one, where only a law's reference was wanted."""
+    try:
+        return fit_coenergy(rows, options.constraints, options.inductance_H or 0.0)
+    except FitError:
+        if needed:
+            raise
+        return None
 
 
 def actuator_entry(table: SweepTable, options: FitOptions) -> dict[str, Any]:
@@ -213,20 +256,24 @@ def law_magnetics(law: LawFit, rows: FitRows, options: FitOptions) -> LawMagneti
     LawMagnetics
         For the model.
     """
-    values = law.two_stage if options.stages == "two" else law.joint.x
+    if options.stages == "two":
+        values = law.two_stage
+        sides = tuple(side for function in law.stage_two for side in function.active_sides)
+    else:
+        values, sides = law.joint.x, law.limits.active_sides(law.joint)
     coefficients = []
     for n, (basis, power) in enumerate(law.terms):
-        k = law.law.basis.index(basis)
-        active = law.stage_two[k].active if options.stages == "two" else law.joint_active
-        sides = {side for side in ("lower", "upper") for word in active if basis in word and f"its {side}" in word}
+        unit = law.law.coefficient_units[law.law.basis.index(basis)]
+        half = 0.5 * float(law.interval.block[n, 1] - law.interval.block[n, 0])
         coefficients.append(
             Coefficient(
                 basis=basis,
                 current_power=power,
                 value=float(values[n]),
-                unit=law.law.coefficient_units[k] + ("" if power == 0 else " A^-1" if power == 1 else f" A^-{power}"),
-                ci95=None if sides else _shifted(law.interval.block[n], law.joint.x[n], values[n]),
-                active=" and ".join(sorted(sides)),
+                unit=f"{unit} A^-{power}" if power else unit,
+                ci95=None if sides[n] else (float(values[n]) - half, float(values[n]) + half),
+                bounds=(float(law.limits.lower[n]), float(law.limits.upper[n])),
+                active=sides[n],
             )
         )
     bare = LawMagnetics(law.law.name, tuple(coefficients), dict(law.shape))
@@ -243,21 +290,15 @@ def law_magnetics(law: LawFit, rows: FitRows, options: FitOptions) -> LawMagneti
     return LawMagnetics(law.law.name, tuple(coefficients), dict(law.shape), float(solution.x[0]), float(solution.x[1]))
 
 
-def _shifted(interval: Any, centre: float, value: float) -> tuple[float, float]:
-    return float(interval[0] - centre + value), float(interval[1] - centre + value)
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    circuit: Circuit | None
+    motion: Motion | None
+    sensor: HallSensor | None
+    notes: tuple[str, ...]
 
 
-def _reference(rows: FitRows, options: FitOptions) -> CoenergyFit | None:
-    """The co-energy reference of a law; None where the table is too small for one."""
-    try:
-        return fit_coenergy(rows, options.shapes, options.inductance_H or 0.0)
-    except FitError:
-        return None
-
-
-def _parts(
-    entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, options: FitOptions
-) -> tuple[Circuit | None, Motion | None, HallSensor | None, tuple[str, ...]]:
+def _parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, options: FitOptions) -> _Parts:
     notes = []
     circuit = None
     keys = ("resistance_ohm", "voltage_min_V", "voltage_max_V")
@@ -283,7 +324,7 @@ def _parts(
     else:
         values = {key: value for key, value in element.items() if key not in {"radius_m", "height_m"}}
         sensor = HallSensor(field=hall.field, **values)
-    return circuit, motion, sensor, tuple(notes)
+    return _Parts(circuit, motion, sensor, tuple(notes))
 
 
 def _versions() -> dict[str, str]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.fit.bounded_qp import Inequalities
+from femfit.fit.bounded_qp import Inequalities, QPSolution
 from femfit.laws.law import ForceLaw
 
 FUNCTIONS: dict[str, tuple[int, ...]] = {
@@ -77,10 +77,50 @@ def design_matrix(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class TermBounds:
+    """Bounds on c_k(i) at every current, written for the terms of its polynomial.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the terms.
+    lower, upper : array, shape (terms,)
+        A box, from currents at which a single term makes up the coefficient.
+    inequalities : Inequalities or None
+        From the other currents.
+    sides : tuple of str
+        ``lower`` or ``upper`` for each inequality.
+    """
+
+    names: tuple[str, ...]
+    lower: FloatArray
+    upper: FloatArray
+    inequalities: Inequalities | None
+    sides: tuple[str, ...]
+
+    def active(self, solution: QPSolution) -> tuple[str, ...]:
+        """The bounds that a solution stands on, in words."""
+        box = [f"{name} on its {side} bound" for name, side in zip(self.names, solution.active, strict=True) if side]
+        if self.inequalities is None:
+            return tuple(box)
+        labels = self.inequalities.labels
+        return (*box, *(w for w, hit in zip(labels, solution.active_inequalities, strict=True) if hit))
+
+    def active_sides(self, solution: QPSolution) -> tuple[str, ...]:
+        """For each term ``lower``, ``upper`` or empty: the side on which its coefficient is bound at any current."""
+        sides = list(solution.active)
+        if self.inequalities is not None:
+            for row, side, hit in zip(self.inequalities.matrix, self.sides, solution.active_inequalities, strict=True):
+                for term in np.flatnonzero(row) if hit else ():
+                    sides[term] = sides[term] or side
+        return tuple(sides)
+
+
 def term_bounds(
     functions: Sequence[str], labels: Sequence[str], currents: FloatArray, bounds: CoefficientBounds
-) -> tuple[FloatArray, FloatArray, Inequalities | None]:
-    """Bounds on c_k(i) at every current, as a box where a function has one term and as inequalities where it has more.
+) -> TermBounds:
+    """Bounds on c_k(i) at every current: a box where one term makes it up, inequalities where it has more.
 
     Parameters
     ----------
@@ -95,31 +135,38 @@ def term_bounds(
 
     Returns
     -------
-    tuple of lower, upper and Inequalities or None
-        For the terms.
+    TermBounds
+        For the terms, in the order of :func:`design_matrix`.
     """
     total = sum(len(FUNCTIONS[name]) for name in functions)
     lower, upper = np.full(total, -np.inf), np.full(total, np.inf)
     rows: list[FloatArray] = []
     right: list[float] = []
     words: list[str] = []
+    sides: list[str] = []
     start = 0
     for k, name in enumerate(functions):
-        powers = np.array(FUNCTIONS[name])
-        low, high = bounds.lower[k], bounds.upper[k]
+        powers = np.array(FUNCTIONS[name], dtype=np.float64)
         for i in currents:
-            monomials = i ** powers.astype(np.float64)
-            if len(powers) == 1 and monomials[0] != 0.0:
-                ends = sorted((low / monomials[0], high / monomials[0]))
-                lower[start], upper[start] = max(lower[start], ends[0]), min(upper[start], ends[1])
-            elif len(powers) > 1:
-                row = np.zeros(total)
-                row[start : start + len(powers)] = monomials
-                for limit, sign, word in ((low, 1.0, "lower"), (high, -1.0, "upper")):
-                    if np.isfinite(limit):
-                        rows.append(sign * row)
-                        right.append(sign * limit)
-                        words.append(f"{labels[k]} at {i:g} A on its {word} bound {limit:g}")
+            row = np.zeros(total)
+            row[start : start + len(powers)] = i**powers
+            only = np.flatnonzero(row)
+            for limit, sign, word in ((bounds.lower[k], 1.0, "lower"), (bounds.upper[k], -1.0, "upper")):
+                if not np.isfinite(limit) or len(only) == 0:
+                    continue
+                if len(only) == 1:
+                    # sign row x >= sign limit bounds this term alone, from below where the row's entry has that sign.
+                    entry = row[only[0]]
+                    if sign * entry > 0:
+                        lower[only[0]] = max(lower[only[0]], limit / entry)
+                    else:
+                        upper[only[0]] = min(upper[only[0]], limit / entry)
+                else:
+                    rows.append(sign * row)
+                    right.append(sign * limit)
+                    words.append(f"{labels[k]} at {i:g} A on its {word} bound {limit:g}")
+                    sides.append(word)
         start += len(powers)
     found = Inequalities(np.array(rows), np.array(right), tuple(words)) if rows else None
-    return lower, upper, found
+    names = (f"{labels[k]} i^{power}" for k, name in enumerate(functions) for power in FUNCTIONS[name])
+    return TermBounds(tuple(names), lower, upper, found, tuple(sides))

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
-from femfit.fit.law_columns import CoefficientBounds, design_matrix, term_bounds, term_names
+from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, TermBounds, design_matrix, term_bounds, term_names
 from femfit.fit.rows import FitRows
 from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
 from femfit.laws.law import ForceLaw
@@ -66,8 +66,8 @@ class LawFit:
         Coefficients of the two-stage fit.
     joint : QPSolution
         The one-stage fit of the same terms to all rows.
-    joint_active : tuple of str
-        Its active bounds in words.
+    limits : TermBounds
+        The bounds that it obeys.
     interval : Interval
         Of the joint fit's terms.
     """
@@ -81,8 +81,13 @@ class LawFit:
     stage_two: tuple[CoefficientFunction, ...]
     two_stage: FloatArray
     joint: QPSolution
-    joint_active: tuple[str, ...]
+    limits: TermBounds
     interval: Interval
+
+    @property
+    def operations(self) -> int:
+        """Floating-point operations of one evaluation with the chosen functions."""
+        return self.law.operations_with([FUNCTIONS[name] for name in self.functions])
 
     def force(self, coefficients: FloatArray, distance: FloatArray, current: FloatArray) -> FloatArray:
         """Force in N for coefficients in the order of ``terms``."""
@@ -152,8 +157,8 @@ def fit_law(
     typical = np.sqrt(np.mean(law.columns(rows.distance, shape) ** 2, axis=0))
     stage_two = fit_functions(law, stage_one, bounds, functions, NEGLIGIBLE * scale / typical)
     chosen = tuple(function.name for function in stage_two)
-    joint, active = fit_joint(law, shape, chosen, rows, sigma, bounds)
-    interval, shape_interval = _intervals(law, shape, chosen, rows, sigma, bounds, joint)
+    joint, limits = fit_joint(law, shape, chosen, rows, sigma, bounds)
+    interval, shape_interval = _intervals(law, shape, chosen, rows, sigma, limits, joint)
     return LawFit(
         law=law,
         shape=shape,
@@ -164,7 +169,7 @@ def fit_law(
         stage_two=stage_two,
         two_stage=np.concatenate([function.values for function in stage_two]),
         joint=joint,
-        joint_active=active,
+        limits=limits,
         interval=interval,
     )
 
@@ -176,7 +181,7 @@ def fit_joint(
     rows: FitRows,
     sigma: FloatArray,
     bounds: CoefficientBounds,
-) -> tuple[QPSolution, tuple[str, ...]]:
+) -> tuple[QPSolution, TermBounds]:
     """All coefficients of all currents in one QP.
 
     Parameters
@@ -196,17 +201,15 @@ def fit_joint(
 
     Returns
     -------
-    tuple of QPSolution and tuple of str
-        The solution and its active bounds in words.
+    tuple of QPSolution and TermBounds
+        The solution and the bounds that it obeys.
     """
     matrix = design_matrix(law, shape, functions, rows.distance, rows.current)
-    lower, upper, inequalities = term_bounds(functions, law.basis, rows.currents, bounds)
-    names = [f"{basis} i^{power}" for basis, power in term_names(law, functions)]
-    solution = solve_bounded_qp(matrix, rows.force, sigma, lower, upper, inequalities, names)
-    active = [f"{name} on its {side} bound" for name, side in zip(names, solution.active, strict=True) if side]
-    if inequalities is not None:
-        active += [w for w, hit in zip(inequalities.labels, solution.active_inequalities, strict=True) if hit]
-    return solution, tuple(active)
+    limits = term_bounds(functions, law.basis, rows.currents, bounds)
+    solution = solve_bounded_qp(
+        matrix, rows.force, sigma, limits.lower, limits.upper, limits.inequalities, limits.names
+    )
+    return solution, limits
 
 
 def fit_shape(
@@ -246,23 +249,24 @@ def fit_shape(
     functions = ("affine",) * len(law.basis) if len(rows.currents) > 1 else ("constant",) * len(law.basis)
 
     def misfit(unit: FloatArray) -> FloatArray:
-        shape = dict(zip(names, lower + unit * (upper - lower), strict=True))
+        shape = dict(zip(names, lower * (upper / lower) ** unit, strict=True))
         matrix = design_matrix(law, shape, functions, rows.distance, rows.current) / sigma[:, None]
         q_factor = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0))[0]
         target = rows.force / sigma
         return np.asarray(target - q_factor @ (q_factor.T @ target))
 
     first = np.array([p.start if start is None else start[p.name] for p in law.shape])
-    unit = (first - lower) / (upper - lower)
-    spread = (1.0,) if start is not None else (1.0, 0.5, 1.5, 3.0)
+    unit = np.log(first / lower) / np.log(upper / lower)
+    # A third of a decade either way, and at the scale of this table's distances.
+    steps = (0.0,) if start is not None else (0.0, -0.1, 0.1)
     found = []
-    for factor in spread:
-        guess = np.clip(unit * factor, 1e-3, 1.0 - 1e-3)
+    for step in steps:
+        guess = np.clip(unit + step, 1e-3, 1.0 - 1e-3)
         found.append(least_squares(misfit, guess, bounds=(0.0, 1.0), xtol=1e-10, ftol=1e-10, gtol=1e-10))
     best = min(found, key=lambda r: float(r.cost))
     if not best.success:
         raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
-    return {name: float(v) for name, v in zip(names, lower + best.x * (upper - lower), strict=True)}
+    return {name: float(v) for name, v in zip(names, lower * (upper / lower) ** best.x, strict=True)}
 
 
 def _intervals(
@@ -271,7 +275,7 @@ def _intervals(
     functions: Sequence[str],
     rows: FitRows,
     sigma: FloatArray,
-    bounds: CoefficientBounds,
+    limits: TermBounds,
     joint: QPSolution,
 ) -> tuple[Interval, dict[str, tuple[float, float]]]:
     half = student.ppf(0.975, max(joint.degrees_of_freedom, 1)) * np.sqrt(np.diag(joint.covariance))
@@ -282,9 +286,8 @@ def _intervals(
         rest = ~np.isin(rows.distance, block)
         part = rows.take(rest)
         refit = fit_shape(law, part, sigma[rest], shape)
-        lower, upper, inequalities = term_bounds(functions, law.basis, rows.currents, bounds)
         matrix = design_matrix(law, refit, functions, part.distance, part.current)
-        x = active_set_least_squares(matrix, part.force, sigma[rest], lower, upper, inequalities)
+        x = active_set_least_squares(matrix, part.force, sigma[rest], limits.lower, limits.upper, limits.inequalities)
         values.append(np.concatenate([x, list(refit.values())]))
     table = np.array(values)
     g = len(blocks)

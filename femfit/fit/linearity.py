@@ -17,6 +17,9 @@ from scipy.stats import f as fisher
 from femfit.core.arrays import FloatArray
 from femfit.fit.rows import FitRows
 
+# Relative residuals below this are rounding of stored numbers, not noise.
+_ROUNDING = 1e-10
+
 
 @dataclass(frozen=True, eq=False)
 class LinearityTest:
@@ -36,8 +39,8 @@ class LinearityTest:
         Largest i^2 part over the largest force.
     f_value, p_value : float or None
         F test of the quadratic part over all distances, its degrees of freedom below; None with fewer than four
-        currents. On noise-free data the residual is the cubic part and rounding: a small p then proves a curvature,
-        however small, and the two shares above say whether it matters.
+        currents, and where a parabola leaves nothing but rounding (a superposed sweep): there is then no noise to test
+        against. A small p proves a curvature; the two shares above say whether it matters.
     degrees_of_freedom : (int, int)
         Numerator and denominator.
     """
@@ -88,25 +91,30 @@ def linearity_test(rows: FitRows) -> LinearityTest | None:
     )
 
 
-def quadratic_f_test(current: FloatArray, values: FloatArray) -> tuple[float, float]:
-    """F test of c_0 + c_1 i against c_0 + c_1 i + c_2 i^2.
+def quadratic_f_test(current: FloatArray, values: FloatArray, through_origin: bool = False) -> tuple[float, float]:
+    """F test of an i^2 part beside a line.
 
     Parameters
     ----------
     current : array, shape (m,)
         A; m > 3.
     values : array, shape (m,)
-        Any quantity.
+        Any quantity, for example a coefficient of stage one.
+    through_origin : bool
+        Whether the line is c_1 i (the paper's f_b) rather than c_0 + c_1 i.
 
     Returns
     -------
     tuple of float
-        F on (1, m - 3) degrees of freedom and its p value.
+        F on (1, m - terms) degrees of freedom, and its p value.
     """
-    _, f_value, p_value, _ = _quadratic_part(current, values[:, None])
-    if f_value is None or p_value is None:
-        raise ValueError("An F test of a parabola needs at least four currents.")
-    return f_value, p_value
+    powers = (1, 2) if through_origin else (0, 1, 2)
+    matrix = current[:, None] ** np.array(powers, dtype=np.float64)
+    q_factor = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0))[0]
+    along = q_factor.T @ values
+    freedom = len(values) - len(powers)
+    f_value = float(along[-1] ** 2 / (np.sum((values - q_factor @ along) ** 2) / freedom))
+    return f_value, float(fisher.sf(f_value, 1, freedom))
 
 
 def _quadratic_part(
@@ -122,6 +130,7 @@ def _quadratic_part(
     if freedom[1] == 0:
         return part, None, None, freedom
     residual = float(np.sum((values - q_factor @ along) ** 2))
-    floor = np.finfo(np.float64).eps ** 2 * float(np.sum(values**2))
-    f_value = float(np.sum(along[2] ** 2) / freedom[0] / max(residual, floor) * freedom[1])
+    if residual <= _ROUNDING**2 * float(np.sum(values**2)):
+        return part, None, None, freedom
+    f_value = float(np.sum(along[2] ** 2) / freedom[0] / residual * freedom[1])
     return part, f_value, float(fisher.sf(f_value, *freedom)), freedom

@@ -8,6 +8,7 @@ from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
 from femfit.fit.linearity import LinearityTest
+from femfit.fit.ranking import TARGET, Ranking
 from femfit.fit.rows import FitRows
 
 
@@ -30,7 +31,7 @@ def law_data(fit: LawFit, rows: FitRows) -> dict[str, Any]:
     return {
         "name": fit.law.name,
         "formula": fit.law.formula,
-        "operations": fit.law.operations,
+        "operations": fit.operations,
         "shape": dict(fit.shape),
         "shape_interval95": {name: list(ends) for name, ends in fit.shape_interval.items()},
         "stage_one": [
@@ -75,9 +76,49 @@ def law_data(fit: LawFit, rows: FitRows) -> dict[str, Any]:
         "two_stage_rms_N": _rms(two - rows.force),
         "joint_rms_N": _rms(joint - rows.force),
         "two_stage_minus_joint_rms_N": _rms(two - joint),
-        "joint_active": list(fit.joint_active),
+        "joint_active": list(fit.limits.active(fit.joint)),
         "condition": fit.joint.condition,
         "condition_scaled": fit.joint.condition_scaled,
+    }
+
+
+def ranking_data(ranking: Ranking) -> dict[str, Any]:
+    """A ranking of laws.
+
+    Parameters
+    ----------
+    ranking : Ranking
+        Any.
+
+    Returns
+    -------
+    dict
+        One entry a candidate, best first; null in place of what a law that could not be fitted does not have.
+    """
+    return {
+        "of": ranking.of,
+        "target": TARGET,
+        "recommended": ranking.recommended.law.name,
+        "reached": ranking.reached,
+        "candidates": [
+            {
+                "law": c.law.name,
+                "formula": c.law.formula,
+                "held_out_rms": c.held_out_rms if c.fit else None,
+                "held_out_max": c.held_out_max if c.fit else None,
+                "held_out_of_force": c.held_out_of_force if c.fit else None,
+                "rms": c.rms if c.fit else None,
+                "operations": c.fit.operations if c.fit else None,
+                "parameters": c.parameters,
+                "functions": list(c.fit.functions) if c.fit else None,
+                "shape": dict(c.fit.shape) if c.fit else None,
+                "active": list(c.fit.limits.active(c.fit.joint)) if c.fit else None,
+                "condition": c.fit.joint.condition if c.fit else None,
+                "condition_scaled": c.fit.joint.condition_scaled if c.fit else None,
+                "failure": c.failure or None,
+            }
+            for c in ranking.candidates
+        ],
     }
 
 

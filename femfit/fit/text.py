@@ -3,9 +3,14 @@
 import numpy as np
 
 from femfit.fit.build import FitResult
+from femfit.fit.coenergy import SHAPES, U_DEGREE, CoenergyFit
+from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
 from femfit.fit.linearity import LinearityTest
-from femfit.model.actuator_model import Misfit
+from femfit.fit.ranking import TARGET, Ranking
+from femfit.fit.rows import FitRows
+from femfit.model.actuator_model import ActuatorModel, Misfit
+from femfit.model.magnetics import LawMagnetics
 
 
 def fit_lines(result: FitResult) -> list[str]:
@@ -21,31 +26,93 @@ def fit_lines(result: FitResult) -> list[str]:
     list of str
         Lines.
     """
-    lines = [f"{result.model.name}: {len(result.rows.force)} rows"]
+    model = result.model
+    lines = [f"{model.name}: {len(result.rows.force)} rows"]
+    if result.ranking is not None:
+        lines += ranking_lines(result.ranking)
     if result.law is not None:
-        lines += _law_lines(result.law)
+        lines += _law_lines(result.law, result.rows)
     elif result.coenergy is not None:
-        fit = result.coenergy
-        lines += [
-            (
-                f"co-energy: {np.prod(fit.basis.shape)} coefficients ({fit.basis.cells[0]} cells in d_0/d, degree 4; "
-                f"{fit.basis.cells[1]} in i, degree {fit.basis.current_degree}), held-out force error "
-                f"{100 * fit.held_out:.2g} %, condition {fit.qp.condition:.1e}, scaled {fit.qp.condition_scaled:.1e}"
-            ),
-            f"shape constraints: {'; '.join(fit.constraints) or 'none'}; active: {'; '.join(fit.active) or 'none'}",
-        ]
+        lines += _coenergy_lines(result.coenergy)
     lines += [misfit_line(m) for m in result.misfits]
-    if result.hall is not None:
-        hall = result.hall
-        low, high = (1e3 * t for t in hall.coil_slope_T_per_A)
+    if isinstance(model.magnetics, LawMagnetics) and result.rows.flux_linkage is not None:
         lines.append(
-            f"Hall field: coil part {low:.4g} to {high:.4g} mT/A, magnet part {1e3 * hall.magnet_field_T[0]:.4g} to "
-            f"{1e3 * hall.magnet_field_T[1]:.4g} mT, "
-            f"misfit {1e6 * hall.rms_T:.3g} uT rms, {1e6 * hall.max_T:.3g} uT max"
+            f"from the flux linkage: constant inductance {1e3 * model.magnetics.constant_inductance_H:.4g} mH, "
+            f"constant flux linkage {1e3 * model.magnetics.constant_flux_linkage_Wb:.4g} mWb"
         )
+    if result.hall is not None:
+        lines += _hall_lines(result.hall, model)
     if result.linearity is not None:
         lines += linearity_lines(result.linearity)
-    lines += [f"note: {note}" for note in result.notes]
+    return [*lines, *(f"note: {note}" for note in result.notes)]
+
+
+def ranking_lines(ranking: Ranking) -> list[str]:
+    """The table of candidates.
+
+    Parameters
+    ----------
+    ranking : Ranking
+        Any.
+
+    Returns
+    -------
+    list of str
+        Lines, the recommendation last.
+    """
+    lines = [
+        f"candidates, errors in % of the {ranking.of} (held-out rows: blocks of distances, single currents):",
+        (
+            f"  {'law':23} {'held-out rms':>12} {'max':>7} {'of force':>9} {'all rows':>9} {'operations':>11} "
+            f"{'parameters':>11} {'condition':>10}  on a bound"
+        ),
+    ]
+    for c in ranking.candidates:
+        if c.fit is None:
+            lines.append(f"  {c.law.name:23} not fitted: {c.failure}")
+            continue
+        lines.append(
+            f"  {c.law.name:23} {100 * c.held_out_rms:12.3f} {100 * c.held_out_max:7.2f} "
+            f"{100 * c.held_out_of_force:7.2f} % {100 * c.rms:9.3f} {c.fit.operations:11d} {c.parameters:11d} "
+            f"{c.fit.joint.condition_scaled:10.1e}  {len(c.fit.limits.active(c.fit.joint)) or '-'}"
+        )
+    best = ranking.recommended
+    reason = "the cheapest within" if ranking.reached else "the best; none is within"
+    operations = best.fit.operations if best.fit else 0
+    lines.append(
+        f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the {ranking.of}"
+    )
+    return lines
+
+
+def _coenergy_lines(fit: CoenergyFit) -> list[str]:
+    size = fit.basis.shape[0] * fit.basis.shape[1]
+    return [
+        f"co-energy: {size} coefficients, held-out force error {100 * fit.held_out:.2g} %",
+        (
+            f"B-spline: {fit.basis.cells[0]} cells of degree {U_DEGREE} in d_0/d, {fit.basis.cells[1]} of degree "
+            f"{fit.basis.current_degree} in the current"
+        ),
+        f"condition number {fit.qp.condition:.1e}, columns scaled {fit.qp.condition_scaled:.1e}",
+        *(f"constraint: {SHAPES[name]}" for name in fit.constraints),
+        f"active constraints: {'; '.join(fit.active) or 'none'}",
+    ]
+
+
+def _hall_lines(hall: HallFit, model: ActuatorModel) -> list[str]:
+    low, high = hall.coil_slope_T_per_A
+    far, near = hall.magnet_field_T
+    lines = [
+        "Hall field, coil part CH and magnet part MH:",
+        f"  CH {1e3 * low:.4g} to {1e3 * high:.4g} mT/A, MH {1e3 * far:.4g} to {1e3 * near:.4g} mT",
+    ]
+    if model.sensor is not None:
+        volt = model.sensor.sensitivity_V_per_T
+        lines.append(
+            f"  at the sensor's output: CH {volt * low:.4g} to {volt * high:.4g} V/A, MH {volt * far:.4g} to "
+            f"{volt * near:.4g} V above {model.sensor.quiescent_V:g} V"
+        )
+    lines.append(f"  misfit {1e6 * hall.rms_T:.3g} uT rms, {1e6 * hall.max_T:.3g} uT max")
     return lines
 
 
@@ -72,7 +139,7 @@ def misfit_line(misfit: Misfit) -> str:
     )
 
 
-def _law_lines(fit: LawFit) -> list[str]:
+def _law_lines(fit: LawFit, rows: FitRows) -> list[str]:
     lines = [f"{fit.law.name}: {fit.law.formula}   ({fit.law.reference})"]
     lines += [
         f"  {name} = {value:.5g} (95 %: {fit.shape_interval[name][0]:.4g} .. {fit.shape_interval[name][1]:.4g})"
@@ -103,7 +170,11 @@ def _law_lines(fit: LawFit) -> list[str]:
             f"  {_term(basis, power):20} {fit.two_stage[n]:13.5e}   {fit.joint.x[n]:13.5e}   "
             f"{block[0]:.4e} .. {block[1]:.4e} ({white[0]:.4e} .. {white[1]:.4e}) {unit}"
         )
-    lines.append(f"one-stage fit, active bounds: {'; '.join(fit.joint_active) or 'none'}")
+    difference = fit.force(fit.two_stage - fit.joint.x, rows.distance, rows.current)
+    rms = float(np.sqrt(np.mean(difference**2)))
+    part = "" if rows.weight is None else f", {100 * rms / rows.weight:.2g} % of the weight"
+    lines.append(f"two-stage minus one-stage force: {1e3 * rms:.3g} mN rms{part}")
+    lines.append(f"one-stage fit, active bounds: {'; '.join(fit.limits.active(fit.joint)) or 'none'}")
     lines.append(f"condition number {fit.joint.condition:.2e}, columns scaled {fit.joint.condition_scaled:.2e}")
     return lines
 
@@ -134,5 +205,8 @@ def linearity_lines(test: LinearityTest) -> list[str]:
     )
     if test.f_value is not None:
         freedom = "F({}, {})".format(*test.degrees_of_freedom)
-        lines.append(f"  test of the i^2 part: {freedom} = {test.f_value:.3g}, p = {test.p_value:.2g}")
+        value = f"{freedom} = {test.f_value:.3g}, p = {test.p_value:.2g}"
+        lines.append(f"  test of the i^2 part against what a parabola leaves: {value}")
+    elif test.degrees_of_freedom[1]:
+        lines.append("  a parabola in the current leaves nothing but rounding: no noise to test the i^2 part against")
     return lines

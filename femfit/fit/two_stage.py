@@ -61,7 +61,9 @@ class CoefficientFunction:
     held_out : mapping of str to float
         Root mean square error at the current left out, for every function that was tried.
     active : tuple of str
-        Bounds that the function stands on.
+        Bounds that the function stands on, in words.
+    active_sides : tuple of str
+        For each value ``lower``, ``upper`` or empty.
     """
 
     name: str
@@ -69,6 +71,7 @@ class CoefficientFunction:
     residual_sum: float
     held_out: Mapping[str, float]
     active: tuple[str, ...]
+    active_sides: tuple[str, ...]
 
     def at(self, current: FloatArray) -> FloatArray:
         """c(i) at currents in A."""
@@ -161,20 +164,23 @@ def fit_coefficient_function(
     bounds = CoefficientBounds(np.array([lower]), np.array([upper]))
     squares = {trial: _held_out_squares(trial, currents, values, bounds) for trial in _testable(currents)}
     chosen = name or _simplest(squares, negligible)
-    low, high, inequalities = term_bounds([chosen], [label], currents, bounds)
-    matrix = _monomials(chosen, currents)
-    ones = np.ones(len(values))
-    names = [f"{label} i^{power}" for power in FUNCTIONS[chosen]]
-    solution = solve_bounded_qp(matrix, values, ones, low, high, inequalities, names)
-    active = [f"{n} on its {side} bound" for n, side in zip(names, solution.active, strict=True) if side]
-    if inequalities is not None:
-        active += [w for w, hit in zip(inequalities.labels, solution.active_inequalities, strict=True) if hit]
+    limits = term_bounds([chosen], [label], currents, bounds)
+    solution = solve_bounded_qp(
+        _monomials(chosen, currents),
+        values,
+        np.ones(len(values)),
+        limits.lower,
+        limits.upper,
+        limits.inequalities,
+        limits.names,
+    )
     return CoefficientFunction(
         name=chosen,
         values=solution.x,
         residual_sum=float(np.sum(solution.residual**2)),
         held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()},
-        active=tuple(active),
+        active=limits.active(solution),
+        active_sides=limits.active_sides(solution),
     )
 
 
@@ -191,9 +197,14 @@ def _held_out_squares(name: str, currents: FloatArray, values: FloatArray, bound
     errors = []
     for out in range(len(currents)):
         rest = np.arange(len(currents)) != out
-        low, high, inequalities = term_bounds([name], ["c"], currents[rest], bounds)
+        limits = term_bounds([name], ["c"], currents[rest], bounds)
         x = active_set_least_squares(
-            _monomials(name, currents[rest]), values[rest], np.ones(int(rest.sum())), low, high, inequalities
+            _monomials(name, currents[rest]),
+            values[rest],
+            np.ones(int(rest.sum())),
+            limits.lower,
+            limits.upper,
+            limits.inequalities,
         )
         errors.append(float((_monomials(name, currents[out : out + 1]) @ x)[0] - values[out]))
     return np.array(errors) ** 2

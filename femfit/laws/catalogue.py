@@ -1,12 +1,39 @@
 """The catalogue of force laws: one tuple; third parties add theirs by the entry point ``femfit.laws``."""
 
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 
 from femfit.core.errors import ModelFileError
+from femfit.laws.dipole_disk import DIPOLE_DISK
+from femfit.laws.dipole_loop import DIPOLE_LOOP
+from femfit.laws.exponential_harmonics import EXPONENTIAL_HARMONICS
 from femfit.laws.f1e import F1E
+from femfit.laws.f2e import F2E
+from femfit.laws.inverse_powers import INVERSE_POWERS
 from femfit.laws.law import ForceLaw
+from femfit.laws.rational import RATIONAL
+from femfit.laws.shifted_f1e import SHIFTED_F1E
+from femfit.laws.shifted_multipoles import SHIFTED_MULTIPOLES
+from femfit.laws.shifted_powers import SHIFTED_POWERS
+from femfit.laws.two_dipoles import TWO_DIPOLES
+from femfit.laws.two_exponentials import TWO_EXPONENTIALS
 
-BUILT_IN: tuple[ForceLaw, ...] = (F1E,)
+BUILT_IN: tuple[ForceLaw, ...] = (
+    F1E,
+    F2E,
+    SHIFTED_F1E,
+    TWO_DIPOLES,
+    INVERSE_POWERS,
+    SHIFTED_POWERS,
+    SHIFTED_MULTIPOLES,
+    DIPOLE_LOOP,
+    DIPOLE_DISK,
+    RATIONAL,
+    TWO_EXPONENTIALS,
+    EXPONENTIAL_HARMONICS,
+)
+
+GROUP = "femfit.laws"
+"""Entry points of other packages' laws, each named as its law."""
 
 
 def all_laws() -> dict[str, ForceLaw]:
@@ -15,22 +42,26 @@ def all_laws() -> dict[str, ForceLaw]:
     Returns
     -------
     dict of str to ForceLaw
-        In the catalogue's order.
+        In the catalogue's order; a name of femfit's own cannot be taken by another package.
+
+    Raises
+    ------
+    ModelFileError
+        If an installed package's law cannot be loaded.
     """
     laws = {law.name: law for law in BUILT_IN}
-    for entry in entry_points(group="femfit.laws"):
-        law = entry.load()
-        laws.setdefault(law.name, law)
+    for entry in entry_points(group=GROUP):
+        laws.setdefault(entry.name, _loaded(entry))
     return laws
 
 
 def law_by_name(name: str) -> ForceLaw:
-    """Look up a law.
+    """Look up a law; only the package that gives it is loaded.
 
     Parameters
     ----------
     name : str
-        As in the model file; case counts.
+        As in the model file, and as the entry point is called; case counts.
 
     Returns
     -------
@@ -40,9 +71,30 @@ def law_by_name(name: str) -> ForceLaw:
     Raises
     ------
     ModelFileError
-        If no law has this name.
+        If no law has this name, or its package cannot be loaded.
     """
-    laws = all_laws()
-    if name not in laws:
-        raise ModelFileError(f"Force law must be one of {', '.join(laws)}; instead received {name!r}.")
-    return laws[name]
+    for law in BUILT_IN:
+        if law.name == name:
+            return law
+    for entry in entry_points(group=GROUP, name=name):
+        return _loaded(entry)
+    known = [law.name for law in BUILT_IN] + [entry.name for entry in entry_points(group=GROUP)]
+    raise ModelFileError(
+        f"Force law must be one of {', '.join(known)}; instead received {name!r}. If another package gives it, install "
+        "that package."
+    )
+
+
+def _loaded(entry: EntryPoint) -> ForceLaw:
+    try:
+        law = entry.load()
+    except (ImportError, AttributeError) as error:
+        raise ModelFileError(
+            f"Force law {entry.name!r} ({entry.value}) cannot be loaded: {error}. Repair or remove its package."
+        ) from error
+    if not isinstance(law, ForceLaw) or law.name != entry.name:
+        raise ModelFileError(
+            f"Entry point {entry.name!r} ({entry.value}) must give a ForceLaw of that name; it does not. Repair or "
+            "remove its package."
+        )
+    return law

@@ -9,8 +9,9 @@ from femfit.laws.law import ForceLaw
 
 
 def _columns(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    inverse_square = distance**-2.0
-    return np.stack([inverse_square**2, inverse_square], axis=-1)
+    inverse = 1.0 / distance
+    square = inverse * inverse
+    return np.stack([square * square, square], axis=-1)
 
 
 def _gradient(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
@@ -29,7 +30,7 @@ F1E = ForceLaw(
     columns=_columns,
     gradient_columns=_gradient,
     potential_columns=_potential,
-    operations=10,
+    column_operations=3,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (5)",
     nonnegative=(True, True),
 )

@@ -6,7 +6,7 @@ Phi_k(d) = integral of phi_k from d to infinity, so that F = -dW'/dd. A law ther
 motional constant and inductance as well, and cannot contradict reciprocity.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from femfit.core.arrays import FloatArray
@@ -61,9 +61,9 @@ class ForceLaw:
         The same for d phi / dd.
     potential_columns : callable
         The same for Phi(d), the integral of phi from d to infinity.
-    operations : int
-        Floating-point operations of one evaluation of F(d, i) with affine coefficient functions, counting
-        each addition, multiplication and division as one, and exp as 20.
+    column_operations : int
+        Floating-point operations of the columns at one distance: each addition, multiplication, division and square
+        root counts one (division and square root take the same time on common microcontrollers), exp counts 20.
     reference : str
         Where the law comes from.
     shape : tuple of ShapeParameter
@@ -79,7 +79,29 @@ class ForceLaw:
     columns: Columns
     gradient_columns: Columns
     potential_columns: Columns
-    operations: int
+    column_operations: int
     reference: str
     shape: tuple[ShapeParameter, ...] = ()
     nonnegative: tuple[bool, ...] = field(default=())
+
+    @property
+    def operations(self) -> int:
+        """Floating-point operations of one evaluation of F(d, i) with affine coefficient functions."""
+        return self.operations_with([(0, 1)] * len(self.basis))
+
+    def operations_with(self, powers: Sequence[Sequence[int]]) -> int:
+        """Floating-point operations of F(d, i) with given coefficient functions, by Horner's rule.
+
+        Parameters
+        ----------
+        powers : sequence of sequence of int
+            Powers of the current in each column's coefficient: ``(0,)``, ``(1,)``, ``(0, 1)`` or ``(0, 1, 2)``.
+
+        Returns
+        -------
+        int
+            Columns, coefficient functions (a multiplication a power, an addition a term after the first) and the sum of
+            products.
+        """
+        functions = sum(max(p) + len(p) - 1 for p in powers)
+        return self.column_operations + functions + 2 * len(self.basis) - 1

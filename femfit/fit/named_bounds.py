@@ -8,12 +8,16 @@ References
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eq. (10).
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy.optimize import linprog
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
+from femfit.fit.bounded_qp import active_set_least_squares
 from femfit.fit.law_columns import CoefficientBounds
+from femfit.fit.law_fit import default_bounds
 from femfit.fit.rows import FitRows
 from femfit.laws.law import ForceLaw
 
@@ -29,7 +33,9 @@ BOUNDS: dict[str, str] = {
 """Named bounds and what they do."""
 
 
-def bounds_by_name(name: str, law: ForceLaw, rows: FitRows) -> CoefficientBounds | None:
+def bounds_by_name(
+    name: str, law: ForceLaw, rows: FitRows, single: Mapping[str, tuple[float, float]] | None = None
+) -> CoefficientBounds:
     """Bounds on every coefficient of a law.
 
     Parameters
@@ -40,11 +46,13 @@ def bounds_by_name(name: str, law: ForceLaw, rows: FitRows) -> CoefficientBounds
         Any without shape parameters, for the paper's boxes.
     rows : FitRows
         Of the sweep.
+    single : mapping of str to (float, float), or None
+        Bounds of single columns' coefficients, over the named ones.
 
     Returns
     -------
-    CoefficientBounds or None
-        None for the law's own.
+    CoefficientBounds
+        On every c_k(i).
 
     Raises
     ------
@@ -52,15 +60,23 @@ def bounds_by_name(name: str, law: ForceLaw, rows: FitRows) -> CoefficientBounds
         If the literal box excludes every solution, with the first row that shows it.
     """
     count = len(law.basis)
-    if name == "law":
-        return None
-    if name == "none":
-        return CoefficientBounds(np.full(count, -np.inf), np.full(count, np.inf))
+    infinite = np.full(count, np.inf)
     if name not in BOUNDS:
         raise FitError(f"Bounds must be one of {', '.join(BOUNDS)}; instead received {name!r}.")
-    if law.shape:
+    if name == "law":
+        box = default_bounds(law)
+    elif name == "none":
+        box = CoefficientBounds(-infinite, infinite)
+    elif law.shape:
         raise FitError(f"The paper's box is written for laws without shape parameters; {law.name} has some.")
-    box = CoefficientBounds(np.zeros(count), np.full(count, PAPER_BOUND))
+    else:
+        box = CoefficientBounds(np.zeros(count), np.full(count, PAPER_BOUND))
+    lower, upper = box.lower.copy(), box.upper.copy()
+    for basis, ends in (single or {}).items():
+        if basis not in law.basis:
+            raise FitError(f"Law {law.name} has the coefficients of {', '.join(law.basis)}; none of {basis!r}.")
+        lower[law.basis.index(basis)], upper[law.basis.index(basis)] = ends
+    box = CoefficientBounds(lower, upper)
     if name == "paper":
         require_slack_box(law, rows, box)
     return box
@@ -89,27 +105,39 @@ def require_slack_box(law: ForceLaw, rows: FitRows, box: CoefficientBounds, slac
         at = np.flatnonzero(rows.current == i)
         at = at[np.argsort(rows.distance[at])]
         columns, force = law.columns(rows.distance[at], {}), rows.force[at]
-        if _needed_slack(columns, force, box) <= slack:
-            continue
-        first = _first_row(columns, force, box, slack)
         needed = _needed_slack(columns, force, box)
-        free = CoefficientBounds(box.lower, np.full(len(box.upper), np.inf))
-        needed_free = _needed_slack(columns, force, free)
-        names = ", ".join(law.basis)
-        row = f"{i:g} A, {1e3 * rows.distance[at[first]]:g} mm, {1e3 * force[first]:.4g} mN"
-        limits = f"coefficients of {names} in {box.lower[0]:g}..{box.upper[0]:g}"
-        if not np.isfinite(needed):
+        if needed > slack:
+            first = _first_row(columns, force, box, slack)
+            free = CoefficientBounds(box.lower, np.full(len(box.upper), np.inf))
             raise InfeasibleFitError(
-                f"The fit is infeasible, because {limits} and slacks >= 0 leave no solution at row {first + 1} ({row}) "
-                "whatever the slacks' upper bound. Bound each coefficient by itself (--bounds law)."
+                f"The fit is infeasible, because eq. (10) bounds every slack (force minus law in one row) by "
+                f"0..{slack:g} N. At {i:g} A, {_rows_up_to(first)} can be met, but not also row {first + 1} "
+                f"({1e3 * rows.distance[at[first]]:g} mm, {1e3 * force[first]:.4g} mN): the slacks would have to reach "
+                f"{needed:.3g} N, {needed / slack:.2g} times their bound, and without upper bounds on the coefficients "
+                f"still {_needed_slack(columns, force, free):.3g} N. {_excluded(law, rows, box)}"
+                "Bound each coefficient by itself and leave the slacks free: --bounds law."
             )
-        raise InfeasibleFitError(
-            f"The fit is infeasible, because every slack (force minus law in one row) must lie in 0..{slack:g} N: "
-            f"with {limits}, rows 1 to {first} at {i:g} A can be met, but not also row {first + 1} ({row}). These "
-            f"coefficients need slacks up to {needed:.3g} N, {needed / slack:.2g} times the bound; without "
-            f"the coefficients' upper bound still {needed_free:.3g} N. Leave the slacks free and bound each coefficient "
-            "by itself: --bounds law, or --bounds paper-coefficients to see which coefficient the box cuts."
-        )
+
+
+def _rows_up_to(count: int) -> str:
+    return "no row" if count == 0 else "row 1" if count == 1 else f"rows 1 to {count}"
+
+
+def _excluded(law: ForceLaw, rows: FitRows, box: CoefficientBounds) -> str:
+    """Which coefficients the box cuts, with the first current at which it does; an empty text for none."""
+    sentences = []
+    for k, basis in enumerate(law.basis):
+        for i in rows.currents:
+            at = rows.current == i
+            columns = law.columns(rows.distance[at], {})
+            value = active_set_least_squares(columns, rows.force[at], np.ones(int(at.sum())), box.lower)[k]
+            if value > box.upper[k]:
+                sentences.append(
+                    f"The upper bound {box.upper[k]:g} of {basis} alone excludes {value:.3g} "
+                    f"{law.coefficient_units[k]}, which the data at {i:g} A ask for. "
+                )
+                break
+    return "".join(sentences)
 
 
 def _needed_slack(columns: FloatArray, force: FloatArray, box: CoefficientBounds) -> float:
