@@ -15,6 +15,12 @@ NOISY = 0.005
 0.5 % is 0.05 mm, and second-order solutions stay below 0.4 % (tests/importer/test_importer_noise.py counts
 false and missed alarms)."""
 
+_COMMON, _GROWS = 0.8, 3.0
+"""Share of the noise's variance in one pattern, and its growth over the currents, up to which it is a self-force."""
+
+_ROUNDING = 1e-7
+"""Of the largest force: tables are printed with six to ten digits, and no weight shall be infinite."""
+
 _SUBSTANTIAL = 0.01
 """A current-free part below this share of the force at the largest current is no magnet's force."""
 
@@ -60,7 +66,7 @@ def estimate_noise(points: pd.DataFrame, quantity: str = "force") -> NoiseEstima
     Returns
     -------
     NoiseEstimate
-        Empty ``curves`` where there are fewer than seven distances.
+        Empty ``curves`` where there are fewer than nine distances.
     """
     curves: dict[float, Roughness] = {}
     for current, group in points.groupby("current"):
@@ -125,34 +131,32 @@ def check_noise(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     if not noise.curves:
         text = f"The force's noise was not judged: that needs {MIN_DISTANCES} distances at one current."
         return points, [Finding("noise", "info", text)]
-    if "force_error" not in points:
-        points = points.assign(force_error=_error_of_rows(points, noise))
-    worst = max([*noise.curves.values(), *([noise.passive] if noise.passive else [])], key=_noise_of)
-    if _noise_of(worst) > NOISY:
+    judged = {current: curve for current, curve in noise.curves.items() if curve.resolved or curve.relative <= NOISY}
+    if "force_error" not in points and judged:
+        points = points.assign(force_error=_error_of_rows(points, judged))
+    curves = [*noise.curves.values(), *([noise.passive] if noise.passive else [])]
+    if max((curve.relative for curve in curves if curve.resolved), default=0.0) > NOISY:
         return points, [_warning(points, noise)]
-    if not worst.resolved:
+    bound = max(curve.relative for curve in curves)
+    if bound > NOISY:
         text = "The distances are too coarse to tell the force's noise from its curvature."
         return points, [Finding("noise", "info", text, "Add distances where the force changes fastest.")]
-    return points, [
-        Finding(
-            "noise",
-            "info",
-            f"The force is smooth: its noise is at most {100 * worst.relative:.2g} % of F.",
-            size=worst.relative,
-        )
-    ]
+    text = f"The force is smooth: its noise is at most {100 * bound:.2g} % of F."
+    return points, [Finding("noise", "info", text, size=bound)]
 
 
-def _noise_of(curve: Roughness) -> float:
-    """Relative noise as far as it is told from curvature."""
-    return curve.relative if curve.resolved else 0.0
-
-
-def _error_of_rows(points: pd.DataFrame, noise: NoiseEstimate) -> FloatArray:
-    errors = np.full(len(points), np.nan)
-    for current, curve in noise.curves.items():
-        errors[(points["current"] == current).to_numpy()] = curve.sigma_N
-    return errors
+def _error_of_rows(points: pd.DataFrame, curves: dict[float, Roughness]) -> FloatArray:
+    """Noise of each row; a current that could not be judged takes that of the nearest one, shape (n,)."""
+    errors = np.empty(len(points))
+    judged = np.array(list(curves))
+    for current in points["current"].unique():
+        rows = (points["current"] == current).to_numpy()
+        nearest = judged[np.abs(judged - current).argmin()]
+        known = points.loc[points["current"] == nearest, "distance"].to_numpy(dtype=float)
+        distances = points.loc[rows, "distance"].to_numpy(dtype=float)
+        errors[rows] = np.interp(distances, known, curves[float(nearest)].sigma_N)
+    largest = float(points["force"].abs().max())
+    return np.maximum(errors, _ROUNDING * largest)
 
 
 def _warning(points: pd.DataFrame, noise: NoiseEstimate) -> Finding:
@@ -164,24 +168,26 @@ def _warning(points: pd.DataFrame, noise: NoiseEstimate) -> Finding:
     sizes = f"{100 * at_zero.relative:.2g} % of F {where}"
     if high != low:
         sizes += f", {100 * noise.curves[high].relative:.2g} % at {high:g} A"
-    error = float(np.nanmedian(points["force_error"]))
+    error = float(points["force_error"].median())
     sentence = (
         f"The force is rough over the distance: {sizes} (standard deviation; median over the table {error:.2g} N)"
     )
     if noise.falls > 0.02:
         sentence += f", it goes against its own trend in {100 * noise.falls:.0f} % of the steps"
-    if noise.common > 0.8:
+    if noise.common <= _COMMON:
+        sentence += ", and differs from current to current: remeshing at each point or a loose solver tolerance."
+    elif noise.growth < _GROWS:
         sentence += (
-            ", with one pattern at every current. That is the self-force of a first-order mesh: the stress of the "
-            "moving part's own field, which should integrate to zero, does not."
+            ", the same at every current. That is how the self-force of a first-order mesh looks: the stress of a "
+            "body's own field, which should integrate to zero, does not."
         )
     else:
-        sentence += ", and differs from current to current: remeshing at each point or a loose solver tolerance."
+        sentence += ", one pattern that grows with the current: the mesh's error in the field of the coil."
     return Finding(
-        "self-force" if noise.common > 0.8 else "noise",
+        "self-force" if noise.common > _COMMON and noise.growth < _GROWS else "noise",
         "warning",
         sentence,
         "Such a table looks smooth enough to fit, and the error that varies slowly comes on top. Solve the moving part "
-        "alone on the same mesh and subtract its force, take the reaction on the fixed part, or sweep with femfit.",
+        "alone on the same mesh and subtract its force, or sweep with femfit.",
         at_zero.relative,
     )

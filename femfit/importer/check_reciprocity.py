@@ -21,6 +21,9 @@ _WRONG = 0.10
 _SAME_SHAPE = 0.10
 """Spread of the factor over the loops below which the two sides have one shape."""
 
+_NO_MAGNET = 0.01
+"""Force at zero current over the largest force, up to which there is no magnet but numerical noise."""
+
 FluxOf = Callable[[FloatArray, FloatArray], FloatArray]
 
 
@@ -191,8 +194,8 @@ def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Findi
             f"{100 * other.spread:.2g} %) show its part at zero current, a magnet's."
         )
         return points, [Finding("inductance", "warning", text, "Export the flux linkage itself.", loops.factor)]
-    without_magnet = _force_at_zero(currents, force) < 0.01
-    if zero_rows.any() and not without_magnet:
+    passive = float(points.loc[zero_rows, "force"].abs().max()) if zero_rows.any() else 0.0
+    if passive > _NO_MAGNET * float(points["force"].abs().max()):
         text = (
             f"The inductance is {kept}: it is flux linkage / current, without a value at zero current beside a magnet."
         )
@@ -203,9 +206,3 @@ def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Findi
         f"{100 * abs(loops.factor - 1):.2g} % over {loops.loops} closed loops."
     )
     return points.assign(flux_linkage=flux), [Finding("inductance", "info", text, size=abs(loops.factor - 1))]
-
-
-def _force_at_zero(currents: FloatArray, force: FloatArray) -> float:
-    """Force at the smallest current magnitude over the largest force, 0 if it is not at zero current."""
-    index = int(np.argmin(np.abs(currents)))
-    return float(np.abs(force[:, index]).max() / np.abs(force).max()) if currents[index] == 0 else 0.0

@@ -51,9 +51,9 @@ QUANTITIES: dict[str, Quantity] = {
             "d x z s y gap airgap distance distances dist position positions pos displacement disp stroke travel "
             "separation clearance zpos xpos abstand luftspalt spalt weg hub verschiebung auslenkung afstand positie "
             "luchtspleet verplaatsing slag entrefer deplacement course ecart distanza posizione traferro spostamento "
-            "corsa distancia posicion entrehierro desplazamiento carrera posicao entreferro deslocamento razdalja polozaj "
-            "zracnareza reza pomik odmik hod avstand lage position step steps schritt schritte stap stappen pas passo "
-            "passi paso pasos korak koraki"
+            "corsa distancia posicion entrehierro desplazamiento carrera posicao entreferro deslocamento "
+            "razdalja polozaj zracnareza reza pomik odmik hod avstand lage "
+            "step steps schritt schritte stap stappen pas passo passi paso pasos korak koraki"
         ),
         "distance",
     ),

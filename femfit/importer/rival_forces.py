@@ -55,4 +55,4 @@ def compare_forces(points: pd.DataFrame) -> list[Finding]:
 
 def _size(noise: NoiseEstimate) -> float:
     curves = [noise.passive] if noise.passive else list(noise.curves.values())
-    return max((curve.relative for curve in curves if curve.resolved), default=np.inf)
+    return max((curve.relative for curve in curves), default=np.inf)

@@ -2,8 +2,8 @@
 
 The curve is divided by a smooth positive envelope S(d) and contrasted over neighbours: for every q + 2 consecutive
 points the unit vector that annihilates polynomials of degree q in log d. On white noise of relative size s each
-contrast has variance s^2 whatever q; on a smooth curve the contrasts shrink with q. The smallest robust spread over
-q = 1..5 therefore measures the noise, and its fall from order to order says whether the grid resolves the curve at all.
+contrast has variance s^2 whatever q; on a smooth curve the contrasts shrink with q. Where the robust spread of the
+last three orders is the same within a factor of two, their median is the noise; where it still falls, it is curvature.
 
 References
 ----------
@@ -20,11 +20,13 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 
 _MAD_TO_SIGMA = 1 / 0.6745
+_VARIANCE_WITHIN_THREE = 0.9733  # of a standard normal cut at three
 _MEAN_LOG_NORMAL = -(np.euler_gamma + math.log(2)) / 2  # mean of log|z|, z standard normal
 _LARGEST_ORDER = 5
 _FEWEST_CONTRASTS = 4
-MIN_DISTANCES = 7
-"""Order 2 with four contrasts: fewer points cannot tell noise from curvature."""
+_FLAT = 1.8  # ratio of the last three spreads; most noisy curves of 9 points stay below, coarse smooth ones exceed
+MIN_DISTANCES = 9
+"""Four orders of at least four contrasts: fewer points cannot tell noise from curvature."""
 
 
 @dataclass(frozen=True)
@@ -34,21 +36,16 @@ class Roughness:
     Parameters
     ----------
     relative : float
-        Robust standard deviation over the envelope of |F|.
-    by_order : tuple of float
-        The same for each order of contrast, from 1.
+        Robust standard deviation over the envelope of |F|; an upper bound where ``resolved`` is False.
+    resolved : bool
+        False if the spread still changes with the order, so that it is curvature of a coarse grid.
     sigma_N : ndarray, shape (n,)
         Estimated standard deviation of the force at each distance.
     """
 
     relative: float
-    by_order: tuple[float, ...]
+    resolved: bool
     sigma_N: FloatArray
-
-    @property
-    def resolved(self) -> bool:
-        """False if the spread still falls with the order, so that it is curvature of a coarse grid."""
-        return max(self.by_order) < 3 * self.relative
 
 
 def measure_roughness(distances: FloatArray, force: FloatArray) -> Roughness | None:
@@ -64,7 +61,7 @@ def measure_roughness(distances: FloatArray, force: FloatArray) -> Roughness | N
     Returns
     -------
     Roughness or None
-        None for fewer than seven distances or a force that vanishes.
+        None for fewer than nine distances or a force that vanishes.
     """
     if len(distances) < MIN_DISTANCES or not np.any(force):
         return None
@@ -72,10 +69,11 @@ def measure_roughness(distances: FloatArray, force: FloatArray) -> Roughness | N
     envelope = _envelope(x, force)
     largest = min(_LARGEST_ORDER, len(distances) - _FEWEST_CONTRASTS - 1)
     families = [_contrasts(x, force / envelope, degree) for degree in range(1, largest + 1)]
-    spreads = [float(np.median(np.abs(family)) * _MAD_TO_SIGMA) for family in families]
-    best = int(np.argmin(spreads))
-    sigma = _local_sigma(x, families[best], best + 1, spreads[best]) * envelope
-    return Roughness(spreads[best], tuple(spreads), sigma)
+    spreads = [_spread(family) for family in families]
+    resolved = max(spreads[-3:]) <= _FLAT * min(spreads[-3:])
+    taken = largest - 3 + int(np.argsort(spreads[-3:])[1]) if resolved else int(np.argmin(spreads))
+    sigma = _local_sigma(x, families[taken], taken + 1, spreads[taken]) * envelope
+    return Roughness(spreads[taken], resolved, sigma)
 
 
 def contrast_field(distances: FloatArray, force: FloatArray, order: int) -> FloatArray:
@@ -110,6 +108,13 @@ def _contrasts(x: FloatArray, values: FloatArray, degree: int) -> FloatArray:
         basis, _ = np.linalg.qr(np.vander(scaled, degree + 1, increasing=True), mode="complete")
         out[start] = basis[:, -1] @ values[start : start + width]
     return out
+
+
+def _spread(contrasts: FloatArray) -> float:
+    """Standard deviation without outliers: root mean square of what lies within three robust deviations."""
+    robust = float(np.median(np.abs(contrasts))) * _MAD_TO_SIGMA
+    inside = contrasts[np.abs(contrasts) <= 3 * robust]
+    return float(np.sqrt(np.mean(inside**2) / _VARIANCE_WITHIN_THREE))
 
 
 def _envelope(x: FloatArray, force: FloatArray) -> FloatArray:
