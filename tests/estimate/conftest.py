@@ -54,3 +54,8 @@ def stabilised_record(model: ActuatorModel, steps: int, runs: int, rng: np.rando
 @pytest.fixture(scope="session")
 def record(levitation_model: ActuatorModel) -> Record:
     return stabilised_record(levitation_model, steps=150, runs=3, rng=np.random.default_rng(7))
+
+
+@pytest.fixture(scope="session")
+def stabilised():
+    return stabilised_record
