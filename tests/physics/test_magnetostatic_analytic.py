@@ -6,11 +6,12 @@ import math
 import magpylib
 import numpy as np
 import pytest
+from scipy import special
+
 from femfit.actuator.parts import LinearMaterial, Region
 from femfit.core.constants import MU_0
 from femfit.fem.settings import SolverSettings
 from femfit.fem.weak_form import flux_density
-from scipy import special
 from support.actuators import assembly, magnet, rectangle
 from support.field import prepared, solved
 from support.reference import REFERENCE, needs_reference
@@ -121,7 +122,7 @@ def test_opposed_magnets_repel_by_the_same_force():
 
 @pytest.mark.parametrize("permeability", [5.0, 1000.0])
 def test_force_above_a_wide_thick_plate_is_that_of_the_image(permeability):
-    # A half-space of mu_r mirrors the magnet with strength (mu_r - 1) / (mu_r + 1); 5 mm above it the image is 10 mm away.
+    # A half-space of mu_r mirrors the magnet with strength (mu_r - 1) / (mu_r + 1); from 5 mm the image is 10 mm away.
     plate = Region("plate", rectangle(0.0, 1.0, -0.8, 0.0), LinearMaterial("iron", permeability))
     coil = rectangle(1.2, 1.25, -0.1, -0.05)
     actuator = assembly(fixed=[plate], moving=[magnet(1.3, 0.02, 0.04)], distances=(0.005,), coil=coil)

@@ -5,10 +5,11 @@ import math
 import ngsolve as ng
 import numpy as np
 import pytest
-from femfit.core.constants import MU_0
-from femfit.fem.weak_form import flux_density, solve, stiffness
 from netgen.occ import OCCGeometry, WorkPlane
 from ngsolve import H1, Integrate, LinearForm, Mesh, dx
+
+from femfit.core.constants import MU_0
+from femfit.fem.weak_form import flux_density, solve, stiffness
 
 RADIUS, WIDTH = 1.0, 0.18  # the Gaussian is 4e-14 on the boundary
 

@@ -1,0 +1,98 @@
+"""Sweep tables with known truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.sweep_table import SweepTable
+
+MASS = 4.35e-3
+WEIGHT = MASS * 9.80665
+CURRENTS = np.linspace(0.0, 1.4, 8)
+DISTANCES = np.linspace(0.015, 0.045, 61)
+ACTUATOR = {
+    "name": "test-rig",
+    "mass_kg": MASS,
+    "resistance_ohm": 2.69,
+    "voltage_min_V": 0.5,
+    "voltage_max_V": 3.0,
+    "sample_time_s": 0.5e-3,
+    "reference_distances_m": [0.022, 0.03],
+    "hall": {
+        "radius_m": 0.0,
+        "height_m": -1e-4,
+        "sensitivity_V_per_T": 50.0,
+        "quiescent_V": 2.5,
+        "output_min_V": 0.0,
+        "output_max_V": 5.0,
+        "adc_bits": 12,
+        "noise_V": 0.0,
+    },
+}
+
+
+@dataclass(frozen=True)
+class ClosedForm:
+    """W' = a A(d) + b i B(d) + (L_0 + L_1 C(d)) g(i), a magnet's pull, a coil's and an inductance that may saturate.
+
+    A = 1 / (3 (d + s)^3), B = (d^2 + R^2)^-1/2, C = exp(-d / h), g = i_s^2 ln cosh(i / i_s), which is i^2 / 2 without
+    saturation.
+    """
+
+    a: float = 6.1e-9
+    s: float = 1.35e-3
+    b: float = 2.2e-4
+    R: float = 0.021
+    L_0: float = 16e-3
+    L_1: float = 2e-3
+    h: float = 0.012
+    saturation: float | None = None
+
+    def _g(self, i, order):
+        if self.saturation is None:
+            return (0.5 * i**2, i, np.ones_like(i))[order]
+        x = i / self.saturation
+        return (self.saturation**2 * np.log(np.cosh(x)), self.saturation * np.tanh(x), 1.0 / np.cosh(x) ** 2)[order]
+
+    def force(self, d, i):
+        return (
+            self.a * (d + self.s) ** -4.0
+            + self.b * i * d * (d**2 + self.R**2) ** -1.5
+            + self.L_1 / self.h * np.exp(-d / self.h) * self._g(i, 0)
+        )
+
+    def flux_linkage(self, d, i):
+        return self.b * (d**2 + self.R**2) ** -0.5 + (self.L_0 + self.L_1 * np.exp(-d / self.h)) * self._g(i, 1)
+
+    def motional_constant(self, d, i):
+        return self.b * d * (d**2 + self.R**2) ** -1.5 + self.L_1 / self.h * np.exp(-d / self.h) * self._g(i, 1)
+
+    def inductance(self, d, i):
+        return (self.L_0 + self.L_1 * np.exp(-d / self.h)) * self._g(i, 2)
+
+    def hall(self, d, i):
+        return 0.05 * (d / 0.01 + 0.4) ** -3.0 + 3.9e-3 * i * (1.0 + 0.002 * np.exp(-d / self.h))
+
+
+def grid(currents=CURRENTS, distances=DISTANCES):
+    """Currents and distances of every row, flat."""
+    d, i = np.meshgrid(distances, currents, indexing="ij")
+    return i.ravel(), d.ravel()
+
+
+def force_table(force, currents=CURRENTS, distances=DISTANCES, actuator=None):
+    """A table with a force alone; ``force`` takes distance and current."""
+    i, d = grid(currents, distances)
+    rows = pd.DataFrame({"current_A": i, "distance_m": d, "force_N": force(d, i), "status": "ok"})
+    return SweepTable(rows, {} if actuator is None else {"actuator": actuator})
+
+
+def full_table(truth=None, currents=CURRENTS, distances=DISTANCES, actuator=ACTUATOR):
+    """A table with force, flux linkage and Hall field of a closed form."""
+    truth = truth or ClosedForm()
+    table = force_table(truth.force, currents, distances, actuator)
+    i, d = grid(currents, distances)
+    table.rows.insert(3, "flux_linkage_Wb", truth.flux_linkage(d, i))
+    table.rows.insert(4, "hall_T", truth.hall(d, i))
+    return table
