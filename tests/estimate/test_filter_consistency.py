@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from femfit.estimate.consistency import consistency_band, normalised_error_squared
+from femfit.estimate.direct import hall_inverse, static_current
 from femfit.estimate.extended import ExtendedFilter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise, initial_covariance, process_covariance
@@ -117,3 +118,27 @@ def test_the_band_is_that_of_chi_square(samples, confidence):
     # Wilson and Hilferty's own error.
     np.testing.assert_allclose([band.lower, band.upper], expected, rtol=1e-3)
     assert not band.contains(float("nan"))
+
+
+def test_compensating_the_coil_by_the_resting_current_costs_what_the_hall_voltage_filter_keeps(
+    levitation_model, stabilised
+):
+    """The paper's (14) and (15) remove the coil's field as if i = u / R; while the body moves it is not."""
+    record = stabilised(levitation_model, 400, 3, np.random.default_rng(6))
+    inverse = hall_inverse(levitation_model)
+
+    def error_rms(measurement, values):
+        filter_ = UnscentedFilter(levitation_process(levitation_model, measurement=measurement, integrator="rk4"))
+        state = filter_.start(np.array([0.022, 0.0, 0.32]), initial_covariance(), 3)
+        errors = []
+        for voltage, value, truth in zip(record.voltage, values, record.truth, strict=True):
+            state = filter_.step(state, voltage, value)
+            errors.append(state.mean[:, 0] - truth[:, 0])
+        return np.sqrt(np.mean(np.square(errors[100:])))
+
+    resting = inverse.distance(record.hall, static_current(levitation_model, record.voltage))[0]
+    known = inverse.distance(record.hall, record.truth[..., 2])[0]
+    through_field = error_rms("hall_voltage", record.hall)
+    # With the true current both measurements carry the same information, R being constant in V or in m.
+    assert error_rms("distance", known) == pytest.approx(through_field, rel=0.1)
+    assert error_rms("distance", resting) > 3.0 * through_field
