@@ -14,9 +14,8 @@ from typing import final
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.estimate.filter import Correction, Filter, Moments
+from femfit.estimate.filter import Correction, Filter, Moments, moments_of
 from femfit.estimate.filter_state import FilterState
-from femfit.estimate.unscented import moments_of
 
 
 @final

@@ -44,6 +44,28 @@ class Moments:
     points: FloatArray | None = None
 
 
+def moments_of(mean: FloatArray, covariance: FloatArray, points: FloatArray | None = None) -> Moments:
+    """Moments with the covariance symmetrised and factorised.
+
+    Parameters
+    ----------
+    mean : array, shape (runs, n)
+        Means.
+    covariance : array, shape (runs, n, n)
+        Symmetric up to rounding.
+    points : array, shape (runs, 2n + 1, n), or None
+        Sigma points to keep.
+
+    Returns
+    -------
+    Moments
+        With each run's definiteness.
+    """
+    covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
+    factor, definite = cholesky(covariance)
+    return Moments(mean, covariance, factor, definite, points)
+
+
 @dataclass(frozen=True, eq=False)
 class Correction:
     """Result of an update.

@@ -7,8 +7,7 @@ from typing import final
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.estimate.cholesky import cholesky
-from femfit.estimate.filter import Correction, Filter, Moments
+from femfit.estimate.filter import Correction, Filter, Moments, moments_of
 from femfit.estimate.filter_state import FilterState
 from femfit.estimate.process import FilterProcess
 from femfit.estimate.sigma_points import SigmaScaling, deviations, sigma_points
@@ -123,10 +122,3 @@ def output_moments(
     variance = weight * np.einsum("rk,rk->r", delta_z, delta_z) + shift_weight * shift_z**2
     cross = weight * np.matmul(delta_z[:, None, :], delta)[:, 0] + shift_weight * shift_z[:, None] * shift
     return values[:, 0] + shift_z, variance + dtype(process.measurement_variance), cross
-
-
-def moments_of(mean: FloatArray, covariance: FloatArray, points: FloatArray | None = None) -> Moments:
-    """Moments with the covariance symmetrised and factorised; arguments as in :class:`Moments`."""
-    covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
-    factor, definite = cholesky(covariance)
-    return Moments(mean, covariance, factor, definite, points)

@@ -1,0 +1,37 @@
+"""How long a batch of filters takes; run with ``pytest -m benchmark -s``."""
+
+import time
+
+import numpy as np
+import pytest
+
+from femfit.estimate.extended import ExtendedFilter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import initial_covariance
+from femfit.estimate.square_root import SquareRootUnscentedFilter
+from femfit.estimate.theory import holding_current
+from femfit.estimate.unscented import UnscentedFilter
+
+RUNS, STEPS = 1000, 200
+
+
+@pytest.mark.benchmark
+@pytest.mark.parametrize("filter_class", [UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter])
+@pytest.mark.parametrize("hall_bias", [False, True])
+def test_a_thousand_filters_at_once(levitation_model, filter_class, hall_bias):
+    current = holding_current(levitation_model, 0.022)
+    mean = np.array([0.022, 0.0, current, 0.0][: 4 if hall_bias else 3])
+    filter_ = filter_class(levitation_process(levitation_model, hall_bias=hall_bias))
+    state = filter_.start(mean, initial_covariance(hall_bias_V=0.01 if hall_bias else None), RUNS)
+    clean = float(levitation_model.sensor.voltage(np.asarray(0.022), np.asarray(current)))
+    readings = clean + levitation_model.sensor.noise_V * np.random.default_rng(0).normal(size=(STEPS, RUNS))
+    voltage = levitation_model.circuit.resistance_ohm * current
+    wall, cpu = time.perf_counter(), time.process_time()
+    for reading in readings:
+        state = filter_.step(state, voltage, reading)
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    print(  # noqa: T201  # its result is what it prints
+        f"\n{filter_class.__name__}, {len(mean)} states: {RUNS} runs x {STEPS} steps in {wall:.2f} s ({cpu:.2f} s of "
+        f"CPU), {RUNS * STEPS / wall / 1e3:.0f} k filter steps a second"
+    )
+    state.require_running()
