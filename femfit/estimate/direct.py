@@ -135,7 +135,20 @@ def hall_inverse(model: ActuatorModel) -> HallInverse:
 
 
 def hall_distance(model: ActuatorModel, hall_voltage: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Distance from Hall voltage and current, once; arguments and results as :meth:`HallInverse.distance`."""
+    """Distance from Hall voltage and current, once; in a loop keep a :func:`hall_inverse`.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With a sensor.
+    hall_voltage, current : array, shape (n,)
+        As in :meth:`HallInverse.distance`.
+
+    Returns
+    -------
+    distance, clipped : array, shape (n,)
+        As there.
+    """
     return hall_inverse(model).distance(hall_voltage, current)
 
 

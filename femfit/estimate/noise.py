@@ -101,7 +101,18 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
 
 
 def operating_distance(model: ActuatorModel) -> float:
-    """The reference's first step in m, or the middle of the validity box without a reference."""
+    """Where a filter is tuned when nothing else is said.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Any.
+
+    Returns
+    -------
+    float
+        The reference's first step in m, or the middle of the validity box without a reference.
+    """
     if model.reference_distances_m:
         return model.reference_distances_m[0]
     return 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m)

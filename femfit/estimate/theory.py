@@ -43,6 +43,7 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
     weight = motion.mass_kg * motion.gravity_m_s2
 
     def excess(current: float) -> float:
+        """Force minus weight in N."""
         return float(model.magnetics.force(np.asarray(distance), np.asarray(current))) - weight
 
     lower, upper = box.current_min_A, box.current_max_A

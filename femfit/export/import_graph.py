@@ -103,7 +103,18 @@ def imported_modules(text: str) -> tuple[str, ...]:
 
 
 def third_party_imports(sources: tuple[SourceFile, ...]) -> set[str]:
-    """Top-level packages that the sources import, other than femfit and the standard library."""
+    """Top-level packages that sources import, other than femfit and the standard library.
+
+    Parameters
+    ----------
+    sources : tuple of SourceFile
+        From :func:`reachable_sources`.
+
+    Returns
+    -------
+    set of str
+        Their names.
+    """
     tops = {name.partition(".")[0] for source in sources for name in imported_modules(source.text)}
     return {top for top in tops if top != PACKAGE and top not in sys.stdlib_module_names}
 

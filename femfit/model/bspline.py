@@ -11,7 +11,7 @@ C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial
+from math import factorial, perm
 
 import numpy as np
 
@@ -132,8 +132,8 @@ class TensorSpline:
             In the order asked for.
         """
         x_breaks, y_breaks, polynomials = self._cells
-        kx = np.clip(np.searchsorted(x_breaks, x, side="right") - 1, 0, len(x_breaks) - 2)
-        ky = np.clip(np.searchsorted(y_breaks, y, side="right") - 1, 0, len(y_breaks) - 2)
+        kx = np.searchsorted(x_breaks[1:-1], x, side="right")
+        ky = np.searchsorted(y_breaks[1:-1], y, side="right")
         s, t = x - x_breaks[kx], y - y_breaks[ky]
         local = polynomials[kx * (len(y_breaks) - 1) + ky]
         partial = {b: _horner(local, t, b) for b in {order[1] for order in orders}}
@@ -150,8 +150,10 @@ def _horner(coefficients: FloatArray, t: FloatArray, derivative: int) -> FloatAr
     """Evaluate the derivative of sum_b c[..., b] t^b along the last axis, t of shape (n,)."""
     degree = coefficients.shape[-1] - 1
     t = t.reshape(-1, *([1] * (coefficients.ndim - 2)))
-    result = np.zeros(coefficients.shape[:-1])
-    for power in range(degree, derivative - 1, -1):
-        factor = factorial(power) // factorial(power - derivative)
-        result = result * t + factor * coefficients[..., power]
+    if derivative > degree:
+        return np.zeros(coefficients.shape[:-1])
+    result = perm(degree, derivative) * coefficients[..., degree]
+    for power in range(degree - 1, derivative - 1, -1):
+        factor = perm(power, derivative)
+        result = result * t + (coefficients[..., power] if factor == 1 else factor * coefficients[..., power])
     return result

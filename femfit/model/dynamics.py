@@ -144,12 +144,46 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
 
 
 def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """Jacobian of :func:`euler_step`, shape (..., 3, 3); arguments as there."""
+    """Jacobian of :func:`euler_step`.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit and motion.
+    state : array, shape (..., 3)
+        As in :func:`state_derivative`.
+    voltage : array, shape (...)
+        Held over the step, in V.
+    step : float
+        In s.
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+        Row: component of the next state; column: component of the state.
+    """
     return np.eye(3) + step * state_jacobian(model, state, voltage)
 
 
 def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """Jacobian of :func:`runge_kutta_step` with one substep, by the chain rule; shape (..., 3, 3)."""
+    """Jacobian of :func:`runge_kutta_step` with one substep, by the chain rule.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit and motion.
+    state : array, shape (..., 3)
+        As in :func:`state_derivative`.
+    voltage : array, shape (...)
+        Held over the step, in V.
+    step : float
+        In s.
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+        Row: component of the next state; column: component of the state.
+    """
     k1 = state_derivative(model, state, voltage)
     second = state + 0.5 * step * k1
     k2 = state_derivative(model, second, voltage)
