@@ -4,8 +4,8 @@ minimise || (A x - y) / sigma ||^2  subject to  lower <= x <= upper  and  G x >=
 
 Rows are divided by sigma, columns by their norm, and the scaled matrix is replaced by the triangle R of its QR
 factorisation (not by its normal equations, which square the condition number: 8e3 becomes 7e7 for d^-4 and d^-2).
-OSQP finds the point w = R x nearest to the data within the bounds; a second, unrelated algorithm (an active-set method)
-solves the problem again, because a first-order solver can stop early and still report success.
+OSQP solves the small problem; a second, unrelated algorithm (an active-set method) solves it again, because a
+first-order solver can stop early and still report success.
 
 References
 ----------
@@ -13,6 +13,7 @@ B. Stellato et al., OSQP: an operator splitting solver for quadratic programs, M
 C. L. Lawson and R. J. Hanson, Solving Least Squares Problems (SIAM, 1995), chapter 23 (problems LSI and LDP).
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,8 @@ from femfit.core.errors import FitError, InfeasibleFitError
 
 TOLERANCE = 1e-9
 """OSQP's absolute and relative tolerance on the scaled problem."""
+
+MAX_ITERATIONS = 50_000
 
 EXCESS_ALLOWED = 1e-6
 """Largest relative excess of the sum of squares over the independent solver's."""
@@ -140,15 +143,15 @@ def solve_bounded_qp(
             f"The data do not determine {', '.join(labels[:6])}{' ...' if count > 6 else ''}: condition number "
             f"{condition_scaled:.1e} after scaling. Use fewer coefficients, or rows at more distances and currents."
         )
-    z, iterations = _osqp(problem, labels)
-    _cross_check(problem, z)
+    z, iterations = _solve(problem, labels)
 
     active = tuple(
         "lower" if z[k] - problem.lower[k] < _ACTIVE else "upper" if problem.upper[k] - z[k] < _ACTIVE else ""
         for k in range(count)
     )
-    z = np.select([[a == "lower" for a in active], [a == "upper" for a in active]], [problem.lower, problem.upper], z)
-    x = z * scale / column_scale
+    on_bound = [[side == "lower" for side in active], [side == "upper" for side in active]]
+    ends = [np.full(count, -np.inf) if lower is None else lower, np.full(count, np.inf) if upper is None else upper]
+    x = np.select(on_bound, ends, z * scale / column_scale)
     residual = matrix @ x - y
     sse = float(np.sum((residual / sigma) ** 2))
     touching = np.zeros(0, dtype=np.bool_)
@@ -283,20 +286,46 @@ def _scale_inequalities(given: Inequalities | None, column_scale: FloatArray, sc
     return Inequalities(matrix / norms[:, None], given.right / scale / norms, given.labels)
 
 
-def _osqp(problem: _Scaled, names: Sequence[str]) -> tuple[FloatArray, int]:
-    """Solve for w = R z, in which the objective ||w - q||^2 is perfectly conditioned, with rows of length one."""
-    w = cp.Variable(len(problem.right))
+def _solve(problem: _Scaled, names: Sequence[str]) -> tuple[FloatArray, int]:
+    """OSQP's solution z that the independent solver confirms, and the number of iterations.
+
+    Bounds are simplest in z itself, the objective is best conditioned in w = R z: z is tried first, w where it fails.
+    """
+    count = len(problem.right)
+    inverse = solve_triangular(problem.triangle, np.eye(count))
+    reference = _active_set(problem)
+    failure = FitError("OSQP was not run.")
+    for objective, back in ((problem.triangle, np.eye(count)), (np.eye(count), inverse)):
+        try:
+            value, iterations = _osqp(problem, objective, back, names)
+            z = np.clip(value, problem.lower, problem.upper)
+            _cross_check(problem, z, reference)
+        except InfeasibleFitError:
+            raise
+        except FitError as error:
+            failure = error
+        else:
+            return z, iterations
+    raise failure
+
+
+def _osqp(problem: _Scaled, objective: FloatArray, back: FloatArray, names: Sequence[str]) -> tuple[FloatArray, int]:
+    """Minimise ||objective v - q||^2 for z = back v, with constraint rows of length one."""
+    v = cp.Variable(len(problem.right))
     G, h = problem.all_rows()
     constraints = []
     if len(h):
-        moved = solve_triangular(problem.triangle, G.T, trans="T").T
+        moved = G @ back
         length = np.linalg.norm(moved, axis=1)
-        constraints.append(moved / length[:, None] @ w >= h / length)
-    programme = cp.Problem(cp.Minimize(cp.sum_squares(w - problem.right)), constraints)
+        constraints.append(moved / length[:, None] @ v >= h / length)
+    programme = cp.Problem(cp.Minimize(cp.sum_squares(objective @ v - problem.right)), constraints)
     try:
-        programme.solve(
-            solver=cp.OSQP, eps_abs=TOLERANCE, eps_rel=TOLERANCE, polishing=True, max_iter=200_000, verbose=False
-        )
+        with warnings.catch_warnings():
+            # cvxpy warns of an inaccurate solution; the status below refuses it.
+            warnings.simplefilter("ignore", UserWarning)
+            programme.solve(
+                solver=cp.OSQP, eps_abs=TOLERANCE, eps_rel=TOLERANCE, polishing=True, max_iter=MAX_ITERATIONS
+            )
     except cp.SolverError as error:
         raise FitError(f"OSQP failed: {error}. Use fewer coefficients or looser constraints.") from error
     if programme.status in {cp.INFEASIBLE, cp.INFEASIBLE_INACCURATE}:
@@ -304,13 +333,12 @@ def _osqp(problem: _Scaled, names: Sequence[str]) -> tuple[FloatArray, int]:
             f"The fit of {', '.join(names)} is infeasible, because no coefficients satisfy all {len(h)} bounds and "
             "inequalities at once. Drop or widen some of them."
         )
-    if programme.status != cp.OPTIMAL or w.value is None:
+    if programme.status != cp.OPTIMAL or v.value is None:
         raise FitError(
             f"OSQP stopped with status {programme.status!r}; only 'optimal' is accepted. Use fewer coefficients, or "
             "drop constraints that the data contradict."
         )
-    z = solve_triangular(problem.triangle, np.asarray(w.value, dtype=np.float64))
-    return np.clip(z, problem.lower, problem.upper), int(programme.solver_stats.num_iters or 0)
+    return back @ np.asarray(v.value, dtype=np.float64), int(programme.solver_stats.num_iters or 0)
 
 
 def _active_set(problem: _Scaled) -> FloatArray:
@@ -320,8 +348,8 @@ def _active_set(problem: _Scaled) -> FloatArray:
     return np.asarray(lsq_linear(problem.triangle, problem.right, bounds, method="bvls", tol=1e-15).x)
 
 
-def _cross_check(problem: _Scaled, z: FloatArray) -> None:
-    ours, theirs = problem.excess(z), problem.excess(_active_set(problem))
+def _cross_check(problem: _Scaled, z: FloatArray, reference: FloatArray) -> None:
+    ours, theirs = problem.excess(z), problem.excess(reference)
     whole = max(problem.outside + theirs, _SSE_FLOOR)
     if ours - theirs > EXCESS_ALLOWED * whole:
         raise FitError(

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
 from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, term_bounds
 from femfit.fit.rows import FitRows
@@ -157,13 +157,23 @@ def fit_coefficient_function(
     CoefficientFunction
         The chosen function, with the held-out error of every one tried.
 
+    Raises
+    ------
+    InfeasibleFitError
+        If no function satisfies the bounds.
+
     References
     ----------
     L. Breiman et al., Classification and Regression Trees (Wadsworth, 1984), section 3.4.3 (one standard error).
     """
     bounds = CoefficientBounds(np.array([lower]), np.array([upper]))
-    squares = {trial: _held_out_squares(trial, currents, values, bounds) for trial in _testable(currents)}
-    chosen = name or _simplest(squares, negligible)
+    squares = _held_out_squares(currents, values, bounds)
+    if name is None and not squares:
+        raise InfeasibleFitError(
+            f"No coefficient function of {label} is feasible within {lower:g}..{upper:g} at every current. Widen them."
+        )
+    solver_noise = 1e-7 * float(np.sqrt(np.mean(values**2)))
+    chosen = name or _simplest(squares, max(negligible, solver_noise))
     limits = term_bounds([chosen], [label], currents, bounds)
     solution = solve_bounded_qp(
         _monomials(chosen, currents),
@@ -193,21 +203,29 @@ def _monomials(name: str, currents: FloatArray) -> FloatArray:
     return np.asarray(np.power(currents[:, None], np.array(FUNCTIONS[name], dtype=np.float64)))
 
 
-def _held_out_squares(name: str, currents: FloatArray, values: FloatArray, bounds: CoefficientBounds) -> FloatArray:
-    errors = []
-    for out in range(len(currents)):
-        rest = np.arange(len(currents)) != out
-        limits = term_bounds([name], ["c"], currents[rest], bounds)
-        x = active_set_least_squares(
-            _monomials(name, currents[rest]),
-            values[rest],
-            np.ones(int(rest.sum())),
-            limits.lower,
-            limits.upper,
-            limits.inequalities,
-        )
-        errors.append(float((_monomials(name, currents[out : out + 1]) @ x)[0] - values[out]))
-    return np.array(errors) ** 2
+def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: CoefficientBounds) -> dict[str, FloatArray]:
+    """Squared error at each current left out, for every function that the bounds allow."""
+    squares = {}
+    for name in _testable(currents):
+        monomials = _monomials(name, currents)
+        errors = []
+        try:
+            for out in range(len(currents)):
+                rest = np.arange(len(currents)) != out
+                limits = term_bounds([name], ["c"], currents[rest], bounds)
+                x = active_set_least_squares(
+                    monomials[rest],
+                    values[rest],
+                    np.ones(len(currents) - 1),
+                    limits.lower,
+                    limits.upper,
+                    limits.inequalities,
+                )
+                errors.append(float(monomials[out] @ x - values[out]))
+        except InfeasibleFitError:
+            continue
+        squares[name] = np.array(errors) ** 2
+    return squares
 
 
 def _simplest(squares: Mapping[str, FloatArray], negligible: float) -> str:

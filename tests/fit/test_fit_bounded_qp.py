@@ -1,0 +1,182 @@
+"""The QP against exact solutions, and against the traps of first-order solvers on badly scaled columns."""
+
+from fractions import Fraction
+
+import cvxpy as cp
+import numpy as np
+import osqp
+import pytest
+from scipy import sparse
+from scipy.optimize import lsq_linear
+
+from femfit.core.errors import FitError, InfeasibleFitError
+from femfit.fit import bounded_qp
+from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_bounded_qp, solve_least_distance
+
+DISTANCES = np.linspace(0.015, 0.045, 61)
+F1E = np.stack([DISTANCES**-4, DISTANCES**-2], axis=1)
+TRUTH = np.array([5.996e-9, 4.51e-6])
+ONES = np.ones(61)
+
+
+def exact_least_squares(matrix, y):
+    """Two coefficients from the normal equations in rational arithmetic, where their condition does not matter."""
+    A = [[Fraction(v) for v in row] for row in matrix]
+    b = [Fraction(v) for v in y]
+    p, q, r = (sum(row[j] * row[k] for row in A) for j, k in ((0, 0), (0, 1), (1, 1)))
+    u, v = (sum(row[k] * value for row, value in zip(A, b, strict=True)) for k in (0, 1))
+    determinant = p * r - q * q
+    return np.array([float((u * r - v * q) / determinant), float((v * p - u * q) / determinant)])
+
+
+def noisy(scale=1e-4, seed=1):
+    return F1E @ TRUTH + scale * np.random.default_rng(seed).standard_normal(61)
+
+
+def test_unscaled_osqp_calls_a_wrong_answer_solved_and_ours_is_exact():
+    y = noisy()
+    exact = exact_least_squares(F1E, y)
+    naive = osqp.OSQP()
+    identity = sparse.eye(2, format="csc")
+    normal = sparse.csc_matrix(F1E.T @ F1E)
+    naive.setup(normal, -F1E.T @ y, identity, np.zeros(2), np.full(2, np.inf), verbose=False)
+    answer = naive.solve(raise_error=False)
+    assert answer.info.status == "solved"
+    assert abs(answer.x[1] / exact[1] - 1.0) > 0.05
+    ours = solve_bounded_qp(F1E, y, ONES, lower=np.zeros(2))
+    # 1e-9 is the solver's tolerance; polish and the scaled condition number of 3 leave less.
+    np.testing.assert_allclose(ours.x, exact, rtol=1e-9)
+
+
+def test_condition_number_falls_from_thousands_to_a_few_by_scaling_columns():
+    solution = solve_bounded_qp(F1E, noisy(), ONES)
+    assert 5e3 < solution.condition < 2e4
+    assert solution.condition_scaled < 6
+
+
+def test_a_nine_term_nonnegative_fit_is_feasible_and_optimal():
+    matrix = np.stack([DISTANCES ** -float(k) for k in range(9)], axis=1)
+    solution = solve_bounded_qp(matrix, noisy(), ONES, lower=np.zeros(9))
+    scale = np.linalg.norm(matrix, axis=0)
+    reference = lsq_linear(matrix / scale, noisy(), (0, np.inf), method="bvls", tol=1e-15)
+    assert solution.weighted_sse <= 2.0 * reference.cost * (1 + 1e-6)
+    assert np.all(solution.x >= 0)
+    assert "lower" in solution.active
+
+
+def test_sums_of_squares_never_exceed_the_independent_solvers_over_random_problems():
+    rng = np.random.default_rng(7)
+    for _ in range(25):
+        count = int(rng.integers(1, 7))
+        matrix = rng.standard_normal((30, count)) * 10.0 ** rng.uniform(-8, 8, count)
+        y = matrix @ (rng.standard_normal(count) / np.linalg.norm(matrix, axis=0)) + 0.1 * rng.standard_normal(30)
+        free = np.linalg.lstsq(matrix / (s := np.linalg.norm(matrix, axis=0)), y, rcond=None)[0] / s
+        lower, upper = np.minimum(0.5 * free, 0.0), np.maximum(0.7 * free, 0.0)
+        solution = solve_bounded_qp(matrix, y, np.ones(30), lower, upper)
+        reference = lsq_linear(matrix / s, y, (lower * s, upper * s), method="bvls", tol=1e-15)
+        assert solution.weighted_sse <= 2.0 * reference.cost * (1 + 1e-6)
+        assert np.all((solution.x >= lower) & (solution.x <= upper))
+        assert any(solution.active)
+
+
+def test_an_active_bound_is_met_exactly_and_reported_with_its_side():
+    solution = solve_bounded_qp(F1E, noisy(), ONES, lower=np.zeros(2), upper=np.array([1e-7, 1e-7]))
+    assert solution.x[1] == 1e-7
+    assert solution.active == ("", "upper")
+    assert solution.covariance[1, 1] == 0.0
+    assert solution.degrees_of_freedom == 60
+
+
+def test_inequalities_give_the_solution_that_the_conditions_of_optimality_name():
+    y = noisy()
+    G = np.array([[0.0, 1.0], [1e3, 1.0]])
+    h = np.array([5e-6, 1.0e-6])
+    given = Inequalities(G, h, ("b at least 5e-6", "1000 a + b at least 1e-6"))
+    solution = solve_bounded_qp(F1E, y, ONES, inequalities=given)
+    assert list(solution.active_inequalities) == [True, False]
+    # With b fixed on its bound, a alone solves the rest.
+    a = np.sum(F1E[:, 0] * (y - 5e-6 * F1E[:, 1])) / np.sum(F1E[:, 0] ** 2)
+    np.testing.assert_allclose(solution.x, [a, 5e-6], rtol=1e-8)
+
+
+def test_the_two_solvers_agree_with_bounds_and_inequalities_together():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        matrix, y = rng.standard_normal((20, 4)), rng.standard_normal(20)
+        given = Inequalities(rng.standard_normal((5, 4)), -0.1 * rng.random(5), tuple("abcde"))
+        ours = solve_bounded_qp(matrix, y, np.ones(20), lower=np.full(4, -0.2), inequalities=given)
+        other = active_set_least_squares(matrix, y, np.ones(20), lower=np.full(4, -0.2), inequalities=given)
+        # Both solve to about 1e-9 of a problem of order one.
+        np.testing.assert_allclose(ours.x, other, atol=1e-7)
+
+
+def test_least_distance_without_inequalities_is_plain_least_squares():
+    triangle = np.triu(np.arange(1.0, 10.0).reshape(3, 3))
+    z = solve_least_distance(triangle, np.ones(3), np.zeros((0, 3)), np.zeros(0))
+    np.testing.assert_allclose(triangle @ z, np.ones(3))
+
+
+def test_crossed_bounds_are_infeasible_because_of_the_named_coefficient():
+    with pytest.raises(InfeasibleFitError, match=r"infeasible, because b must be at least 2 and at most 1"):
+        solve_bounded_qp(F1E, noisy(), ONES, np.array([0.0, 2.0]), np.array([1.0, 1.0]), names=("a", "b"))
+
+
+def test_contradicting_inequalities_are_infeasible_for_both_solvers():
+    given = Inequalities(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 1.0]), ("x >= 1", "x <= -1"))
+    matrix, y = np.eye(3, 2), np.zeros(3)
+    with pytest.raises(InfeasibleFitError, match="infeasible, because"):
+        solve_bounded_qp(matrix, y, np.ones(3), inequalities=given)
+    with pytest.raises(InfeasibleFitError, match="infeasible, because"):
+        active_set_least_squares(matrix, y, np.ones(3), inequalities=given)
+
+
+def test_a_solver_that_stops_early_is_refused(monkeypatch):
+    def careless(problem, *_):
+        return np.full(len(problem.right), 0.5), 1
+
+    monkeypatch.setattr(bounded_qp, "_osqp", careless)
+    with pytest.raises(FitError, match="independent active-set solver"):
+        solve_bounded_qp(F1E, noisy(), ONES)
+
+
+def test_only_the_status_optimal_is_accepted(monkeypatch):
+    def give_up(self, **_):
+        self._status = cp.OPTIMAL_INACCURATE
+
+    monkeypatch.setattr(cp.Problem, "solve", give_up)
+    with pytest.raises(FitError, match="only 'optimal' is accepted"):
+        solve_bounded_qp(F1E, noisy(), ONES)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "y", "sigma", "message"),
+    [
+        (F1E[:1], ONES[:1], ONES[:1], "2 coefficients need at least 2 rows"),
+        (F1E, np.where(ONES > 0, np.nan, 0), ONES, "must be finite"),
+        (F1E, ONES, 0.0 * ONES, "must be > 0"),
+        (F1E * [1.0, 0.0], ONES, ONES, "do not contain x2"),
+        (np.stack([DISTANCES, DISTANCES * (1 + 1e-14)], axis=1), ONES, ONES, "do not determine x1, x2"),
+    ],
+)
+def test_data_that_determine_no_solution_are_refused_with_the_reason(matrix, y, sigma, message):
+    with pytest.raises(FitError, match=message):
+        solve_bounded_qp(matrix, y, sigma)
+
+
+def test_known_coefficients_are_recovered_within_their_white_intervals_95_times_in_100():
+    rng = np.random.default_rng(11)
+    inside = np.zeros(2)
+    runs = 200
+    for _ in range(runs):
+        y = F1E @ TRUTH + 1e-4 * rng.standard_normal(61)
+        solution = solve_bounded_qp(F1E, y, ONES)
+        half = 2.0010 * np.sqrt(np.diag(solution.covariance))  # Student t, 59 degrees of freedom
+        inside += np.abs(solution.x - TRUTH) < half
+    # Three binomial standard deviations of 200 trials at 0.95: 0.046.
+    np.testing.assert_allclose(inside / runs, 0.95, atol=0.046)
+
+
+def test_rows_weigh_by_their_standard_deviation():
+    y = np.array([0.0, 1.0])
+    solution = solve_bounded_qp(np.ones((2, 1)), y, np.array([1.0, 0.5]))
+    assert solution.x[0] == pytest.approx(0.8, rel=1e-12)

@@ -1,0 +1,197 @@
+"""Laws fitted to whole sweeps: shapes, joint fit, intervals, ranking, named bounds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import FitError, InfeasibleFitError
+from femfit.fit.law_fit import fit_law, law_sigma
+from femfit.fit.named_bounds import bounds_by_name
+from femfit.fit.ranking import TARGET, rank_laws, ranking_folds
+from femfit.fit.rows import rows_of_table
+from femfit.laws.catalogue import BUILT_IN, law_by_name
+from femfit.laws.dipole_disk import DIPOLE_DISK
+from femfit.laws.f1e import F1E
+from femfit.laws.f2e import F2E
+from support.sweeps import MASS, ClosedForm, force_table, full_table
+
+G = 9.80665
+
+
+def paper_force(d, i):
+    return 5.996e-9 * d**-4 + 4.509e-6 * i * d**-2
+
+
+@pytest.fixture(scope="module")
+def paper_rows():
+    return rows_of_table(force_table(paper_force), MASS, G)
+
+
+def noisy_rows(noise):
+    table = force_table(paper_force)
+    table.rows["force_N"] += noise(table.rows)
+    return rows_of_table(table, MASS, G)
+
+
+def test_two_stages_and_joint_fit_agree_on_exact_data(paper_rows):
+    fit = fit_law(F1E, paper_rows)
+    assert fit.functions == ("constant", "through-origin")
+    assert fit.terms == (("d^-4", 0), ("d^-2", 1))
+    np.testing.assert_allclose(fit.two_stage, [5.996e-9, 4.509e-6], rtol=1e-8)
+    np.testing.assert_allclose(fit.joint.x, [5.996e-9, 4.509e-6], rtol=1e-8)
+    assert fit.operations == 7  # 3 for the columns, 1 for m i, 3 for the sum of products
+
+
+@pytest.mark.parametrize("law", [law for law in BUILT_IN if law.shape], ids=lambda law: law.name)
+def test_shape_parameters_are_found_from_data_of_the_law_itself(law):
+    shape = {p.name: 1.3 * p.start for p in law.shape}
+    scale = 0.04 / law.columns(np.array([0.02]), shape)[0]
+
+    def force(d, i):
+        phi = law.columns(np.asarray(d), shape) * scale
+        return phi @ np.arange(1.0, len(scale) + 1) + i * (phi @ np.arange(len(scale), 0.0, -1))
+
+    rows = rows_of_table(force_table(force), MASS, G)
+    fit = fit_law(law, rows)
+    # The search stops at relative steps of 1e-10; flat valleys (powers of one shift) leave 1e-3 in the parameter.
+    for name, value in shape.items():
+        assert fit.shape[name] == pytest.approx(value, rel=1e-3)
+    assert np.sqrt(np.mean(fit.joint.residual**2)) < 1e-6 * rows.weight
+
+
+def test_a_pole_face_and_a_dipole_are_recognised_in_a_closed_form_of_them():
+    truth = ClosedForm(L_1=0.0)
+
+    def force(d, i):
+        return truth.a * (d + truth.s) ** -4.0 + 3e-6 * i * (d**2 + truth.R**2) ** -1.5
+
+    fit = fit_law(DIPOLE_DISK, rows_of_table(force_table(force), MASS, G))
+    assert fit.functions == ("constant", "through-origin")
+    assert fit.shape["shift_m"] == pytest.approx(truth.s, rel=1e-5)
+    assert fit.shape["radius_m"] == pytest.approx(truth.R, rel=1e-5)
+    np.testing.assert_allclose(fit.two_stage, [truth.a, 3e-6], rtol=1e-4)
+
+
+def test_misfit_shared_by_all_currents_widens_block_intervals_and_not_white_ones():
+    covered = np.zeros((2, 2))
+    rng = np.random.default_rng(5)
+    runs = 30
+    for _ in range(runs):
+        wave = 2e-4 * rng.standard_normal(61)
+        rows = noisy_rows(lambda _, wave=wave: np.repeat(wave, 8))
+        fit = fit_law(F1E, rows, functions=("constant", "through-origin"))
+        truth = np.array([5.996e-9, 4.509e-6])
+        for n, interval in enumerate((fit.interval.white, fit.interval.block)):
+            covered[n] += (interval[:, 0] < truth) & (truth < interval[:, 1])
+    # The error of a is the same at 8 currents: the white interval of a is too narrow by sqrt(8) and covers about half.
+    assert covered[0, 0] / runs < 0.7
+    # Block jackknife: 0.95 nominal, three binomial standard deviations of 30 runs are 0.12.
+    assert covered[1, 0] / runs >= 0.83
+
+
+def test_white_noise_is_covered_by_both_intervals():
+    covered = np.zeros((2, 2))
+    rng = np.random.default_rng(6)
+    runs = 30
+    for _ in range(runs):
+        rows = noisy_rows(lambda rows: 1e-4 * rng.standard_normal(len(rows)))
+        fit = fit_law(F1E, rows, functions=("constant", "through-origin"))
+        truth = np.array([5.996e-9, 4.509e-6])
+        for n, interval in enumerate((fit.interval.white, fit.interval.block)):
+            covered[n] += (interval[:, 0] < truth) & (truth < interval[:, 1])
+    assert np.all(covered / runs >= 0.83)  # 0.95 less three binomial standard deviations
+
+
+def test_rows_with_a_larger_declared_error_weigh_less():
+    rows = rows_of_table(force_table(paper_force), MASS, G)
+    sigma = law_sigma(rows)
+    np.testing.assert_allclose(sigma, 1e-3 * MASS * G)
+    table = force_table(paper_force)
+    table.rows["force_error_N"] = 1.0
+    assert np.all(law_sigma(rows_of_table(table, MASS, G)) > 1.0)
+
+
+def test_the_papers_literal_box_is_infeasible_because_of_its_slacks(paper_rows):
+    rows = rows_of_table(force_table(lambda d, i: paper_force(d, i) + 1e-3 * np.cos(300 * d)), MASS, G)
+    with pytest.raises(InfeasibleFitError) as caught:
+        bounds_by_name("paper", F1E, rows)
+    text = str(caught.value)
+    assert "infeasible, because eq. (10) bounds every slack" in text
+    assert "At 0 A, row 1 can be met, but not also row 2 (15.5 mm" in text
+    assert "The upper bound 1e-07 of d^-2 alone excludes" in text
+    assert "--bounds law" in text
+
+
+def test_the_papers_literal_box_excludes_its_own_b_even_on_data_of_its_own_law(paper_rows):
+    with pytest.raises(InfeasibleFitError, match=r"At 0.2 A.*1e-07 of d\^-2 alone excludes 9.02e-07 N m\^2"):
+        bounds_by_name("paper", F1E, paper_rows)
+
+
+def test_the_slack_that_the_literal_box_would_need_is_the_best_one_sided_fit(paper_rows):
+    # Without current only a enters and (13) fits exactly: no slack is needed, and the box holds a = 6e-9.
+    still = rows_of_table(force_table(lambda d, i: paper_force(d, 0.0 * i)), MASS, G)
+    box = bounds_by_name("paper", F1E, still)
+    np.testing.assert_array_equal(box.upper, 1e-7)
+
+
+def test_the_box_on_coefficients_alone_is_feasible_and_reports_its_active_bound(paper_rows):
+    fit = fit_law(F1E, paper_rows, bounds_by_name("paper-coefficients", F1E, paper_rows))
+    assert all(solution.active[1] == "upper" for solution in fit.stage_one.solutions[1:])
+    assert any("d^-2" in word and "upper" in word for word in fit.limits.active(fit.joint))
+
+
+def test_single_bounds_override_named_ones(paper_rows):
+    box = bounds_by_name("law", F1E, paper_rows, {"d^-4": (1e-9, 5e-9)})
+    np.testing.assert_array_equal(box.lower, [1e-9, 0.0])
+    np.testing.assert_array_equal(box.upper, [5e-9, np.inf])
+    fit = fit_law(F1E, paper_rows, box)
+    assert np.all(fit.stage_one.coefficients[:, 0] <= 5e-9)
+    with pytest.raises(FitError, match="none of 'd"):
+        bounds_by_name("law", F1E, paper_rows, {"d^-3": (0.0, 1.0)})
+
+
+def test_unknown_bounds_list_the_known_ones(paper_rows):
+    with pytest.raises(FitError, match="law, none, paper, paper-coefficients; instead received 'tight'"):
+        bounds_by_name("tight", F1E, paper_rows)
+
+
+def test_ranking_puts_the_true_law_first_and_recommends_the_cheapest_good_one(paper_rows):
+    ranking = rank_laws((F2E, law_by_name("shifted-powers"), F1E), paper_rows)
+    assert [c.law.name for c in ranking.candidates][-1] == "F2e"
+    assert ranking.recommended.law is F1E
+    assert ranking.reached
+    assert ranking.of == "weight"
+    by_name = {c.law.name: c for c in ranking.candidates}
+    assert by_name["F1e"].held_out_rms < 1e-9
+    assert by_name["F2e"].held_out_rms > TARGET
+
+
+def test_ranking_of_a_closed_form_reaches_half_a_percent_within_sixty_operations():
+    rows = rows_of_table(full_table(), MASS, G)
+    ranking = rank_laws(BUILT_IN, rows)
+    assert len(ranking.candidates) >= 8
+    assert ranking.reached
+    assert ranking.recommended.held_out_rms <= TARGET
+    assert ranking.recommended.fit.operations <= 60
+    held_out = [c.held_out_rms for c in ranking.candidates]
+    assert held_out == sorted(held_out)
+
+
+def test_a_law_that_the_data_do_not_determine_is_listed_with_the_reason(paper_rows):
+    twice = replace(F1E, name="twice", columns=lambda d, _: np.stack([d**-4.0, d**-4.0], axis=-1))
+    ranking = rank_laws((twice, F1E), paper_rows)
+    assert ranking.recommended.law is F1E
+    assert ranking.candidates[-1].fit is None
+    assert "do not determine d^-4" in ranking.candidates[-1].failure
+    with pytest.raises(FitError, match=r"No law could be fitted\. twice: The data do not determine"):
+        rank_laws((twice,), paper_rows)
+
+
+def test_folds_leave_out_every_inner_row_and_keep_the_ends(paper_rows):
+    folds = ranking_folds(paper_rows)
+    distances, currents = paper_rows.distances, paper_rows.currents
+    blocks = np.sum(folds[:8], axis=0)
+    inner = (paper_rows.distance > distances[0]) & (paper_rows.distance < distances[-1])
+    np.testing.assert_array_equal(blocks, inner)
+    assert len(folds) == 8 + len(currents) - 2

@@ -1,0 +1,142 @@
+"""Every law of the catalogue against one reference row, its own derivatives and its own cost."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import quad
+
+import femfit.laws
+from femfit.fit.law_columns import FUNCTIONS
+from femfit.laws.catalogue import BUILT_IN
+
+ROWS = pd.read_csv(Path(__file__).with_name("reference_rows.csv"), comment="#", keep_default_na=False)
+ROWS = ROWS.set_index("law")
+DISTANCES = np.geomspace(1e-3, 0.2, 40)
+
+
+def shape_of(law):
+    text = ROWS.loc[law.name, "shape"]
+    return {name: float(value) for name, value in (pair.split("=") for pair in text.split(";") if pair)}
+
+
+every_law = pytest.mark.parametrize("law", BUILT_IN, ids=lambda law: law.name)
+
+
+def test_every_file_of_the_room_is_in_the_catalogue_and_has_a_reference_row():
+    files = {path.stem for path in Path(femfit.laws.__file__).parent.glob("*.py")}
+    modules = {law.columns.__module__.rsplit(".", 1)[1] for law in BUILT_IN}
+    assert files - {"__init__", "law", "catalogue"} == modules
+    assert len(BUILT_IN) == len(modules) >= 8
+    assert set(ROWS.index) == {law.name for law in BUILT_IN}
+
+
+@every_law
+def test_columns_reproduce_the_reference_row(law):
+    row = ROWS.loc[law.name]
+    expected = [float(value) for value in row["columns"].split(";")]
+    computed = law.columns(np.array([row["distance_m"]]), shape_of(law))[0]
+    # A handful of roundings of 1.1e-16 each.
+    np.testing.assert_allclose(computed, expected, rtol=3e-15)
+
+
+@every_law
+def test_declarations_agree_with_the_columns(law):
+    shape = {p.name: p.start for p in law.shape}
+    for function in (law.columns, law.gradient_columns, law.potential_columns):
+        assert function(DISTANCES, shape).shape == (len(DISTANCES), len(law.basis))
+    assert len(law.coefficient_units) == len(law.basis) == len(set(law.basis))
+    assert law.nonnegative in {(), (True,) * len(law.basis)}
+    assert law.reference
+    assert law.formula
+    for p in law.shape:
+        assert 0 < p.lower < p.start < p.upper
+        assert p.name.endswith(f"_{p.unit}")
+        assert p.description
+    assert set(shape_of(law)) == set(shape)
+
+
+@every_law
+def test_gradient_is_the_derivative_of_the_columns(law):
+    shape = shape_of(law)
+    step = 1e-30
+    derivative = law.columns(DISTANCES + 1j * step, shape).imag / step
+    # A complex step has no cancellation: only rounding of the two formulas remains.
+    np.testing.assert_allclose(law.gradient_columns(DISTANCES, shape), derivative, rtol=1e-12)
+
+
+@every_law
+def test_potential_is_the_integral_of_the_columns_to_infinity(law):
+    shape = shape_of(law)
+    near, far = 0.01, 0.05
+    for k in range(len(law.basis)):
+        integral = quad(lambda d, k=k: law.columns(np.array([d]), shape)[0, k], near, far, epsabs=0, epsrel=1e-11)[0]
+        difference = law.potential_columns(np.array([near]), shape) - law.potential_columns(np.array([far]), shape)
+        # Tolerance: the quadrature's.
+        assert difference[0, k] == pytest.approx(integral, rel=1e-9)
+    at_infinity = law.potential_columns(np.array([1e6]), shape)
+    assert np.all(np.abs(at_infinity) < 1e-6 * law.potential_columns(np.array([near]), shape))
+
+
+@every_law
+def test_columns_attract_and_decay(law):
+    columns = law.columns(DISTANCES, shape_of(law))
+    assert np.all(columns > 0)
+    assert np.all(columns[-1] < columns[0])
+
+
+@every_law
+def test_unit_of_each_coefficient_makes_a_newton(law):
+    # Lengths scaled by 2 scale a column of unit m^-n by 2^-n: its coefficient's unit must say n.
+    shape = shape_of(law)
+    doubled = {name: 2.0 * value for name, value in shape.items()}
+    ratio = law.columns(DISTANCES, shape) / law.columns(2.0 * DISTANCES, doubled)
+    powers = np.log2(ratio)
+    for k, unit in enumerate(law.coefficient_units):
+        n = 0 if unit == "N" else int(unit.removeprefix("N m^"))
+        np.testing.assert_allclose(powers[:, k], n, atol=1e-9)
+
+
+class Counting:
+    """A number that counts the floating-point operations done with it."""
+
+    def __init__(self, counter):
+        self.counter = counter
+
+    def _one(self, *_):
+        self.counter[0] += 1
+        return Counting(self.counter)
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = sqrt = _one
+
+    def exp(self):
+        self.counter[0] += 20
+        return Counting(self.counter)
+
+
+@every_law
+def test_operation_count_is_what_an_evaluation_does(law):
+    counter = [0]
+    phi = law.columns(np.array([Counting(counter)], dtype=object), shape_of(law))[0]
+    assert counter[0] == law.column_operations
+    for name, powers in FUNCTIONS.items():
+        counter[0] = 0
+        law.columns(np.array([Counting(counter)], dtype=object), shape_of(law))
+        total = None
+        for column in phi:
+            current = Counting(counter)
+            # Horner's rule: c_0 + i (c_1 + i c_2); the constants are known beforehand and cost nothing.
+            coefficient = Counting(counter)
+            for lower in range(max(powers) - 1, -1, -1):
+                coefficient = coefficient * current
+                if lower in powers:
+                    coefficient = coefficient + 1.0
+            term = coefficient * column
+            total = term if total is None else total + term
+        assert counter[0] == law.operations_with([powers] * len(law.basis)), name
+
+
+@every_law
+def test_operations_with_affine_functions_stay_below_sixty(law):
+    assert law.operations == ROWS.loc[law.name, "operations"] <= 60
