@@ -12,6 +12,8 @@ B. D. O. Anderson and J. B. Moore, Optimal Filtering (Prentice-Hall, 1979), sect
 unstable process), applied here to d'' = lambda^2 d.
 """
 
+from functools import partial
+
 import numpy as np
 
 from femfit.core.errors import DomainError
@@ -42,22 +44,23 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
     model.validity.require(np.asarray(distance), np.asarray(box.current_min_A))
     weight = motion.mass_kg * motion.gravity_m_s2
 
-    def excess(current: float) -> float:
-        """Force minus weight in N."""
-        return float(model.magnetics.force(np.asarray(distance), np.asarray(current))) - weight
-
+    force = partial(_force, model, distance)
     lower, upper = box.current_min_A, box.current_max_A
-    if excess(lower) > 0.0 or excess(upper) < 0.0:
+    if force(lower) > weight or force(upper) < weight:
         raise DomainError(
             f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
-            f"{lower:g}..{upper:g} A, where the model was fitted; its forces there are {excess(lower) + weight:g} to "
-            f"{excess(upper) + weight:g} N against a weight of {weight:g} N. Choose another distance or sweep wider."
+            f"{lower:g}..{upper:g} A, where the model was fitted; its forces there are {force(lower):g} to "
+            f"{force(upper):g} N against a weight of {weight:g} N. Choose another distance or sweep wider."
         )
     while True:
         middle = 0.5 * (lower + upper)
         if middle in {lower, upper}:
             return middle
-        lower, upper = (middle, upper) if excess(middle) < 0.0 else (lower, middle)
+        lower, upper = (middle, upper) if force(middle) < weight else (lower, middle)
+
+
+def _force(model: ActuatorModel, distance: float, current: float) -> float:
+    return float(model.magnetics.force(np.asarray(distance), np.asarray(current)))
 
 
 def unstable_pole(model: ActuatorModel, distance: float) -> float:
