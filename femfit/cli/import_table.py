@@ -120,10 +120,9 @@ def import_table(
     json : Path
         File for mapping and findings as JSON.
     """
-    import json as json_format
-
     from femfit.actuator.load import read_actuator
     from femfit.actuator.summary import sweep_manifest_entry
+    from femfit.cli.output import write_json
     from femfit.core.errors import TableError
     from femfit.core.sweep_table import write_sweep_table
     from femfit.importer.options import ImportOptions
@@ -175,8 +174,7 @@ def import_table(
     written = write_sweep_table(imported.table, output)
     print("\n".join(_lines(imported)))
     print(f"written: {written}")
-    if json is not None:
-        json.write_text(json_format.dumps(dict(imported.table.manifest), indent=1) + "\n", encoding="utf-8")
+    write_json(json, imported.table.manifest)
 
 
 def _words(text: str | None) -> tuple[str, ...]:

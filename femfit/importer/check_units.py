@@ -19,7 +19,7 @@ _LARGEST: dict[str, tuple[float, str]] = {
     "inductance": (1e2, "millihenries (--inductance-unit mH) or microhenries"),
     "hall": (3.0, "millitesla or gauss (--hall-unit mT, --hall-unit G)"),
 }
-_SMALLEST_DISTANCE_RANGE_M = 2e-5
+_LARGEST_DISTANCE_AT_LEAST_M = 5e-5
 
 
 def check_units(points: pd.DataFrame) -> list[Finding]:
@@ -54,7 +54,7 @@ def check_units(points: pd.DataFrame) -> list[Finding]:
                 )
             )
     distance = points["distance"].to_numpy(dtype=float)
-    if 0 < float(np.max(distance)) < _SMALLEST_DISTANCE_RANGE_M:
+    if 0 < float(np.max(distance)) < _LARGEST_DISTANCE_AT_LEAST_M:
         findings.append(
             Finding(
                 "units",

@@ -4,7 +4,10 @@ import math
 
 # factor = (flux linkage as read / true) (current as read / true) / ((force as read / true) (distance as read / true))
 _CAUSES: tuple[tuple[float, str], ...] = (
-    (1e3, "flux linkage in mWb read as Wb (--flux-linkage-unit mWb), or current in mA read as A (--current-unit mA)"),
+    (
+        1e3,
+        "flux linkage in mWb read as Wb, current in mA read as A, or distance in m read as mm (--...-unit)",
+    ),
     (1e6, "flux linkage in uWb read as Wb (--flux-linkage-unit uWb)"),
     (1e8, "flux linkage in maxwell read as Wb (--flux-linkage-unit Mx)"),
     (1e-3, "distance in mm read as m (--distance-unit mm), or force in mN read as N (--force-unit mN)"),

@@ -31,6 +31,7 @@ from femfit.importer.rival_forces import compare_forces
 from femfit.importer.text_table import parse_text_table
 
 _SUFFIXES = frozenset((".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet"))
+_FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less
 _NOT_A_NUMBER = "no number in the imported table"
 
 
@@ -202,8 +203,9 @@ def _check(points: pd.DataFrame, findings: list[Finding], options: ImportOptions
 
 def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:
     """Accepted errors as warnings; the others stop the import, all at once."""
+    accepted = set(options.accept) - _FINAL
     settled = [
-        finding.accepted() if finding.severity == "error" and finding.code in options.accept else finding
+        finding.accepted() if finding.severity == "error" and finding.code in accepted else finding
         for finding in findings
     ]
     errors = [finding for finding in settled if finding.severity == "error"]

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from support.reference import REFERENCE, needs_reference
 
 from femfit.importer.options import ImportOptions
 from femfit.importer.read import read_foreign_table
+from support.reference import REFERENCE, needs_reference
 
 pytestmark = needs_reference
 SWEEP = REFERENCE / "emaws_xfemm_488.csv"
