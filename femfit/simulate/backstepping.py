@@ -2,10 +2,10 @@
 
 Two steps back, from the distance error e = d - r over the velocity to the force:
 
-    a = r'' - k_v (v - r') - k_p (d - r),      F(d, i*) = m (g - a),      U = R i* + K_i (i* - i) - k_m v,
+    a = r'' - k_v (v - r') - k_p (d - r),      F(d, i*) = m (g - a),      U = R i* + K_i (i* - i),
 
 the second equation inverted on the model. For F1e its solution is i* = (d^2/m_b)(m (g - a) - a_4 d^-4): the paper's
-596.11e3 d (...) with d^2 for d. -k_m v cancels the back-EMF.
+596.11e3 d (...) with d^2 for d. The back-EMF k_m v is left to act: it adds k_m^2/(m R) to k_v, 0.5 to 62 on the rig.
 
 The current follows i* with the pole p = (R + K_i)/L. Linearised, with lambda^2 = -F_d/m,
 
@@ -69,8 +69,7 @@ class Backstepping(Controller):
             - self.position_gain * (estimate[:, 0] - reference.distance)
         )
         wanted = current_for_acceleration(self.model, distance, acceleration)
-        back_emf = self.model.magnetics.motional_constant(distance, wanted) * velocity
-        voltage = circuit.resistance_ohm * wanted + self.current_gain_ohm * (wanted - current) - back_emf
+        voltage = circuit.resistance_ohm * wanted + self.current_gain_ohm * (wanted - current)
         return np.clip(voltage, circuit.voltage_min_V, circuit.voltage_max_V), memory
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,25 +69,23 @@ class Controller(ABC):
 
 @dataclass(frozen=True, eq=False)
 class SplitController(Controller):
-    """Different controllers for consecutive runs of one batch.
+    """Different controllers for different runs of one batch.
 
     Parameters
     ----------
-    parts : tuple of (int, Controller)
-        Number of runs and their controller.
+    parts : tuple of (array of int, Controller)
+        Indices of the runs and their controller; every run once.
     """
 
-    parts: tuple[tuple[int, Controller], ...]
-
-    def _slices(self) -> list[tuple[slice, Controller]]:
-        ends = np.cumsum([runs for runs, _ in self.parts])
-        return [(slice(int(end) - runs, int(end)), c) for end, (runs, c) in zip(ends, self.parts, strict=True)]
+    parts: tuple[tuple[IntArray, Controller], ...]
 
     def initial_memory(self, estimate: FloatArray) -> FloatArray:
-        """Memories side by side, padded to the longest."""
-        memories = [controller.initial_memory(estimate[rows]) for rows, controller in self._slices()]
-        words = max(memory.shape[1] for memory in memories)
-        return np.concatenate([np.pad(memory, ((0, 0), (0, words - memory.shape[1]))) for memory in memories])
+        """Memories of all runs, padded to the longest."""
+        memories = [(rows, controller.initial_memory(estimate[rows])) for rows, controller in self.parts]
+        result = np.zeros((len(estimate), max(memory.shape[1] for _, memory in memories)))
+        for rows, memory in memories:
+            result[rows, : memory.shape[1]] = memory
+        return result
 
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """Each part's command on its own runs."""
@@ -95,8 +93,8 @@ class SplitController(Controller):
         wanted = (reference.distance, reference.velocity, reference.acceleration)
         r, v, a = (np.broadcast_to(value, (runs,)) for value in wanted)
         voltage, updated = np.empty(runs), memory.copy()
-        for rows, controller in self._slices():
-            words = controller.initial_memory(estimate[rows]).shape[1]
+        for rows, controller in self.parts:
             part = Reference(r[rows], v[rows], a[rows])
-            voltage[rows], updated[rows, :words] = controller.command(memory[rows, :words], estimate[rows], part)
+            voltage[rows], words = controller.command(memory[rows], estimate[rows], part)
+            updated[rows, : words.shape[1]] = words
         return voltage, updated

@@ -127,6 +127,15 @@ class LoopResult:
         """The outcome of every run."""
         return tuple(LoopOutcome(int(code)) for code in self.outcome)
 
+    def part(self, runs: slice) -> "LoopResult":
+        """The result of some consecutive runs of the batch."""
+        series = TimeSeries(*(getattr(self.series, name)[:, runs] for name in TimeSeries.__dataclass_fields__))
+        windows = tuple(
+            WindowStatistics(*(getattr(w, name)[runs] for name in WindowStatistics.__dataclass_fields__))
+            for w in self.windows
+        )
+        return LoopResult(self.time_s, series, windows, self.outcome[runs], self.outcome_time_s[runs])
+
     @property
     def held(self) -> BoolArray:
         """Which runs were held, shape (runs,)."""

@@ -11,11 +11,11 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.estimate.direct import HallInverse
 from femfit.estimate.filter import Filter
 from femfit.estimate.filter_state import FilterState
@@ -151,3 +151,50 @@ class DirectObserver(Observer[FloatArray]):
     def normalised_innovation_squared(self, memory: FloatArray) -> FloatArray:
         """NaN."""
         return np.full(len(memory), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class SplitObserver(Observer[tuple[Any, ...]]):
+    """Different observers for different runs of one batch.
+
+    Parameters
+    ----------
+    parts : tuple of (array of int, Observer)
+        Indices of the runs and their observer; every run once.
+    """
+
+    parts: tuple[tuple[IntArray, Observer[Any]], ...]
+
+    def start(self, estimate: FloatArray) -> tuple[Any, ...]:
+        """One memory a part."""
+        return tuple(observer.start(estimate[rows]) for rows, observer in self.parts)
+
+    def observe(
+        self, memory: tuple[Any, ...], voltage: FloatArray, reading: FloatArray, *, first: bool
+    ) -> tuple[Any, ...]:
+        """Each part on its own runs."""
+        return tuple(
+            observer.observe(own, voltage[rows], reading[rows], first=first)
+            for (rows, observer), own in zip(self.parts, memory, strict=True)
+        )
+
+    def estimate(self, memory: tuple[Any, ...]) -> FloatArray:
+        """Gathered from the parts."""
+        return self._gathered([observer.estimate(own) for (_, observer), own in zip(self.parts, memory, strict=True)])
+
+    def diverged(self, memory: tuple[Any, ...]) -> BoolArray:
+        """Gathered from the parts."""
+        values = [observer.diverged(own) for (_, observer), own in zip(self.parts, memory, strict=True)]
+        return self._gathered(values).astype(bool)
+
+    def normalised_innovation_squared(self, memory: tuple[Any, ...]) -> FloatArray:
+        """Gathered from the parts."""
+        return self._gathered(
+            [observer.normalised_innovation_squared(own) for (_, observer), own in zip(self.parts, memory, strict=True)]
+        )
+
+    def _gathered(self, values: list[Any]) -> FloatArray:
+        result = np.empty((sum(len(rows) for rows, _ in self.parts), *values[0].shape[1:]))
+        for (rows, _), value in zip(self.parts, values, strict=True):
+            result[rows] = value
+        return result

@@ -156,7 +156,7 @@ def current_for_force(model: ActuatorModel, distance: FloatArray, force: FloatAr
         updated = np.clip(current - (-slope_d - force) / slope, low, high)
         change = np.abs(updated - current)
         current = updated
-        if not np.any(change > 1e-10 * high):
+        if not np.any(change > 1e-6 * high):  # the next change would be its square
             break
     return current
 

@@ -35,6 +35,9 @@ class SensorErrors:
         From then on the last reading is repeated; infinite for never.
     dropout_probability : float
         Of a sample that reads the lower end of the range.
+    blocks : int
+        The runs are this many equal blocks in a row that share their random numbers, so that what differs between the
+        blocks is not hidden by the noise (common random numbers).
     """
 
     noise_V: FloatArray | float = 0.0
@@ -43,6 +46,7 @@ class SensorErrors:
     drift_V_per_sqrt_s: FloatArray | float = 0.0
     stuck_after_s: float = np.inf
     dropout_probability: float = 0.0
+    blocks: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +102,10 @@ def read_sensor(
         Whose ``reading_V`` is the new reading.
     """
     runs = len(plant_state)
-    # Always drawn, so that runs with and without an error share the same noise
-    white, step, lost = random.standard_normal(runs), random.standard_normal(runs), random.random(runs)
+    drawn = runs // errors.blocks
+    # Always all three, so that switching one error on leaves the others' random numbers as they were
+    numbers = random.standard_normal(drawn), random.standard_normal(drawn), random.random(drawn)
+    white, step, lost = (np.tile(part, errors.blocks) for part in numbers)
     walk = state.walk_V + errors.drift_V_per_sqrt_s * np.sqrt(sample_time) * step
     if time >= errors.stuck_after_s:
         return SensorState(walk, state.reading_V)

@@ -1,4 +1,4 @@
-"""Closed loops of the analytic rig."""
+"""Closed loops of the analytic levitation_model."""
 
 import numpy as np
 import pytest
@@ -19,35 +19,47 @@ from femfit.simulate.sensor import SensorErrors
 NOISE_V = 3.2e-3
 
 
-def ukf_loop(rig, controller, steps=3000, noise=NOISE_V, **errors):
-    process = levitation_process(rig, noise=default_noise(rig, noise_V=noise))
+def ukf_loop(levitation_model, controller, steps=3000, noise=NOISE_V, **errors):
+    process = levitation_process(levitation_model, noise=default_noise(levitation_model, noise_V=noise))
     observer = FilterObserver(UnscentedFilter(process), initial_covariance())
-    targets = rig.reference_distances_m
-    reference = reference_steps(targets, steps, rig.sample_time_s, reference_rate(rig, targets))
-    return ClosedLoop(Plant(rig), rig.sensor, SensorErrors(noise_V=noise, **errors), observer, controller, reference)
+    targets = levitation_model.reference_distances_m
+    reference = reference_steps(
+        targets, steps, levitation_model.sample_time_s, reference_rate(levitation_model, targets)
+    )
+    return ClosedLoop(
+        Plant(levitation_model),
+        levitation_model.sensor,
+        SensorErrors(noise_V=noise, **errors),
+        observer,
+        controller,
+        reference,
+    )
 
 
-def start(rig, runs, distance=0.022):
-    return np.tile([distance, 0.0, operating_point(rig, distance).current_A], (runs, 1))
+def start(levitation_model, runs, distance=0.022):
+    return np.tile([distance, 0.0, operating_point(levitation_model, distance).current_A], (runs, 1))
 
 
 @pytest.fixture(scope="module")
-def controllers(rig):
-    points = [operating_point(rig, d) for d in np.linspace(0.022, 0.030, 5)]
-    return {"backstepping": design_backstepping(rig, points), "pid": design_pid(rig, points[2])}
+def controllers(levitation_model):
+    points = [operating_point(levitation_model, d) for d in np.linspace(0.022, 0.030, 5)]
+    return {
+        "backstepping": design_backstepping(levitation_model, points),
+        "pid": design_pid(levitation_model, points[2]),
+    }
 
 
 @pytest.mark.parametrize("name", ["backstepping", "pid"])
-def test_the_filter_holds_the_magnet_over_8_mm_steps_with_3_2_mV_of_noise(rig, controllers, name):
-    loop = ukf_loop(rig, controllers[name])
-    result = run_loop(loop, start(rig, 8), np.random.default_rng(1), supported_steps=200)
+def test_the_filter_holds_the_magnet_over_8_mm_steps_at_the_papers_noise(levitation_model, controllers, name):
+    loop = ukf_loop(levitation_model, controllers[name])
+    result = run_loop(loop, start(levitation_model, 8), np.random.default_rng(1), supported_steps=200)
     assert set(result.outcomes()) == {LoopOutcome.HELD}
     worst = np.abs(result.series.distance_m - loop.reference.distance[:, None]).max()
     assert worst < 1e-3  # an eighth of the step, and far from the box's ends
 
 
-def test_the_same_seed_gives_the_same_numbers(rig, controllers):
-    loop = ukf_loop(rig, controllers["backstepping"], steps=300)
-    first, second, other = (run_loop(loop, start(rig, 2), np.random.default_rng(s)) for s in (3, 3, 4))
+def test_the_same_seed_gives_the_same_numbers(levitation_model, controllers):
+    loop = ukf_loop(levitation_model, controllers["backstepping"], steps=300)
+    first, second, other = (run_loop(loop, start(levitation_model, 2), np.random.default_rng(s)) for s in (3, 3, 4))
     np.testing.assert_array_equal(first.series.distance_m, second.series.distance_m)
     assert np.any(first.series.distance_m != other.series.distance_m)

@@ -1,0 +1,191 @@
+"""What a closed loop of a model needs: reference distances, controllers, filters, all derived from the model.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, section 5; Table 6 for the noise of the direct measurement.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from femfit.core.errors import DomainError
+from femfit.estimate.direct import hall_inverse
+from femfit.estimate.extended import ExtendedFilter
+from femfit.estimate.filter import Filter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import default_noise, initial_covariance
+from femfit.estimate.square_root import SquareRootUnscentedFilter
+from femfit.estimate.unscented import UnscentedFilter
+from femfit.model.actuator_model import ActuatorModel
+from femfit.simulate.backstepping import Backstepping, design_backstepping
+from femfit.simulate.controller import Controller
+from femfit.simulate.observer import DirectObserver, FilterObserver, Observer
+from femfit.simulate.operating_point import OperatingPoint, current_range, operating_point
+from femfit.simulate.pid import Pid, design_pid
+from femfit.simulate.reference import reference_rate
+
+ControllerName = Literal["backstepping", "pid"]
+ObserverName = Literal["direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4"]
+
+CONTROLLERS: tuple[ControllerName, ...] = ("backstepping", "pid")
+OBSERVERS: tuple[ObserverName, ...] = ("direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4")
+
+PAPER_HALL_NOISE_V = 3.2e-3
+"""White noise of a Hall sample that gives Table 6's 12.32e-5 m of direct measurement between 22 and 30 mm."""
+
+BIAS_DEVIATION_V = 0.02
+"""First standard deviation of the Hall bias: the paper's sensor was 44 mV off its nominal quiescent output."""
+
+FIRST_DEVIATION_M = 1e-3
+"""First standard deviation of the distance, for a body that is put on a support."""
+
+DESIGN_POINTS = 9
+
+
+@dataclass(frozen=True, eq=False)
+class LoopDesign:
+    """Reference, controllers and noise of one model's closed loop.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit, motion and sensor.
+    targets_m : tuple of float
+        Reference distances in turn.
+    points : tuple of OperatingPoint
+        From the smallest to the largest of them.
+    backstepping : Backstepping
+        Designed for all points.
+    pid : Pid
+        Designed for the middle one.
+    reference_rate_rad_s : float
+        Of the reference's filters.
+    noise_V : float
+        White noise of a Hall sample, in the sensor and as told to the filters.
+    """
+
+    model: ActuatorModel
+    targets_m: tuple[float, ...]
+    points: tuple[OperatingPoint, ...]
+    backstepping: Backstepping
+    pid: Pid
+    reference_rate_rad_s: float
+    noise_V: float
+
+    @property
+    def slowest_pole_rad_s(self) -> float:
+        """The smallest unstable pole of the points: it sets how long filter and loop need to settle."""
+        return min(point.mechanical_pole_rad_s for point in self.points)
+
+    def steps(self, time_constants: float) -> int:
+        """Samples in so many time constants of the slowest unstable pole."""
+        return int(np.ceil(time_constants / self.slowest_pole_rad_s / self.model.sample_time_s))
+
+    def controller(self, name: ControllerName) -> Controller:
+        """The controller of this name."""
+        return self.backstepping if name == "backstepping" else self.pid
+
+    def observer(
+        self,
+        name: ObserverName,
+        distance_deviation_m: float = FIRST_DEVIATION_M,
+        velocity_cutoff_rad_s: float = np.inf,
+    ) -> Observer[Any]:
+        """The observer of this name: a filter for the Hall voltage, or the direct measurement.
+
+        Parameters
+        ----------
+        name : str
+            One of :data:`OBSERVERS`; a trailing 4 adds the Hall bias as a state.
+        distance_deviation_m : float
+            Standard deviation of the first belief's distance, for a filter.
+        velocity_cutoff_rad_s : float
+            Of the direct measurement's derivative; infinite: raw.
+
+        Returns
+        -------
+        Observer
+            For any number of runs.
+        """
+        if name == "direct":
+            return DirectObserver(self.model, hall_inverse(self.model), velocity_cutoff_rad_s)
+        biased = name.endswith("4")
+        process = levitation_process(
+            self.model,
+            hall_bias=biased,
+            noise=default_noise(self.model, self.targets_m[0], self.noise_V),
+            distance=self.targets_m[0],
+        )
+        kinds: dict[str, type[Filter]] = {
+            "ukf": UnscentedFilter,
+            "ekf": ExtendedFilter,
+            "srukf": SquareRootUnscentedFilter,
+        }
+        covariance = initial_covariance(distance_deviation_m, hall_bias_V=BIAS_DEVIATION_V if biased else None)
+        return FilterObserver(kinds[name.removesuffix("4")](process), covariance)
+
+
+def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesign:
+    """Derive everything that a closed loop needs.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit, motion and sensor.
+    noise_V : float or None
+        White noise of a Hall sample; None: the model's own, or the paper's where the model has none.
+
+    Returns
+    -------
+    LoopDesign
+        Ready to run.
+
+    Raises
+    ------
+    MissingPartError
+        If the model has no circuit, motion or sensor.
+    DomainError
+        If the body cannot be held at the reference distances, or hangs there without being unstable.
+    """
+    model.require_circuit()
+    model.require_motion()
+    sensor = model.require_sensor()
+    targets = model.reference_distances_m or _derived_targets(model)
+    points = tuple(operating_point(model, float(d)) for d in np.linspace(min(targets), max(targets), DESIGN_POINTS))
+    stable = [point.distance_m for point in points if point.mechanical_pole_rad_s == 0.0]
+    if stable:
+        raise DomainError(
+            f"Model {model.name!r} must have a force that falls with the distance where it holds its body; at "
+            f"{1e3 * stable[0]:g} mm it grows, so that the body needs no controller there. Choose other reference "
+            "distances."
+        )
+    return LoopDesign(
+        model=model,
+        targets_m=targets,
+        points=points,
+        backstepping=design_backstepping(model, points),
+        pid=design_pid(model, points[len(points) // 2]),
+        reference_rate_rad_s=reference_rate(model, targets),
+        noise_V=(sensor.noise_V or PAPER_HALL_NOISE_V) if noise_V is None else noise_V,
+    )
+
+
+def _derived_targets(model: ActuatorModel) -> tuple[float, ...]:
+    """Steps over the middle 40 % of the distances at which the driver can hold the body."""
+    box, motion = model.validity, model.require_motion()
+    low, high = current_range(model)
+    d = np.linspace(box.distance_min_m, box.distance_max_m, 301)
+    weight = motion.mass_kg * motion.gravity_m_s2
+    weakest, strongest = model.magnetics.force(d, np.asarray(low)), model.magnetics.force(d, np.asarray(high))
+    holdable = d[(weakest <= weight) & (strongest >= weight)]
+    if holdable.size < 3:
+        raise DomainError(
+            f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in "
+            f"{1e3 * box.distance_min_m:g}..{1e3 * box.distance_max_m:g} mm: the weight is {1e3 * weight:.4g} mN, and "
+            f"with {low:.3g}..{high:.3g} A the force is {1e3 * weakest.min():.4g}..{1e3 * strongest.max():.4g} mN. It "
+            "is not an actuator that levitates this body; change mass or supply to simulate one that is."
+        )
+    near, far = float(holdable[0]), float(holdable[-1])
+    return near + 0.3 * (far - near), near + 0.7 * (far - near), near + 0.3 * (far - near)
