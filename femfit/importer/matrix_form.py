@@ -74,7 +74,7 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
     if options.column_names or raw.numbers.shape[1] < 3:
         return False
     if raw.headers:
-        return axis_labels(raw.headers[1:], _decimal(raw)) is not None
+        return axis_labels(raw.headers[1:], raw.decimal) is not None
     values = raw.numbers
     if values.shape[0] < 3 or not (np.isnan(values[0, 0]) or values[0, 0] == 0):
         return False
@@ -118,15 +118,17 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
     units[rows] = corner_unit if corner_unit and _axis_of(corner_unit) == rows else None
     columns = "current" if rows == "distance" else "distance"
     units[columns] = label_unit if label_unit and _axis_of(label_unit) == columns else None
-    corner_words = re.findall(r"[\[(]([^\])]*)[\])]", corner)
-    for word in corner_words:
+    force_unit = None
+    for word in re.findall(r"[\[(]([^\])]*)[\])]", corner):
         axis = _axis_of(word)
         if axis and units[axis] is None:
             units[axis] = word
+        elif unit_factor(word, QUANTITIES["force"].si_unit) is not None:
+            force_unit = word
     uses = {
         rows: unit_use(rows, "first column", units[rows], raw.source, options),
         columns: unit_use(columns, "first row", units[columns], raw.source, options),
-        "force": unit_use("force", "matrix", None, raw.source, options),
+        "force": unit_use("force", "matrix", force_unit, raw.source, options),
     }
     grid_down, grid_across = np.meshgrid(down, across, indexing="ij")
     points = pd.DataFrame(
@@ -143,7 +145,7 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
 
 def _parts(raw: RawTable) -> tuple[FloatArray, str | None, str, FloatArray, list[int]]:
     if raw.headers:
-        labels = axis_labels(raw.headers[1:], _decimal(raw))
+        labels = axis_labels(raw.headers[1:], raw.decimal)
         if labels is not None:
             return labels[0], labels[1], raw.headers[0], raw.numbers, list(raw.lines)
     if raw.numbers.shape[0] < 2 or raw.numbers.shape[1] < 2:
@@ -182,7 +184,3 @@ def _axis_of(unit: str) -> str | None:
 def _monotone(axis: FloatArray) -> bool:
     steps = np.diff(axis)
     return bool(len(axis) > 1 and np.isfinite(axis).all() and ((steps > 0).all() or (steps < 0).all()))
-
-
-def _decimal(raw: RawTable) -> str:
-    return "," if raw.dialect.endswith("decimal ,") else "."

@@ -24,7 +24,9 @@ class RawTable:
     cells : tuple of tuple of str, shape (n, m)
         The text of each cell.
     dialect : str
-        Encoding, delimiter and decimal mark in one phrase.
+        Encoding, delimiter and decimal mark in one phrase, for people.
+    decimal : str
+        Decimal mark of the text.
     notes : tuple of str
         What was passed over: comment lines, repeated headers.
     """
@@ -35,6 +37,7 @@ class RawTable:
     lines: tuple[int, ...]
     cells: tuple[tuple[str, ...], ...]
     dialect: str
+    decimal: str = "."
     notes: tuple[str, ...] = ()
 
     def column(self, header: str) -> FloatArray:

@@ -3,7 +3,7 @@
 import itertools
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,6 +57,9 @@ def parse_text_table(content: bytes, source: str, options: ImportOptions) -> Raw
     if not plain:
         raise TableError(f"{source} is empty; it needs a header line and rows of numbers.")
     delimiter = options.delimiter or _find_delimiter(plain)
+    if 2 * sum(line.text.rstrip(" ").endswith(delimiter) for line in plain) > len(plain):
+        lines = [replace(line, text=line.text.rstrip(" ").removesuffix(delimiter)) for line in lines]
+        plain = [line for line in lines if not line.comment]
     rows = [(line, split(line.text, delimiter)) for line in plain]
     width = _width(rows, source, delimiter)
     first = next(index for index, (_, cells) in enumerate(rows) if _is_data(cells, width))
@@ -85,6 +88,7 @@ def parse_text_table(content: bytes, source: str, options: ImportOptions) -> Raw
         lines=tuple(line.number for line, _ in body),
         cells=padded,
         dialect=f"{encoding}, {_DELIMITER_NAMES.get(delimiter, repr(delimiter))}, decimal {decimal}",
+        decimal=decimal,
         notes=notes,
     )
 
@@ -102,7 +106,7 @@ def split(text: str, delimiter: str) -> list[str]:
     Returns
     -------
     list of str
-        Stripped cells, without an empty one after a trailing delimiter.
+        Stripped cells.
     """
     kept: list[str] = []
 
@@ -111,16 +115,12 @@ def split(text: str, delimiter: str) -> list[str]:
         return f"\x01{len(kept) - 1}\x01"
 
     hidden = _QUOTED.sub(keep, text)
-    raw = (
-        hidden.split()
-        if delimiter == " "
-        else hidden.rstrip().removesuffix(delimiter.strip() or "\x02").split(delimiter)
-    )
+    raw = hidden.split() if delimiter == " " else hidden.split(delimiter)
     return [re.sub("\x01(\\d+)\x01", lambda match: kept[int(match.group(1))], cell).strip() for cell in raw]
 
 
 def _line(number: int, text: str) -> _Line:
-    clean = text.replace("\x01", "").replace("\x02", "")
+    clean = text.replace("\x01", "")
     mark = _COMMENT.match(clean)
     return _Line(number, clean[mark.end() :] if mark else clean, mark is not None)
 

@@ -136,6 +136,35 @@ def test_a_matrix_with_axes_in_its_first_row_and_column(tmp_path, law, label):
     assert_same(imported, table, columns=("force",))
 
 
+def test_the_corner_of_a_matrix_names_its_units(tmp_path, law):
+    table = law.table()
+    matrix = table.pivot_table(index="distance", columns="current", values="force") * 1e3
+    header = ["F [mN] d [mm] \\ I [A]", *(f"{current:g}" for current in matrix.columns)]
+    path = write(tmp_path / "m.csv", header, np.column_stack([matrix.index * 1e3, matrix.to_numpy()]))
+    assert_same(read_foreign_table([path]), table, columns=("force",))
+
+
+@pytest.mark.parametrize("header", ["i_A;d_mm;F_N;psi_Wb", "i_A;d_mm;F_N;psi_Wb;"])
+def test_a_delimiter_at_the_end_of_each_line_is_no_column(tmp_path, law, header):
+    table = law.table()
+    body = rows_of(table, ("current", 1), ("distance", 1e3), ("force", 1), ("flux_linkage", 1))
+    path = write(tmp_path / "t.csv", None, body, before=[header])
+    path.write_text("\n".join([header, *(f"{line};" for line in path.read_text().splitlines()[1:])]))
+    assert_same(read_foreign_table([path]), table)
+
+
+def test_an_empty_last_cell_is_a_gap_of_its_column_only(tmp_path, law):
+    table = law.table()
+    body = rows_of(table, ("current", 1), ("distance", 1e3), ("force", 1), ("flux_linkage", 1))
+    path = write(tmp_path / "t.csv", ["i_A", "d_mm", "F_N", "psi_Wb"], body)
+    lines = path.read_text().splitlines()
+    lines[7] = lines[7].rsplit(";", 1)[0] + ";"
+    path.write_text("\n".join(lines))
+    imported = read_foreign_table([path])
+    assert_same(imported, table, columns=("force",))
+    assert any(finding.code == "gaps" and "line 8" in finding.sentence for finding in imported.findings)
+
+
 def test_a_matrix_with_currents_down_is_recognised_by_its_zero(tmp_path, law):
     table = law.table()
     matrix = table.pivot_table(index="current", columns="distance", values="force")
