@@ -23,9 +23,12 @@ def compare_forces(points: pd.DataFrame) -> list[Finding]:
     list of Finding
         ``rival-force``: a warning if a smoother column differs, nothing otherwise.
     """
+    names = [str(name) for name in points if str(name).startswith("other:")]
+    if not names:
+        return []
     own = _size(estimate_noise(points))
     best: tuple[float, str, float] | None = None
-    for name in [str(name) for name in points if str(name).startswith("other:")]:
+    for name in names:
         other = points[name].to_numpy(dtype=float)
         if not np.isfinite(other).all() or not other.any():
             continue
