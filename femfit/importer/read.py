@@ -1,7 +1,7 @@
 """From the tables that FEMM users have to a checked sweep table."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -124,7 +124,7 @@ def _gather(
     findings: list[Finding] = []
     dialects: dict[str, str] = {}
     for index, (file, content) in enumerate(contents.items()):
-        raw = (parse_parquet_table if content.startswith(MAGIC) else parse_with(options))(content, file.name)
+        raw = _parse(content, file.name, options)
         dialects[file.name] = raw.dialect
         findings += [Finding("reading", "info", f"{file.name}: {note}.") for note in raw.notes]
         frame, uses, found = _points(raw, _constants(file, index, len(contents), options), options)
@@ -135,20 +135,8 @@ def _gather(
     return pd.concat(frames, ignore_index=True), mapping, findings, dialects
 
 
-def parse_with(options: ImportOptions) -> Callable[[bytes, str], RawTable]:
-    """The text reader with its options.
-
-    Parameters
-    ----------
-    options : ImportOptions
-        Of the import.
-
-    Returns
-    -------
-    callable
-        From content and file name to a raw table.
-    """
-    return lambda content, name: parse_text_table(content, name, options)
+def _parse(content: bytes, name: str, options: ImportOptions) -> RawTable:
+    return parse_parquet_table(content, name) if content.startswith(MAGIC) else parse_text_table(content, name, options)
 
 
 def _points(
@@ -196,8 +184,9 @@ def _check(points: pd.DataFrame, findings: list[Finding], options: ImportOptions
     findings += found + check_reciprocity(points)
     points, found = drop_incomplete(points, [name for name in QUANTITIES if name not in REQUIRED])
     findings += found
-    findings += compare_forces(points)
     points, found = check_noise(points)
+    findings += found
+    points, found = compare_forces(points)
     return points, findings + found
 
 
