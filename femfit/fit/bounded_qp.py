@@ -10,7 +10,6 @@ first-order solver can stop early and still report success.
 References
 ----------
 B. Stellato et al., OSQP: an operator splitting solver for quadratic programs, Math. Prog. Comp. 12 (2020) 637.
-C. L. Lawson and R. J. Hanson, Solving Least Squares Problems (SIAM, 1995), chapter 23 (problems LSI and LDP).
 """
 
 import warnings
@@ -20,10 +19,11 @@ from dataclasses import dataclass
 import cvxpy as cp
 import numpy as np
 from scipy.linalg import null_space, qr, solve_triangular
-from scipy.optimize import lsq_linear, nnls
+from scipy.optimize import lsq_linear
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
+from femfit.fit.least_distance import solve_least_distance
 
 TOLERANCE = 1e-9
 """OSQP's absolute and relative tolerance on the scaled problem."""
@@ -361,52 +361,6 @@ def _cross_check(problem: _Scaled, z: FloatArray, reference: FloatArray) -> None
         violation = float(np.max(problem.inequalities.right - problem.inequalities.matrix @ z))
         if violation > 1e-6:
             raise FitError(f"OSQP's solution violates an inequality by {violation:.1e} of its scale. Loosen it.")
-
-
-def solve_least_distance(triangle: FloatArray, q: FloatArray, G: FloatArray, h: FloatArray) -> FloatArray:
-    """Minimise ||R z - q||^2 subject to G z >= h by non-negative least squares.
-
-    With w = R z - q the problem is: minimise ||w|| subject to G R^-1 w >= h - G R^-1 q, whose dual is a non-negative
-    least-squares problem.
-
-    Parameters
-    ----------
-    triangle : array, shape (k, k)
-        R, upper triangular and regular.
-    q : array, shape (k,)
-        Right side.
-    G, h : array, shapes (m, k) and (m,)
-        Inequalities.
-
-    Returns
-    -------
-    array, shape (k,)
-        z.
-
-    Raises
-    ------
-    InfeasibleFitError
-        If no z satisfies the inequalities.
-
-    References
-    ----------
-    Lawson and Hanson (1995), section 23.4.
-    """
-    if len(h) == 0:
-        return np.asarray(solve_triangular(triangle, q))
-    moved = solve_triangular(triangle, G.T, trans="T").T
-    shifted = h - moved @ q
-    system = np.vstack([moved.T, shifted])
-    goal = np.zeros(len(system))
-    goal[-1] = 1.0
-    multipliers, _ = nnls(system, goal, maxiter=30 * system.shape[1])
-    rest = system @ multipliers - goal
-    if abs(rest[-1]) < 1e-13:
-        raise InfeasibleFitError(
-            f"The fit is infeasible, because no coefficients satisfy all {len(h)} bounds and inequalities at once. "
-            "Drop or widen some of them."
-        )
-    return np.asarray(solve_triangular(triangle, q - rest[:-1] / rest[-1]))
 
 
 def _covariance(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
@@ -65,6 +66,11 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     -------
     HallFit
         The characteristic.
+
+    Raises
+    ------
+    FitError
+        If there is only one current.
     """
     scale = float(np.ptp(hall)) or 1.0
     knots_u, knots_i, held_out = _choose(rows, hall, scale)
@@ -90,7 +96,12 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
 def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[FloatArray, FloatArray, float]:
     low, high = float(rows.currents[0]), float(rows.currents[-1])
     u_min = float(rows.distances[0] / rows.distances[-1])
-    best: tuple[float, FloatArray, FloatArray] | None = None
+    if len(rows.currents) < 2:
+        raise FitError(
+            "The Hall field needs at least two currents, to tell the coil's part from the magnet's; instead received "
+            f"{len(rows.currents)}. Sweep more currents."
+        )
+    best = (np.inf, np.zeros(0), np.zeros(0))
     for degree in range(1, min(3, len(rows.currents) - 1) + 1):
         knots_i = np.repeat([low, high], degree + 1)
         for cells in (1, 2, 3, 4, 6, 8, 12):
@@ -101,9 +112,8 @@ def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[FloatArray, 
             error = _held_out(rows, hall, knots_u, knots_i) / scale
             if error < HELD_OUT_TARGET:
                 return knots_u, knots_i, error
-            if best is None or error < 0.9 * best[0]:
+            if error < 0.9 * best[0]:
                 best = (error, knots_u, knots_i)
-    assert best is not None  # noqa: S101 - the loops run at least once
     return best[1], best[2], best[0]
 
 

@@ -148,7 +148,17 @@ def fit_law(
     -------
     LawFit
         Everything that the report tells.
+
+    Raises
+    ------
+    FitError
+        If there are too few currents, or the functions do not fit the law.
     """
+    if functions is not None and (len(functions) != len(law.basis) or not set(functions) <= set(FUNCTIONS)):
+        raise FitError(
+            f"Coefficient functions must be one of {', '.join(FUNCTIONS)} for each of {len(law.basis)} columns "
+            f"({', '.join(law.basis)}); instead received {', '.join(functions)}."
+        )
     bounds = default_bounds(law) if bounds is None else bounds
     sigma = law_sigma(rows)
     shape = fit_shape(law, rows, sigma)

@@ -83,6 +83,11 @@ def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float)
         If a value is missing or not a number, or there are too few rows or distances.
     """
     rows = table.valid_rows()
+    if rows.empty:
+        raise TableError(
+            f"A fit needs rows with status ok; the table has none among its {len(table.rows)}. Run the sweep again, or "
+            "look at the status column for what failed."
+        )
     columns: dict[str, FloatArray | None] = {
         name: _numbers(rows, name) for name in ("distance_m", "current_A", "force_N")
     }

@@ -3,7 +3,8 @@
 import numpy as np
 
 from femfit.fit.build import FitResult
-from femfit.fit.coenergy import SHAPES, U_DEGREE, CoenergyFit
+from femfit.fit.coenergy import SHAPES, CoenergyFit
+from femfit.fit.coenergy_basis import U_DEGREE
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
 from femfit.fit.linearity import LinearityTest
@@ -88,7 +89,7 @@ def ranking_lines(ranking: Ranking) -> list[str]:
 def _coenergy_lines(fit: CoenergyFit) -> list[str]:
     size = fit.basis.shape[0] * fit.basis.shape[1]
     return [
-        f"co-energy: {size} coefficients, held-out force error {100 * fit.held_out:.2g} %",
+        f"co-energy: {size} coefficients, held-out error {100 * fit.held_out:.2g} %",
         (
             f"B-spline: {fit.basis.cells[0]} cells of degree {U_DEGREE} in d_0/d, {fit.basis.cells[1]} of degree "
             f"{fit.basis.current_degree} in the current"

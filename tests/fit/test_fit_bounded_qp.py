@@ -11,7 +11,8 @@ from scipy.optimize import lsq_linear
 
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit import bounded_qp
-from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_bounded_qp, solve_least_distance
+from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_bounded_qp
+from femfit.fit.least_distance import solve_least_distance
 
 DISTANCES = np.linspace(0.015, 0.045, 61)
 F1E = np.stack([DISTANCES**-4, DISTANCES**-2], axis=1)
