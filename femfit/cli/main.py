@@ -14,6 +14,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("import", "femfit.cli.import_table:import_table", "Bring in a table of FEMM or another program as a sweep table."),
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
     ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
+    ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
 )
 
 
@@ -30,8 +31,8 @@ def build_app() -> App:
         help="From an electromagnetic actuator's drawing to a model that a filter can run.",
         version=__version__,
     )
-    for name, target, text in COMMANDS:
-        app.command(target, name=name, help=text)
+    for place, (name, target, text) in enumerate(COMMANDS):
+        app.command(target, name=name, help=text, sort_key=place)
     return app
 
 

@@ -31,8 +31,8 @@ class Experiment:
         Reference distances in turn; one for a hold.
     force_scale : float
         Of the plant against the model.
-    offset_V, drift_V_per_s : float
-        Of the Hall sensor.
+    offset_V, drift_V_per_s, drift_V_per_sqrt_s, stuck_after_s, dropout_probability : float
+        Of the Hall sensor, as in :class:`femfit.simulate.sensor.SensorErrors`.
     noise_V : float or None
         Of the Hall sensor; None: the design's.
     believed_m : float or None
@@ -47,6 +47,9 @@ class Experiment:
     force_scale: float = 1.0
     offset_V: float = 0.0
     drift_V_per_s: float = 0.0
+    drift_V_per_sqrt_s: float = 0.0
+    stuck_after_s: float = np.inf
+    dropout_probability: float = 0.0
     noise_V: float | None = None
     believed_m: float | None = None
     velocity_cutoff_rad_s: float = np.inf
@@ -107,6 +110,9 @@ def run_experiments(
             noise_V=each([design.noise_V if e.noise_V is None else e.noise_V for e in experiments]),
             offset_V=each([e.offset_V for e in experiments]),
             drift_V_per_s=each([e.drift_V_per_s for e in experiments]),
+            drift_V_per_sqrt_s=each([e.drift_V_per_sqrt_s for e in experiments]),
+            stuck_after_s=each([e.stuck_after_s for e in experiments]),
+            dropout_probability=each([e.dropout_probability for e in experiments]),
             blocks=noise_blocks,
         ),
         observer=_observers(design, experiments, runs),

@@ -61,6 +61,8 @@ class TimeSeries:
         Command held until the next sample.
     hall_V : array
         The sensor's reading.
+    reference_m : array
+        What the controller wanted.
     normalised_innovation_squared : array
         NaN where the observer has none.
     """
@@ -73,6 +75,7 @@ class TimeSeries:
     estimated_current_A: FloatArray
     voltage_V: FloatArray
     hall_V: FloatArray
+    reference_m: FloatArray
     normalised_innovation_squared: FloatArray
 
 
@@ -203,7 +206,8 @@ def run_loop(
         belief = np.where((alive & usable)[:, None], estimate, belief)
         reference = loop.reference.at(k)
         voltage, memory = loop.controller.command(memory, belief, reference)
-        row = np.stack([*state.T, *belief.T, voltage, sensor.reading_V, quality])
+        wanted = np.broadcast_to(reference.distance, (runs,))
+        row = np.stack([*state.T, *belief.T, voltage, sensor.reading_V, wanted, quality])
         record[:, k] = np.where(alive, row, np.nan)[:, :kept]
         _accumulate(sums, windows, k, state[:, 0], belief[:, 0], reference.distance, quality)
         state = np.where(alive[:, None], loop.plant.step(state, voltage), state)

@@ -19,7 +19,7 @@ one 5 x 5 system. In continuous time, with the coil's pole p_c and the derivativ
     10 w^2 - 4 (p_c + N) w + N p_c - lambda^2 = 0,
 
 and a choice of N picks w. The printed 0.6035 means N = 6.1 p_c on the paper's coil. N = 3 p_c lowers w by a tenth and
-the voltage's noise by 40 %: at 30 mm the clamp then cuts it too rarely to lose the body, as N = 6 p_c does now and then.
+the voltage's noise by 40 %: at 30 mm the clamp then cuts it too rarely to lose the body; with N = 6 p_c it does.
 
 References
 ----------

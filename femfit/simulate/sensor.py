@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import HallSensor
 
 
@@ -31,9 +31,9 @@ class SensorErrors:
         Ramp of the offset.
     drift_V_per_sqrt_s : array or float
         Random walk of the offset: its standard deviation after one second.
-    stuck_after_s : float
+    stuck_after_s : array or float
         From then on the last reading is repeated; infinite for never.
-    dropout_probability : float
+    dropout_probability : array or float
         Of a sample that reads the lower end of the range.
     blocks : int
         The runs are this many equal blocks in a row that share their random numbers, so that what differs between the
@@ -44,8 +44,8 @@ class SensorErrors:
     offset_V: FloatArray | float = 0.0
     drift_V_per_s: FloatArray | float = 0.0
     drift_V_per_sqrt_s: FloatArray | float = 0.0
-    stuck_after_s: float = np.inf
-    dropout_probability: float = 0.0
+    stuck_after_s: FloatArray | float = np.inf
+    dropout_probability: FloatArray | float = 0.0
     blocks: int = 1
 
 
@@ -107,13 +107,10 @@ def read_sensor(
     numbers = random.standard_normal(drawn), random.standard_normal(drawn), random.random(drawn)
     white, step, lost = (np.tile(part, errors.blocks) for part in numbers)
     walk = state.walk_V + errors.drift_V_per_sqrt_s * np.sqrt(sample_time) * step
-    if time >= errors.stuck_after_s:
-        return SensorState(walk, state.reading_V)
     voltage = sensor.voltage(plant_state[:, 0], plant_state[:, 2])
     voltage = voltage + errors.offset_V + errors.drift_V_per_s * time + walk + errors.noise_V * white
-    reading = convert(sensor, voltage)
-    dropped: BoolArray = lost < errors.dropout_probability
-    return SensorState(walk, np.where(dropped, sensor.output_min_V, reading))
+    reading = np.where(lost < errors.dropout_probability, sensor.output_min_V, convert(sensor, voltage))
+    return SensorState(walk, np.where(time >= errors.stuck_after_s, state.reading_V, reading))
 
 
 def convert(sensor: HallSensor, voltage: FloatArray) -> FloatArray:
