@@ -30,6 +30,7 @@ def build_app() -> App:
         name="femfit",
         help="From an electromagnetic actuator's drawing to a model that a filter can run.",
         version=__version__,
+        suppress_keyboard_interrupt=False,  # main says that finished work is kept
     )
     for place, (name, target, text) in enumerate(COMMANDS):
         app.command(target, name=name, help=text, sort_key=place)

@@ -1,0 +1,187 @@
+"""``femfit run``: the whole main job in turn."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter, validators
+
+if TYPE_CHECKING:
+    from femfit.actuator.parts import Actuator
+    from femfit.core.sweep_table import SweepTable
+    from femfit.fit.build import FitResult
+    from femfit.model.actuator_model import ActuatorModel
+    from femfit.simulate.study import ClosedLoopStudy
+
+STEP_WIDTH = 15  # of the steps' names on the terminal
+
+
+def run(
+    actuator: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    workers: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
+    seed: int = 1,
+    json: Path | None = None,
+) -> None:
+    """Sweep, fit, export, close the loop and report, in turn.
+
+    An interrupted run goes on with the sweep where it stopped when the same command is given again.
+
+    Parameters
+    ----------
+    actuator : Path
+        Actuator file (.toml).
+    output : Path
+        Run directory; runs/NAME by default.
+    workers : int
+        Processes of the sweep; one a core by default.
+    seed : int
+        Of the noise in the closed loop.
+    json : Path
+        File for the results as JSON.
+    """
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    from femfit.actuator.load import read_actuator
+    from femfit.cli.output import progress_bar, write_json
+    from femfit.fem.sweep import run_sweep
+    from femfit.fem.sweep_summary import summarise
+
+    parts = read_actuator(actuator)
+    directory = output or Path("runs") / parts.name
+    steps = _Steps()
+    with steps.timed("sweep"), progress_bar(f"sweep {parts.name}") as progress:
+        table = run_sweep(parts, directory, workers=workers or len(os.sched_getaffinity(0)), progress=progress)
+    summary = summarise(table)
+    steps.say(
+        f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most "
+        f"{100 * summary['force_error_relative_max']:.3f} %"
+    )
+    with steps.timed("fit"):
+        reference = _fit(table, "coenergy", directory / "model.json")
+    steps.say(f"co-energy reference, {100 * reference.misfits[0].force_rms_relative:.4f} % rms of the force")
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
+        with steps.timed("rank laws"):
+            ranked = _fit(table, "all", directory / "model_law.json")
+        if ranked.ranking is not None:
+            best = ranked.ranking.recommended
+            steps.say(f"{best.law.name} is recommended, {100 * best.held_out_rms:.2f} % of the {ranked.ranking.of}")
+        with steps.timed("export"):
+            exported = _export(reference.model, directory / "estimator")
+        steps.say(exported)
+        with steps.timed("close the loop"):
+            study, no_study = loop.result()
+    steps.say(no_study or _loop_line(study))
+    with steps.timed("report"):
+        report = _report(parts, table, ranked, (study, no_study), steps.times, directory)
+    steps.say(f"{report}, {report.stat().st_size / 1e6:.1f} MB")
+    print(f"{sum(steps.times.values()):.1f} s in all")
+    write_json(
+        json,
+        {
+            "directory": str(directory),
+            "sweep": summary,
+            "reference": dict(reference.data),
+            "laws": dict(ranked.data),
+            "closed_loop": _loop_data(study),
+            "no_closed_loop": no_study,
+            "seconds": steps.times,
+        },
+    )
+
+
+class _Steps:
+    """Times of the steps, and a line of output after each."""
+
+    def __init__(self) -> None:
+        self.times: dict[str, float] = {}
+
+    @contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        from time import perf_counter
+
+        start = perf_counter()
+        yield
+        self.times[name] = perf_counter() - start
+
+    def say(self, text: str) -> None:
+        name = list(self.times)[-1]
+        print(f"{name:<{STEP_WIDTH}}{self.times[name]:5.1f} s  {text}", flush=True)
+
+
+def _fit(table: "SweepTable", model: str, path: Path) -> "FitResult":
+    from femfit.fit.build import FitOptions, fit_model
+    from femfit.model.json_file import write_model
+
+    result = fit_model(table, FitOptions(model=model))
+    write_model(result.model, path)
+    return result
+
+
+def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | None, str]":
+    """The study, or why there is none: an actuator that cannot levitate is no failure of the run."""
+    from femfit.core.errors import DomainError, MissingPartError
+    from femfit.simulate.study import closed_loop_study
+
+    try:
+        return closed_loop_study(model, seed), ""
+    except (DomainError, MissingPartError) as error:
+        return None, str(error)
+
+
+def _export(model: "ActuatorModel", directory: Path) -> str:
+    from femfit.core.errors import MissingPartError
+    from femfit.export.estimator import export_estimator
+
+    try:
+        files = export_estimator(model, directory)
+    except MissingPartError as error:
+        return f"none: {error}"
+    return f"{directory}, {len(files)} files that need numpy alone"
+
+
+def _loop_line(study: "ClosedLoopStudy | None") -> str:
+    if study is None:
+        return ""
+    rows = [row for row in study.holds if row.filter == "ukf" and row.ratio is not None]
+    ratios = ", ".join(f"{row.ratio:.2f} at {1e3 * row.distance_m:g} mm" for row in rows[: len(rows) // 2])
+    return f"UKF against direct measurement: noise {ratios} times lower"
+
+
+def _loop_data(study: "ClosedLoopStudy | None") -> dict[str, object] | None:
+    from femfit.simulate.text import study_data
+
+    return None if study is None else dict(study_data(study))
+
+
+def _report(
+    parts: "Actuator",
+    table: "SweepTable",
+    ranked: "FitResult",
+    loop: "tuple[ClosedLoopStudy | None, str]",
+    times: dict[str, float],
+    directory: Path,
+) -> Path:
+    from hashlib import sha256
+
+    from femfit.report.content import ReportContent, picture_point
+    from femfit.report.field_sample import sample_field
+    from femfit.report.html import write_report
+
+    files = ("sweep.parquet", "model.json", "model_law.json")
+    content = ReportContent(
+        actuator=parts,
+        sweep=table,
+        fit=ranked,
+        study=loop[0],
+        no_study=loop[1],
+        field=sample_field(parts, *picture_point(parts, ranked.model)),
+        timings_s=tuple(times.items()),
+        hashes=tuple((name, sha256((directory / name).read_bytes()).hexdigest()) for name in files),
+    )
+    return write_report(content, directory / "report.html")

@@ -1,0 +1,158 @@
+"""The command line as a whole: help, exit codes, interruption, a full disk."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from femfit.cli.main import COMMANDS
+from femfit.model.json_file import write_model
+from support.actuators import GEOMETRY
+
+FEMFIT = str(Path(sys.executable).with_name("femfit"))
+RIG = str(GEOMETRY / "emaws-rig.toml")
+
+
+def femfit(*arguments, **options):
+    return subprocess.run(
+        [FEMFIT, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=120, **options
+    )
+
+
+@pytest.fixture(scope="module")
+def small_actuator(tmp_path_factory):
+    """The rig on a grid of 4 x 9 points, enough for every command."""
+    text = Path(RIG).read_text()
+    lines = []
+    for line in text.splitlines():
+        if line.startswith("current_A"):
+            line = "current_A = [0, 0.4, 0.9, 1.4]"  # noqa: PLW2901
+        if line.startswith("distance_mm") and "start" in line:
+            line = "distance_mm = [15, 16.5, 18, 20, 23, 27, 32, 38, 45]"  # noqa: PLW2901
+        lines.append(line)
+    path = tmp_path_factory.mktemp("actuator") / "small.toml"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def test_help_lists_every_command():
+    result = femfit("--help")
+    assert result.returncode == 0
+    for name, _, _ in COMMANDS:
+        assert name in result.stdout
+
+
+def test_help_imports_nothing_heavy():
+    heavy = ("numpy", "pandas", "ngsolve", "cvxpy", "matplotlib", "scipy")
+    code = f"import sys, femfit.cli.main as m; m.build_app(); print([n for n in {heavy} if n in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", [name for name, _, _ in COMMANDS])
+def test_every_command_explains_itself(name):
+    result = femfit(name, "--help")
+    assert result.returncode == 0
+    assert "--json" in result.stdout
+
+
+@pytest.mark.parametrize("arguments", [("nosuch",), ("sweep",), ("fit",), ("sweep", RIG, "--workers", "0")])
+def test_wrong_usage_exits_with_2(arguments):
+    result = femfit(*arguments)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("run", "nosuch.toml"), "does not exist"),
+        (("sweep", "nosuch.toml"), "does not exist"),
+        (("fit", "nosuch"), "does not exist"),
+        (("export", "nosuch.json", "-o", "out"), "cannot be read"),
+        (("simulate", "nosuch.json"), "cannot be read"),
+        (("import", "nosuch.csv", "-o", "out"), "nosuch.csv"),
+    ],
+)
+def test_an_error_exits_with_1_and_one_message(arguments, message, tmp_path):
+    result = femfit(*arguments, cwd=tmp_path)
+    assert result.returncode == 1
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_newer_model_file_is_refused_by_every_command_that_reads_one(levitation_model, tmp_path):
+    path = tmp_path / "model.json"
+    write_model(levitation_model, path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"schema": 99}))
+    for arguments in (("simulate", path), ("export", path, "-o", tmp_path / "out")):
+        result = femfit(*arguments)
+        assert result.returncode == 1
+        assert "schema 99" in result.stderr
+        assert "Update femfit" in result.stderr
+
+
+def test_interrupted_sweep_keeps_its_points_and_goes_on(small_actuator, tmp_path):
+    journal = tmp_path / "run" / "journal.jsonl"
+    command = [FEMFIT, "sweep", str(small_actuator), "-o", str(tmp_path / "run"), "--workers", "2"]
+    child = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and child.poll() is None:
+        if journal.exists() and journal.read_bytes().count(b"\n") > 2:
+            os.killpg(child.pid, signal.SIGINT)  # what Ctrl-C does: the whole group gets it
+            break
+        time.sleep(0.005)
+    _, stderr = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert "what was finished is kept" in stderr
+    kept = journal.read_bytes().count(b"\n") - 1
+    assert kept >= 2
+    result = femfit("sweep", small_actuator, "-o", tmp_path / "run", "--json", tmp_path / "summary.json")
+    assert result.returncode == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["rows"], summary["failed"]) == (36, 0)
+
+
+def test_progress_is_quiet_where_there_is_no_terminal(small_actuator, tmp_path):
+    result = femfit("sweep", small_actuator, "-o", tmp_path / "run")
+    assert result.returncode == 0
+    assert result.stderr == ""
+    assert "36 points, 0 failed" in result.stdout
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_is_a_message_and_exit_1(levitation_model, tmp_path):
+    path = tmp_path / "model.json"
+    write_model(levitation_model, path)
+    result = femfit("export", path, "-o", tmp_path / "out", "--json", "/dev/full")
+    assert result.returncode == 1
+    assert "No space left" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_run_does_the_whole_main_job(small_actuator, tmp_path):
+    target = tmp_path / "run"
+    result = femfit("run", small_actuator, "-o", target, "--json", tmp_path / "result.json")
+    assert result.returncode == 0, result.stderr
+    for name in ("sweep.parquet", "sweep.csv", "manifest.json", "model.json", "model_law.json", "report.html"):
+        assert (target / name).stat().st_size > 0
+    assert (target / "estimator" / "example.py").is_file()
+    assert (target / "report.html").stat().st_size < 3e6
+    data = json.loads((tmp_path / "result.json").read_text())
+    assert data["closed_loop"] is not None
+    assert data["sweep"]["failed"] == 0
+
+
+@pytest.mark.long
+def test_run_of_an_actuator_that_cannot_levitate_says_so(tmp_path):
+    result = femfit("run", GEOMETRY / "plunger-solenoid.toml", "-o", tmp_path / "run")
+    assert result.returncode == 0, result.stderr
+    assert "must have a sensor" in result.stdout
+    assert (tmp_path / "run" / "report.html").is_file()
+    assert not (tmp_path / "run" / "estimator").exists()
