@@ -1,0 +1,84 @@
+"""What a report is made of: results that were computed before."""
+
+from dataclasses import dataclass
+
+from femfit.actuator.parts import Actuator
+from femfit.core.errors import DomainError
+from femfit.core.sweep_table import SweepTable
+from femfit.estimate.theory import holding_current
+from femfit.fit.build import FitResult
+from femfit.fit.law_fit import LawFit
+from femfit.model.actuator_model import ActuatorModel
+from femfit.report.field_sample import FieldSample
+from femfit.simulate.study import ClosedLoopStudy
+
+
+@dataclass(frozen=True, eq=False)
+class ReportContent:
+    """Results of one actuator.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        As read from its file.
+    sweep : SweepTable
+        With its manifest.
+    fit : FitResult
+        Of ``FitOptions(model="all")``: candidates, co-energy, Hall characteristic.
+    study : ClosedLoopStudy or None
+        The closed loop.
+    no_study : str
+        Why there is none, as the error said.
+    field : FieldSample or None
+        From :func:`femfit.report.field_sample.sample_field` at :func:`picture_point`.
+    timings_s : tuple of (str, float)
+        Steps of the run and the time they took.
+    hashes : tuple of (str, str)
+        Files of the run and their SHA-256.
+    """
+
+    actuator: Actuator
+    sweep: SweepTable
+    fit: FitResult
+    study: ClosedLoopStudy | None = None
+    no_study: str = ""
+    field: FieldSample | None = None
+    timings_s: tuple[tuple[str, float], ...] = ()
+    hashes: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def weight(self) -> float | None:
+        """Weight of the moving part in N, where its mass is known."""
+        return self.fit.rows.weight
+
+    def law(self, name: str) -> LawFit | None:
+        """The fit of a candidate by its name; None where it was not fitted."""
+        if self.fit.ranking is None:
+            return self.fit.law if self.fit.law is not None and self.fit.law.law.name == name else None
+        return next((c.fit for c in self.fit.ranking.candidates if c.law.name == name), None)
+
+
+def picture_point(actuator: Actuator, model: ActuatorModel) -> tuple[float, float]:
+    """Where the field is drawn: the first reference distance at its holding current.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        With its sweep.
+    model : ActuatorModel
+        Of it.
+
+    Returns
+    -------
+    distance, current : float
+        In m and A; without a reference the middle of the distances, without a holding current half the largest one.
+    """
+    axes = actuator.sweep
+    middle = 0.5 * (axes.distances_m[0] + axes.distances_m[-1])
+    distance = actuator.reference_distances_m[0] if actuator.reference_distances_m else middle
+    if model.motion is not None:
+        try:
+            return distance, holding_current(model, distance)
+        except DomainError:
+            pass
+    return distance, 0.5 * axes.currents_A[-1]

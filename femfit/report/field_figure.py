@@ -1,0 +1,103 @@
+"""|B| with flux lines over the full section."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femfit.actuator.parts import Actuator
+from femfit.core.arrays import FloatArray
+from femfit.report.actuator_figure import draw_parts
+from femfit.report.field_sample import FieldSample
+from femfit.report.mirror import mirrored
+from femfit.report.style import new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LINES = 22
+"""Flux lines, each pair with the same flux between them."""
+
+DECADES = 3.0
+"""Of |B| shown in colour below its largest value."""
+
+MM = 1e3
+
+
+def colour_range(sample: FieldSample) -> tuple[float, float]:
+    """Least and largest |B| of the colours, in T: whole steps of 1, 2 and 5.
+
+    Parameters
+    ----------
+    sample : FieldSample
+        Any with a field.
+
+    Returns
+    -------
+    tuple of float
+        In T.
+    """
+    top = float(np.percentile(sample.flux_density_T, 99.7))
+    decade = 10.0 ** np.floor(np.log10(top))
+    largest = next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= top)
+    return float(largest / 10.0**DECADES), float(largest)
+
+
+def flux_levels(flux: FloatArray) -> FloatArray:
+    """Flux of the lines drawn.
+
+    Parameters
+    ----------
+    flux : array
+        2 pi r A_phi in Wb.
+
+    Returns
+    -------
+    array
+        Equally spaced, without zero, which is the axis.
+    """
+    low, high = min(float(flux.min()), 0.0), max(float(flux.max()), 0.0)
+    step = (high - low) / (LINES + 1)
+    levels = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
+    return np.asarray(levels[np.abs(levels) > 0.5 * step])
+
+
+@styled
+def field_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
+    """Draw a field.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Whose outlines are drawn over it.
+    sample : FieldSample
+        The field.
+
+    Returns
+    -------
+    Figure
+        |B| in colours (rasterised), flux lines, outlines.
+    """
+    from matplotlib.colors import LogNorm
+
+    figure = new_figure(5.6, 6.2)
+    axes = figure.subplots()
+    x, density = mirrored(sample.radius_m, sample.flux_density_T)
+    _, flux = mirrored(sample.radius_m, sample.flux_Wb)
+    low, high = colour_range(sample)
+    z = sample.height_m
+    image = axes.imshow(
+        np.clip(density, low, None),
+        extent=(MM * x[0], MM * x[-1], MM * z[0], MM * z[-1]),
+        origin="lower",
+        norm=LogNorm(low, high),
+        cmap="cividis",
+        interpolation="bilinear",
+    )
+    axes.contour(MM * x, MM * z, flux, levels=flux_levels(sample.flux_Wb), colors="white", linewidths=0.6, alpha=0.75)
+    draw_parts(axes, actuator, sample.distance_m, filled=False)
+    axes.set(xlabel="x (mm)", ylabel="z (mm)", xlim=(MM * x[0], MM * x[-1]), ylim=(MM * z[-1], MM * z[0]))
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+    bar = figure.colorbar(image, ax=axes, shrink=0.85, extend="min")
+    bar.set_label("|B| (T)")
+    return figure

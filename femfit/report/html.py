@@ -1,0 +1,137 @@
+"""Everything into one HTML file that needs nothing beside it."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
+from pathlib import Path
+
+from femfit import __version__
+from femfit.actuator.parts import Actuator
+from femfit.core.errors import RunDirectoryError
+from femfit.report.content import ReportContent, picture_point
+from femfit.report.embed import png_uri
+from femfit.report.field_sample import FieldSample
+from femfit.report.offscreen import OffScreenPicture, draw_off_screen
+from femfit.report.section import DataTable, Picture, Section, text
+from femfit.report.section_actuator import actuator_section
+from femfit.report.section_field import field_section
+from femfit.report.section_hall import hall_section
+from femfit.report.section_laws import candidates_section, paper_laws_section
+from femfit.report.section_limits import limits_section, provenance_section
+from femfit.report.section_loop import loop_section
+from femfit.report.section_sweep import sweep_section
+from femfit.report.summary import summary
+
+LARGEST_BYTES = 3_000_000
+
+Draw = Callable[[Actuator, FieldSample], OffScreenPicture]
+
+
+def write_report(content: ReportContent, path: Path, draw: Draw = draw_off_screen) -> Path:
+    """Write the report.
+
+    Parameters
+    ----------
+    content : ReportContent
+        Results.
+    path : Path
+        Of the HTML file; its directory is made if absent.
+    draw : callable
+        Draws the cut-away, while the other pictures are made.
+
+    Returns
+    -------
+    Path
+        Of the written file.
+
+    Raises
+    ------
+    RunDirectoryError
+        If the file would not stay below 3 MB.
+    """
+    page = render_report(content, draw)
+    encoded = page.encode()
+    if len(encoded) > LARGEST_BYTES:
+        raise RunDirectoryError(
+            f"The report must stay below {LARGEST_BYTES / 1e6:g} MB; it has {len(encoded) / 1e6:.2f} MB. Sweep fewer "
+            f"points."
+        )
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_bytes(encoded)
+    partial.replace(path)
+    return path
+
+
+def render_report(content: ReportContent, draw: Draw = draw_off_screen) -> str:
+    """The report as HTML text.
+
+    Parameters
+    ----------
+    content : ReportContent
+        Results.
+    draw : callable
+        As in :func:`write_report`.
+
+    Returns
+    -------
+    str
+        A whole page.
+    """
+    from jinja2 import Environment
+
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.tests["picture"] = lambda block: isinstance(block, Picture)
+    environment.tests["table"] = lambda block: isinstance(block, DataTable)
+    folder = files("femfit.report")
+    template = environment.from_string((folder / "report.html.j2").read_text(encoding="utf-8"))
+    return template.render(
+        actuator=content.actuator,
+        style=(folder / "report.css").read_text(encoding="utf-8"),
+        summary=summary(content),
+        sections=_sections(content, draw),
+        version=__version__,
+    )
+
+
+def _sections(content: ReportContent, draw: Draw) -> list[Section]:
+    sample = content.field
+    with ThreadPoolExecutor(1) as background:
+        drawing = None if sample is None else background.submit(draw, content.actuator, sample)
+        rest = [
+            sweep_section(content),
+            paper_laws_section(content),
+            candidates_section(content),
+            hall_section(content),
+            loop_section(content),
+            limits_section(content),
+            provenance_section(content),
+        ]
+        drawn = None if drawing is None else drawing.result()
+    if sample is None or drawn is None:
+        head = [actuator_section(content, picture_point(content.actuator, content.fit.model)[0], None)]
+    else:
+        head = [
+            actuator_section(content, sample.distance_m, _cutaway(content.actuator, sample, drawn)),
+            field_section(content, sample, None if drawn.image else drawn.how),
+        ]
+    return [*head, *(section for section in rest if section is not None)]
+
+
+def _cutaway(actuator: Actuator, sample: FieldSample, drawn: OffScreenPicture) -> Picture | None:
+    if drawn.image is None:
+        return None
+    return Picture(
+        "cutaway",
+        png_uri(drawn.image),
+        f"{actuator.name} with a quarter cut away; flux density on the cut faces, flux lines in the air.",
+        text(
+            "A quarter cut away: |B| on the cut faces, flux lines coloured by |B|, at d = {} mm and i = {} A. Drawn "
+            "by {}.",
+            f"{1e3 * sample.distance_m:.4g}",
+            f"{sample.current_A:.3g}",
+            drawn.how,
+        ),
+        narrow=True,
+    )

@@ -1,0 +1,97 @@
+"""Numbers with their unit, as text."""
+
+import math
+
+NO_BREAK = "\u00a0"
+
+_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
+
+
+def quantity(value: float | None, unit: str, digits: int = 3) -> str:
+    """A number with an SI prefix before its unit.
+
+    Parameters
+    ----------
+    value : float or None
+        In the unit; None becomes ``unknown``.
+    unit : str
+        That takes a prefix: ``N``, ``T``, ``H``, ``m``, ...
+    digits : int
+        Significant ones.
+
+    Returns
+    -------
+    str
+        For example ``8.34 mN``, with a space that does not break.
+    """
+    if value is None or not math.isfinite(value):
+        return "unknown"
+    if value == 0.0:
+        return f"0{NO_BREAK}{unit}"
+    # Rounded first: 999.96 mN is 1.00 N
+    rounded = float(f"{value:.{digits - 1}e}")
+    power = min(max(3 * math.floor(math.log10(abs(rounded)) / 3.0), min(_PREFIXES)), max(_PREFIXES))
+    return f"{significant(rounded / 10.0**power, digits)}{NO_BREAK}{_PREFIXES[power]}{unit}"
+
+
+def percent(fraction: float | None, digits: int = 2) -> str:
+    """A fraction in per cent.
+
+    Parameters
+    ----------
+    fraction : float or None
+        1 is 100 %.
+    digits : int
+        Significant ones.
+
+    Returns
+    -------
+    str
+        For example ``0.36 %``.
+    """
+    if fraction is None or not math.isfinite(fraction):
+        return "unknown"
+    return f"{significant(100.0 * fraction, digits)}{NO_BREAK}%"
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, in powers of ten where it is very large or small.
+
+    Parameters
+    ----------
+    value : float
+        Any.
+    digits : int
+        Significant ones.
+
+    Returns
+    -------
+    str
+        For example ``0.0120``, ``4.51·10⁻⁶``.
+    """
+    if value == 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    value = float(f"{value:.{digits - 1}e}")
+    exponent = math.floor(math.log10(abs(value)))
+    if -4 <= exponent < max(digits, 6):
+        return f"{value:.{max(digits - 1 - exponent, 0)}f}".replace("-", "−")
+    power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{value / 10.0**exponent:.{digits - 1}f}·10{power}".replace("-", "−", 1)
+
+
+def plain(value: float, digits: int = 6) -> str:
+    """A number that was typed in, with no digit more than it had.
+
+    Parameters
+    ----------
+    value : float
+        Any.
+    digits : int
+        At most.
+
+    Returns
+    -------
+    str
+        For example ``0.49``, ``−25``.
+    """
+    return f"{value:.{digits}g}".replace("-", "−")

@@ -1,0 +1,281 @@
+"""The report's section on the closed loop."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from markupsafe import Markup
+
+from femfit.report.content import ReportContent
+from femfit.report.embed import svg_uri
+from femfit.report.loop_figures import NAMES, filters_figure, spectrum_figure, steps_figure
+from femfit.report.numbers import NO_BREAK, percent, plain, quantity, significant
+from femfit.report.paper import is_papers
+from femfit.report.section import Block, DataTable, Picture, Section, text
+from femfit.simulate.experiment import Experiment
+from femfit.simulate.study import ClosedLoopStudy
+from femfit.simulate.study_rows import LossRow, ShiftRow
+from femfit.simulate.table6 import HoldRow
+
+MM = 1e3
+MICRO = 1e6
+TITLE = "The closed loop"
+
+
+def loop_section(content: ReportContent) -> Section:
+    """Table 6, the noise bound, what breaks the loop, Figures 15 to 19.
+
+    Parameters
+    ----------
+    content : ReportContent
+        Any.
+
+    Returns
+    -------
+    Section
+        One sentence where the loop could not be closed.
+    """
+    study = content.study
+    if study is None:
+        reason = content.no_study or "it was not asked for."
+        return Section("loop", TITLE, (text("The loop was not closed: {}", reason),))
+    paper = is_papers(content.actuator)
+    blocks: list[Block] = [
+        _setting(study),
+        *_step_pictures(study),
+        _table6(study, paper=paper),
+        *_spectra(study),
+        _hold_table(study),
+        _bound(study),
+        *_filters(study),
+        _faults(study),
+    ]
+    return Section("loop", TITLE, tuple(blocks))
+
+
+def _setting(study: ClosedLoopStudy) -> Block:
+    design = study.design
+    first, last = design.points[0], design.points[-1]
+    return text(
+        "The plant is the co-energy model with back-EMF, the sensor the Hall characteristic with {} rms of white "
+        "noise and "
+        "the converter. Both controllers take distance, velocity and current from the filter; their gains follow "
+        "from the "
+        "model. Between {} and {} mm the body hangs at {} to {} with an unstable pole of {} to {} rad/s. Seed {}.",
+        quantity(design.noise_V, "V"),
+        plain(MM * first.distance_m),
+        plain(MM * last.distance_m),
+        quantity(first.voltage_V, "V"),
+        quantity(last.voltage_V, "V"),
+        plain(first.mechanical_pole_rad_s, 3),
+        plain(last.mechanical_pole_rad_s, 3),
+        study.seed,
+    )
+
+
+def _step_pictures(study: ClosedLoopStudy) -> list[Picture]:
+    pictures = []
+    for number, series in enumerate(study.steps, start=15):
+        name = NAMES[series.controller]
+        pictures.append(
+            Picture(
+                f"steps-{series.controller}",
+                svg_uri(steps_figure(series), f"steps-{series.controller}"),
+                f"Distance over time with the {name} controller, direct measurement and filter.",
+                text(
+                    "Reference steps with the {} controller fed by the {} (Figure {} of the paper): distances, "
+                    "errors of "
+                    "both measurements, coil voltage.",
+                    name,
+                    NAMES[series.observer],
+                    number,
+                ),
+            )
+        )
+    return pictures
+
+
+def _table6(study: ClosedLoopStudy, *, paper: bool) -> DataTable:
+    header = ["measurement"]
+    controllers = list(dict.fromkeys(row.controller for row in study.table6))
+    for controller in controllers:
+        name = NAMES[controller]
+        header.append(f"{name}, femfit (µm)")
+        if paper:
+            header.append(f"{name}, paper (µm)")
+    rows = {(row.measurement, row.controller): row for row in study.table6}
+    measurements = list(dict.fromkeys(row.measurement for row in study.table6))
+    body = []
+    for measurement in measurements:
+        cells = [NAMES[measurement]]
+        for controller in controllers:
+            row = rows[measurement, controller]
+            lost = "" if row.held == row.runs else f" ({row.runs - row.held} of {row.runs} runs lost)"
+            cells.append(f"{_micro(row.rms_m)}{lost}")
+            if paper:
+                cells.append("–" if row.paper_rms_m is None else _micro(row.paper_rms_m))
+        body.append(tuple(cells))
+    ratio = ["direct / UKF"]
+    for controller in controllers:
+        direct, ukf = rows["direct", controller], rows["ukf", controller]
+        ratio.append(plain(direct.rms_m / ukf.rms_m, 3))
+        if paper:
+            ratio.append(plain((direct.paper_rms_m or np.nan) / (ukf.paper_rms_m or np.nan), 3))
+    note = (
+        " The paper's direct measurement is a property of its sensor, an input here; its ratios lie beyond the bound "
+        "of the "
+        "next table, which holds for white noise."
+        if paper
+        else ""
+    )
+    return DataTable(
+        text(
+            "Table 6: rms of true minus measured distance over the reference steps, {} runs each.{}",
+            study.table6[0].runs,
+            note,
+        ),
+        tuple(header),
+        (*body, tuple(ratio)),
+    )
+
+
+def _micro(value: float) -> str:
+    return significant(MICRO * value, 3)
+
+
+def _spectra(study: ClosedLoopStudy) -> list[Picture]:
+    return [
+        Picture(
+            f"spectrum-{pair.controller}",
+            svg_uri(spectrum_figure(pair), f"spectrum-{pair.controller}"),
+            f"Spectra of direct and filtered distance with the {NAMES[pair.controller]} controller.",
+            text(
+                "Spectra at rest with the {} controller (Figure {} of the paper): at low frequency both show the "
+                "body's own "
+                "motion, above it the filter leaves the sensor's white noise behind.",
+                NAMES[pair.controller],
+                number,
+            ),
+        )
+        for number, pair in enumerate(study.spectra, start=17)
+    ]
+
+
+def _hold_table(study: ClosedLoopStudy) -> DataTable:
+    header = (
+        "controller, filter",
+        "distance",
+        "direct (µm rms)",
+        "filter (µm rms)",
+        "ratio",
+        "bound",
+        "innovations (95 % band)",
+    )
+    return DataTable(
+        Markup("At rest, at both ends of the reference: noise of direct measurement and filter from the same readings"),
+        header,
+        tuple(
+            (
+                f"{NAMES[row.controller]}, {NAMES[row.filter]}",
+                f"{plain(MM * row.distance_m)}{NO_BREAK}mm",
+                _micro(row.direct_rms_m),
+                _micro(row.filtered_rms_m),
+                f"{row.ratio:.2f}",
+                f"{row.bound:.2f}",
+                _innovations(row),
+            )
+            for row in study.holds
+        ),
+    )
+
+
+def _innovations(row: HoldRow) -> str:
+    band = row.innovation_band
+    return f"{row.normalised_innovation_squared:.3f} ({band.lower:.3f} … {band.upper:.3f})"
+
+
+def _bound(study: ClosedLoopStudy) -> Block:
+    shares = np.array([row.ratio / row.bound for row in study.holds])
+    inside = sum(row.innovation_band.contains(row.normalised_innovation_squared) for row in study.holds)
+    return text(
+        "The bound is 1/√(2 λ t<sub>s</sub>): no filter gains more against white noise on a body with the unstable "
+        "pole λ. "
+        "The filters reach {} to {} of it (statistics of a finite record can pass it by a little). Of {} mean "
+        "normalised "
+        "innovations, {} lie in their 95 % band, which is what tells a filter that knows its own error.",
+        percent(float(shares.min()), 3),
+        percent(float(shares.max()), 3),
+        len(study.holds),
+        inside,
+    )
+
+
+def _filters(study: ClosedLoopStudy) -> list[Picture]:
+    if not study.small_steps:
+        return []
+    names = " and ".join(NAMES[one.observer] for one in study.small_steps)
+    return [
+        Picture(
+            "filters",
+            svg_uri(filters_figure(study.small_steps), "filters"),
+            f"{names} over small reference steps.",
+            text(
+                "{} with the backstepping controller over smaller steps (Figure 19 of the paper), on the same noise. "
+                "In "
+                "steady state they are equal; they differ when the first estimate is wrong: {}.",
+                names,
+                "; ".join(_acquired(study.acquisition)),
+            ),
+        )
+    ]
+
+
+def _acquired(rows: Iterable[LossRow]) -> list[str]:
+    found = []
+    for row in rows:
+        believed = row.experiment.believed_m
+        start = "" if believed is None else f" believed at {plain(MM * believed)} mm"
+        body = f"body at {plain(MM * row.experiment.targets_m[0])} mm{start}"
+        found.append(f"{NAMES[row.experiment.observer]}, {body}, {row.held} of {row.runs} held")
+    return found
+
+
+def _faults(study: ClosedLoopStudy) -> DataTable:
+    """A row a loop and fault, a column a distance."""
+    entries = [(row.experiment, _loss(row)) for row in (*study.direct_feedback, *study.hall_bias_three_states)]
+    entries += [(row.experiment, _shift(row)) for row in (*study.hall_bias, *study.force_error)]
+    distances = sorted({experiment.targets_m[0] for experiment, _ in entries})
+    cells: dict[tuple[str, str], dict[float, str]] = {}
+    for experiment, end in entries:
+        key = (f"{NAMES[experiment.controller]}, {NAMES[experiment.observer]}", _fault(experiment))
+        cells.setdefault(key, {})[experiment.targets_m[0]] = end
+    return DataTable(
+        Markup("What breaks the loop, and what it costs: the body's shift against the loop without the fault"),
+        ("loop", "fault", *(f"at {plain(MM * d)} mm" for d in distances)),
+        tuple((*key, *(ends.get(d, "–") for d in distances)) for key, ends in cells.items()),
+    )
+
+
+def _fault(experiment: Experiment) -> str:
+    if experiment.offset_V:
+        return f"Hall offset {quantity(experiment.offset_V, 'V', 2)}"
+    if experiment.force_scale != 1.0:
+        return f"true force {percent(experiment.force_scale - 1.0)} above the model's"
+    cutoff = experiment.velocity_cutoff_rad_s
+    derivative = f"derivative below {cutoff:.0f} rad/s" if np.isfinite(cutoff) else "raw derivative"
+    return derivative if experiment.noise_V is None else f"{derivative}, noise {quantity(experiment.noise_V, 'V', 2)}"
+
+
+def _loss(row: LossRow) -> str:
+    if row.last_loss_s is None:
+        rms = "" if row.estimate_rms_m is None else f", measured within {_micro(row.estimate_rms_m)} µm rms"
+        return f"all {row.runs} held{rms}"
+    names = ", ".join(name.lower().replace("_", " ") for name in row.outcomes if name != "HELD")
+    when = f"within {quantity(row.last_loss_s, 's')}" if row.last_loss_s else "at once"
+    return f"{row.runs - row.held} of {row.runs} lost {when} ({names})"
+
+
+def _shift(row: ShiftRow) -> str:
+    lost = "" if row.held == row.runs else f"; {row.runs - row.held} of {row.runs} lost"
+    if not np.isfinite(row.position_shift_m):
+        return f"too few runs held for a mean{lost}"
+    return f"{_micro(row.position_shift_m)} ± {significant(MICRO * row.shift_error_m, 2)} µm{lost}"

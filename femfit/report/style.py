@@ -1,0 +1,132 @@
+"""One look for all pictures: sizes, fonts, a palette that colour-blind readers can tell apart."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import wraps
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+INK = "#24292f"
+MUTED = "#6e7781"
+PAPER = "#ffffff"
+
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
+"""Okabe and Ito's palette, https://jfly.uni-koeln.de/color/ (2008)."""
+
+CATEGORIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+
+WIDTH = 7.8
+"""Of a picture that fills the page's column, in inches."""
+
+SETTINGS: dict[str, Any] = {
+    "font.size": 9.0,
+    "font.family": "sans-serif",
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-4, 5),
+    "grid.color": "#d8dee4",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.5,
+    "lines.markersize": 3.5,
+    "text.color": INK,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.facecolor": PAPER,
+    "svg.fonttype": "path",  # readers have other fonts; the pictures keep their layout
+    "path.simplify_threshold": 0.2,
+}
+
+
+def style(**more: Any) -> AbstractContextManager[None]:
+    """A context with :data:`SETTINGS`, that leaves matplotlib's own settings as they were.
+
+    Parameters
+    ----------
+    **more : Any
+        Further settings, their dots written as double underscores.
+
+    Returns
+    -------
+    context manager
+        For drawing and for saving.
+    """
+    import matplotlib as mpl
+
+    settings: Any = SETTINGS | {name.replace("__", "."): value for name, value in more.items()}
+    return mpl.rc_context(settings)
+
+
+def styled(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Draw within :func:`style`.
+
+    Parameters
+    ----------
+    draw : callable
+        Makes a figure.
+
+    Returns
+    -------
+    callable
+        The same, in this style.
+    """
+
+    @wraps(draw)
+    def inside(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        with style():
+            return draw(*args, **kwargs)
+
+    return inside
+
+
+def new_figure(height: float, width: float = WIDTH) -> "Figure":
+    """An empty figure, without any state of pyplot.
+
+    Parameters
+    ----------
+    height, width : float
+        In inches.
+
+    Returns
+    -------
+    Figure
+        With a layout that keeps labels apart.
+    """
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def ordered_colours(count: int) -> list[tuple[float, float, float, float]]:
+    """Colours for ordered values such as currents, dark to light, all readable on white.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+
+    Returns
+    -------
+    list of (float, float, float, float)
+        RGBA.
+    """
+    import matplotlib as mpl
+
+    viridis = mpl.colormaps["viridis"]
+    return [viridis(0.85 * k / max(count - 1, 1)) for k in range(count)]

@@ -1,0 +1,164 @@
+"""The sweep: Figures 6 and 7 of the paper, and how accurate its numbers are."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femfit.report.style import BLUE, VERMILION, new_figure, ordered_colours, styled
+from femfit.report.sweep_grid import Reciprocity, SweepGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+MM = 1e3
+MILLI = 1e3
+
+
+@styled
+def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
+    """Figure 6 of the paper: force over distance and current.
+
+    Parameters
+    ----------
+    grid : SweepGrid
+        The sweep.
+    weight : float or None
+        m g in N, drawn as the line on which the body is held.
+
+    Returns
+    -------
+    Figure
+        Force in colour (rasterised), contour lines in mN.
+    """
+    from matplotlib.colors import LogNorm, Normalize
+
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    x, force = MM * grid.distances, MILLI * grid.force
+    top = float(force.max())
+    floor = max(float(force.min()), top / 300.0)
+    norm = LogNorm(floor, top) if top > 5.0 * floor else Normalize(float(force.min()), top)
+    image = axes.pcolormesh(
+        x, grid.currents, np.maximum(force, floor), norm=norm, cmap="cividis", shading="gouraud", rasterized=True
+    )
+    steps = np.array([1.0, 2.0, 5.0])
+    levels = np.concatenate([steps * 10.0**k for k in range(-6, 9)])
+    levels = levels[(levels > floor) & (levels < top)]
+    if levels.size:
+        lines = axes.contour(x, grid.currents, force, levels=levels, colors="white", linewidths=0.8)
+        axes.clabel(lines, fmt=lambda value: f"{value:g}", fontsize=8)
+    if weight is not None and force.min() < MILLI * weight < top:
+        held = axes.contour(x, grid.currents, force, levels=[MILLI * weight], colors=[VERMILION], linewidths=2.2)
+        axes.clabel(held, fmt=lambda value: f"weight {value:.3g}", fontsize=8.5)
+    axes.set(xlabel="distance d (mm)", ylabel="current i (A)")
+    axes.grid(visible=False)
+    figure.colorbar(image, ax=axes, pad=0.02).set_label("force F (mN)")
+    return figure
+
+
+@styled
+def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
+    """Figure 7 of the paper: force over distance, a curve a current.
+
+    Parameters
+    ----------
+    grid : SweepGrid
+        The sweep.
+    weight : float or None
+        m g in N.
+
+    Returns
+    -------
+    Figure
+        On linear and on logarithmic axes.
+    """
+    figure = new_figure(3.3)
+    axes = figure.subplots(1, 2, width_ratios=(1.0, 1.0))
+    for ax, scale in zip(axes, ("linear", "log"), strict=True):
+        for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
+            if scale == "log" and not np.all(force > 0):
+                continue
+            ax.plot(MM * grid.distances, MILLI * force, color=colour, label=f"{current:g} A")
+        if weight is not None:
+            ax.axhline(MILLI * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label="weight m g")
+        ax.set(xlabel="distance d (mm)", ylabel="force F (mN)", xscale=scale, yscale=scale)
+    for axis in (axes[1].xaxis, axes[1].yaxis):
+        _plain_decades(axis)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", title="current i")
+    return figure
+
+
+@styled
+def accuracy_figure(grid: SweepGrid, table: Reciprocity | None) -> "Figure":
+    """The estimated error of the force, and k_m from the force against k_m from the flux linkage.
+
+    Parameters
+    ----------
+    grid : SweepGrid
+        The sweep.
+    table : Reciprocity or None
+        Where the sweep has flux linkage.
+
+    Returns
+    -------
+    Figure
+        One panel, or two.
+    """
+    figure = new_figure(3.1)
+    panels = figure.subplots(1, 1 if table is None else 2, squeeze=False)[0]
+    x = MM * grid.distances
+    for colour, current, force, error in zip(
+        ordered_colours(len(grid.currents)), grid.currents, grid.force, grid.force_error, strict=True
+    ):
+        known = force != 0.0
+        if np.any(known) and np.any(error[known] > 0.0):
+            panels[0].semilogy(
+                x[known], 100.0 * error[known] / np.abs(force[known]), color=colour, label=f"{current:g} A"
+            )
+    panels[0].set(xlabel="distance d (mm)", ylabel="estimated error / force (%)", title="discretisation error")
+    if len(grid.currents) > 4:
+        _ends_only(panels[0])
+    if len(panels[0].get_lines()):
+        _plain_decades(panels[0].yaxis)
+    panels[0].legend(title="current i", ncols=3)
+    if table is not None:
+        _reciprocity_panel(panels[1], table)
+    return figure
+
+
+def _ends_only(axes: "Axes") -> None:
+    """Keep the labels of the least, middle and largest current: the colours between follow in order."""
+    lines = axes.get_lines()
+    for k, line in enumerate(lines):
+        if k not in {0, len(lines) // 2, len(lines) - 1}:
+            line.set_label("_")
+
+
+def _reciprocity_panel(axes: "Axes", table: Reciprocity) -> None:
+    chosen = 0 if np.ptp(table.from_force, axis=0).max() < 0.05 * np.abs(table.from_force).max() else -1
+    x = MM * table.distances
+    where = f"i = {table.currents[chosen]:.3g} A"
+    axes.plot(x, table.from_force[chosen], color=BLUE, label=f"∂F/∂i of the force, {where}")
+    axes.plot(
+        x[1:-1],
+        table.from_flux[chosen][1:-1],
+        "o",
+        color=VERMILION,
+        markersize=3.0,
+        fillstyle="none",
+        label="−∂λ/∂d of the flux linkage",
+    )
+    axes.set(xlabel="distance d (mm)", ylabel="$k_m$ (N/A)", title="reciprocity")
+    axes.set_ylim(bottom=0.0 if table.from_force.min() >= 0 else None)
+    axes.legend()
+
+
+def _plain_decades(axis: "Axis") -> None:
+    """Numbers such as 20 and 0.5 on a logarithmic axis, not powers of ten, and at more than whole decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

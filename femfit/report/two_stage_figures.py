@@ -1,0 +1,140 @@
+"""The paper's two stages: Figures 8, 9 and 10."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femfit.fit.law_fit import LawFit
+from femfit.fit.rows import FitRows
+from femfit.report.formula import formula_label
+from femfit.report.style import BLUE, CATEGORIES, INK, VERMILION, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MM = 1e3
+MILLI = 1e3
+CURVES = 3
+
+
+@styled
+def residual_sums_figure(fits: Sequence[LawFit]) -> "Figure":
+    """Figure 8 of the paper: J_1 and J_2, the sum of squared residuals at each current.
+
+    Parameters
+    ----------
+    fits : sequence of LawFit
+        Laws of the paper.
+
+    Returns
+    -------
+    Figure
+        On a logarithmic axis, in mN^2.
+    """
+    figure = new_figure(2.8)
+    axes = figure.subplots()
+    for n, (colour, marker, fit) in enumerate(zip(CATEGORIES, "osD", fits, strict=False), start=1):
+        label = f"J{chr(0x2080 + n)} of {fit.law.name}"
+        axes.semilogy(
+            fit.stage_one.currents, 1e6 * fit.stage_one.residual_sums, marker=marker, color=colour, label=label
+        )
+    axes.set(xlabel="current i (A)", ylabel="sum of squared residuals (mN²)")
+    axes.legend(loc="best")
+    return figure
+
+
+@styled
+def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> "Figure":
+    """Figure 9 of the paper: laws on force curves at three currents, with their residuals below.
+
+    Parameters
+    ----------
+    fits : sequence of LawFit
+        A column each; their stage-one coefficients are drawn.
+    rows : FitRows
+        The sweep.
+
+    Returns
+    -------
+    Figure
+        Points of the sweep, lines of the law; residuals in mN.
+    """
+    figure = new_figure(4.4)
+    panels = figure.subplots(2, len(fits), sharex=True, height_ratios=(2.2, 1.0), squeeze=False)
+    chosen = shown_currents(len(rows.currents))
+    for column, fit in enumerate(fits):
+        above, below = panels[:, column]
+        for colour, k in zip(CATEGORIES, chosen, strict=False):
+            current = rows.currents[k]
+            at = rows.current == current
+            order = np.argsort(rows.distance[at])
+            d, force = rows.distance[at][order], rows.force[at][order]
+            law = fit.law.columns(d, fit.shape) @ fit.stage_one.coefficients[k]
+            above.plot(MM * d[::2], MILLI * force[::2], "o", color=colour, markersize=2.6, fillstyle="none")
+            above.plot(MM * d, MILLI * law, color=colour, label=f"{current:g} A")
+            below.plot(MM * d, MILLI * (law - force), color=colour)
+        below.axhline(0.0, color=INK, linewidth=0.8)
+        above.set_title(f"{fit.law.name}:  {formula_label(fit.law.formula)}")
+        below.set_xlabel("distance d (mm)")
+    for above in panels[0]:
+        above.set_ylim(-0.05 * MILLI * rows.force.max(), 1.3 * MILLI * rows.force.max())
+    panels[0, 0].set_ylabel("force F (mN)")
+    panels[1, 0].set_ylabel("law − sweep (mN)")
+    panels[0, -1].legend(title="sweep (○), law (—)", loc="upper right")
+    return figure
+
+
+def shown_currents(count: int) -> list[int]:
+    """Indices of the currents drawn: 0, 0.6 and 1.2 A of the paper's eight, the like of other sweeps.
+
+    Parameters
+    ----------
+    count : int
+        Number of currents.
+
+    Returns
+    -------
+    list of int
+        At most three, ascending.
+    """
+    last = max(count - 2, 0) if count > CURVES else count - 1
+    return sorted({0, last // 2, last})
+
+
+@styled
+def coefficient_figure(fit: LawFit) -> "Figure":
+    """Figure 10 of the paper: a law's coefficients at each current, and the functions fitted to them.
+
+    Parameters
+    ----------
+    fit : LawFit
+        Any.
+
+    Returns
+    -------
+    Figure
+        A panel a coefficient.
+    """
+    count = len(fit.law.basis)
+    figure = new_figure(2.7 if count <= 3 else 4.6)
+    columns = count if count <= 3 else (count + 1) // 2
+    panels = figure.subplots(1 if count <= 3 else 2, columns, squeeze=False).ravel()
+    currents = fit.stage_one.currents
+    fine = np.linspace(currents[0], currents[-1], 100)
+    for k, (ax, basis, function) in enumerate(zip(panels, fit.law.basis, fit.stage_two, strict=False)):
+        ax.plot(currents, fit.stage_one.coefficients[:, k], "o", color=BLUE, markersize=4.5, label="stage one")
+        ax.plot(fine, function.at(fine), color=VERMILION, label=f"stage two: {function.name}")
+        low, high = ax.get_ylim()
+        if low > 0.5 * high > 0.0:
+            ax.set_ylim(0.0, 1.15 * high)
+        symbol = "abcdefgh"[k]
+        ax.set(
+            xlabel="current i (A)",
+            ylabel=f"{symbol} ({formula_label(fit.law.coefficient_units[k])})",
+            title=f"{symbol}, coefficient of {formula_label(basis)}",
+        )
+        ax.legend(loc="best")
+    for ax in panels[count:]:
+        ax.remove()
+    return figure
