@@ -21,6 +21,9 @@ SHAPE_POINTS = 24
 """Shape constraints are imposed at so many points of an axis, or six a cell where that is more; between them a quartic
 can dip by a fraction of a per cent."""
 
+ALLOWED_VIOLATION = 1e-5
+"""A shape counts as obeyed where it fails by less than this part of its largest value (inductance, slope or k_m)."""
+
 SHAPES: dict[str, str] = {
     "inductance": "inductance >= 0 (co-energy convex in the current)",
     "decreasing": "force does not grow with distance",
@@ -91,8 +94,8 @@ def fit_coenergy(
     matrix, y, sigma = linear_system(basis, rows)
     keep = determined(basis, rows)
     shape = _shape_inequalities(basis, rows, names, open_inductance_H)
-    reduced = Inequalities(shape.matrix[:, keep], shape.right, shape.labels)
-    qp = solve_bounded_qp(matrix[:, keep], y, sigma, inequalities=reduced if len(reduced.right) else None)
+    imposed = Inequalities(shape.matrix[:, keep], shape.right, shape.labels)
+    qp, active = _solve_with_shapes(matrix[:, keep], y, sigma, imposed, len(names))
     coefficients = np.zeros(basis.shape[0] * basis.shape[1])
     coefficients[keep] = qp.x
     table = coefficients.reshape(basis.shape)
@@ -103,9 +106,33 @@ def fit_coenergy(
         basis=basis,
         held_out=held_out,
         constraints=names,
-        active=tuple(label for label, hit in zip(reduced.labels, qp.active_inequalities, strict=False) if hit),
+        active=active,
         qp=qp,
     )
+
+
+def _solve_with_shapes(
+    matrix: FloatArray, y: FloatArray, sigma: FloatArray, shapes: Inequalities, kinds: int
+) -> tuple[QPSolution, tuple[str, ...]]:
+    """Solve, adding the inequalities that are violated until none is; and where those that were added act.
+
+    Most shapes hold without being asked for. Leaving them out keeps the QP small, and spares it the many inequalities
+    that hold with equality by symmetry (a plunger without a magnet has no force without current).
+    """
+    chosen = np.zeros(len(shapes.right), dtype=np.bool_)
+    while True:
+        which = np.flatnonzero(chosen)
+        labels = tuple(shapes.labels[n] for n in which)
+        part = Inequalities(shapes.matrix[which], shapes.right[which], labels) if len(which) else None
+        qp = solve_bounded_qp(matrix, y, sigma, inequalities=part)
+        if kinds == 0:
+            return qp, ()
+        value = shapes.matrix @ qp.x
+        largest = np.repeat(np.max(np.abs(value.reshape(kinds, -1)), axis=1), len(value) // kinds)
+        violated = (value - shapes.right < -ALLOWED_VIOLATION * largest) & ~chosen
+        if not np.any(violated):
+            return qp, tuple(label for label, hit in zip(labels, qp.active_inequalities, strict=True) if hit)
+        chosen |= violated
 
 
 def obeyed_shapes(rows: FitRows) -> list[str]:
@@ -122,9 +149,9 @@ def obeyed_shapes(rows: FitRows) -> list[str]:
         Names of :data:`SHAPES`; ``inductance`` always, since a passive winding's co-energy is convex.
     """
     names = ["inductance"] if rows.flux_linkage is not None else []
-    if all(np.all(np.diff(_along(rows, rows.current == i, rows.distance)) < 0) for i in rows.currents):
+    if all(np.all(np.diff(_along(rows, rows.current == i, rows.distance)) <= 0) for i in rows.currents):
         names.append("decreasing")
-    if all(np.all(np.diff(_along(rows, rows.distance == d, rows.current)) > 0) for d in rows.distances):
+    if all(np.all(np.diff(_along(rows, rows.distance == d, rows.current)) >= 0) for d in rows.distances):
         names.append("attracting")
     return names
 
@@ -138,8 +165,8 @@ def _shape_inequalities(
 ) -> Inequalities:
     """The shapes on a grid of points."""
     cells_u, cells_i = basis.cells
-    u = np.linspace(basis.u_knots[0], basis.u_knots[-1], max(SHAPE_POINTS, 6 * cells_u) + 1)
-    # With a parabola in the current all that is constrained is linear in it where it matters: its ends suffice.
+    fraction = np.linspace(0.0, cells_u, max(SHAPE_POINTS, 6 * cells_u) + 1)
+    u = np.interp(fraction, np.arange(cells_u + 1), np.unique(basis.u_knots))
     points = 2 if basis.current_degree == 2 else 4 * cells_i
     i = np.linspace(basis.current_knots[0], basis.current_knots[-1], points + 1)
     grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(u, i, indexing="ij"))

@@ -12,10 +12,10 @@ from femfit.model.bspline import basis_matrix
 
 U_DEGREE = 4
 RELATIVE_SIGMA = 1e-4
-"""Rows are weighted for this error relative to their value ..."""
+"""Rows are weighted for this error relative to the force, or to the flux linkage's change over the distance ..."""
 
-FLOOR = 0.003
-"""... and to this fraction of the column's largest value, where the value itself vanishes."""
+FLOOR = 0.01
+"""... and to this fraction of the largest force at the same distance, where the force itself vanishes."""
 
 HELD_OUT_TARGET = 5e-5
 """The smallest basis whose held-out error is below this fraction is taken: below a good sweep's own error."""
@@ -118,16 +118,13 @@ def _candidate_bases(rows: FitRows) -> list[CoenergyBasis]:
     in_current = [(2, 1)] if len(rows.currents) >= 3 else []
     in_current += [(k, n) for k in (3, 4) for n in (1, 2, 3, 4, 6) if k + n + 2 <= len(rows.currents)]
     cells = [n for n in (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20) if U_DEGREE + n + 2 <= len(rows.distances)]
+    breaks = [np.linspace(start / end, 1.0, n + 1) for n in cells]
+    # Breaks that follow the rows leave data in every cell, where uniform ones would not (steep forces at small d).
+    breaks += [start / np.quantile(rows.distances, np.linspace(1.0, 0.0, n + 1)) for n in cells if n > 1]
     return [
-        CoenergyBasis(
-            start,
-            _clamped(spacing(start / end, 1.0, n + 1), U_DEGREE),
-            _clamped(np.linspace(low, high, current_cells + 1), degree),
-            degree,
-        )
-        for degree, current_cells in in_current
-        for n in cells
-        for spacing in (np.linspace, np.geomspace)[: 1 if n == 1 else 2]
+        CoenergyBasis(start, _clamped(u, U_DEGREE), _clamped(np.linspace(low, high, n + 1), degree), degree)
+        for degree, n in in_current
+        for u in breaks
     ]
 
 
@@ -135,27 +132,17 @@ def _clamped(breaks: FloatArray, degree: int) -> FloatArray:
     return np.concatenate([np.repeat(breaks[0], degree), breaks, np.repeat(breaks[-1], degree)])
 
 
-def force_sigma(rows: FitRows) -> FloatArray:
-    """Standard deviation for which force rows are weighted.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Of the sweep.
-
-    Returns
-    -------
-    array, shape (n,)
-        N; :data:`RELATIVE_SIGMA` of the force and the row's own estimated error.
-    """
-    floor = FLOOR * float(np.max(np.abs(rows.force)))
-    return np.hypot(rows.force_error, RELATIVE_SIGMA * np.hypot(rows.force, floor))
-
-
-def _flux_sigma(rows: FitRows, flux: FloatArray) -> FloatArray:
-    """Standard deviation for which flux rows are weighted, Wb: by their change over distance, where k_m is."""
-    spread = [np.ptp(flux[rows.current == i]) for i in rows.currents]
-    return np.full_like(flux, RELATIVE_SIGMA * max(float(np.median(spread)), 1e-3 * float(np.max(np.abs(flux)))))
+def _scales(rows: FitRows) -> list[FloatArray]:
+    """What an error of each row is measured against: the force, and the flux linkage's change over the distance."""
+    size = np.abs(rows.force)
+    largest = np.array([np.max(size[rows.distance == d]) for d in rows.distances])
+    floor = FLOOR * np.maximum(largest, 1e-6 * np.max(size))[np.searchsorted(rows.distances, rows.distance)]
+    scales = [np.hypot(rows.force, floor)]
+    if rows.flux_linkage is not None:
+        flux = rows.flux_linkage
+        change = float(np.median([np.ptp(flux[rows.current == i]) for i in rows.currents]))
+        scales.append(np.full_like(flux, max(change, 1e-3 * float(np.max(np.abs(flux))))))
+    return scales
 
 
 def linear_system(basis: CoenergyBasis, rows: FitRows) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -173,12 +160,13 @@ def linear_system(basis: CoenergyBasis, rows: FitRows) -> tuple[FloatArray, Floa
     tuple of matrix, data and sigma
         A, y and the standard deviations, N and Wb.
     """
+    scales = _scales(rows)
     blocks = [-basis.columns(rows.distance, rows.current, (1, 0))]
-    data, sigma = [rows.force], [force_sigma(rows)]
+    data, sigma = [rows.force], [np.hypot(rows.force_error, RELATIVE_SIGMA * scales[0])]
     if rows.flux_linkage is not None:
         blocks.append(basis.columns(rows.distance, rows.current, (0, 1)))
         data.append(rows.flux_linkage)
-        sigma.append(_flux_sigma(rows, rows.flux_linkage))
+        sigma.append(RELATIVE_SIGMA * scales[1])
     return np.concatenate(blocks), np.concatenate(data), np.concatenate(sigma)
 
 
@@ -205,7 +193,7 @@ def determined(basis: CoenergyBasis, rows: FitRows) -> IntArray:
 
 
 def _held_out_errors(basis: CoenergyBasis, rows: FitRows, folds: Sequence[BoolArray]) -> FloatArray:
-    """Rms error of force and of flux linkage on rows left out, in sigma, times RELATIVE_SIGMA.
+    """Rms error of force and of flux linkage on rows left out, as a part of their scales.
 
     One factorisation serves all folds: leaving out the rows B turns their residual r_B into (1 - Q_B Q_B^T)^-1 r_B.
     """
@@ -221,6 +209,7 @@ def _held_out_errors(basis: CoenergyBasis, rows: FitRows, folds: Sequence[BoolAr
         return undetermined
     target = y / sigma
     residual = target - q_factor @ (q_factor.T @ target)
+    to_relative = sigma / np.concatenate(_scales(rows))
     squares = []
     for out in folds:
         removed = np.tile(out, channels)
@@ -230,7 +219,7 @@ def _held_out_errors(basis: CoenergyBasis, rows: FitRows, folds: Sequence[BoolAr
             left_out = residual[removed] + part @ np.linalg.solve(left, part.T @ residual[removed])
         except np.linalg.LinAlgError:
             return undetermined
-        squares.append((RELATIVE_SIGMA * left_out.reshape(channels, -1)) ** 2)
+        squares.append((left_out * to_relative[removed]).reshape(channels, -1) ** 2)
     return np.asarray(np.sqrt(np.mean(np.concatenate(squares, axis=1), axis=1)))
 
 

@@ -63,7 +63,7 @@ def _misfit(
     return Misfit(
         force_rms_N=_rms(error),
         force_max_N=float(np.max(np.abs(error))),
-        force_rms_relative=relative_rms(error, truth),
+        force_rms_relative=relative_rms(error, rows.force),
         force_rms_of_weight=None if rows.weight is None else _rms(error) / rows.weight,
         flux_linkage_rms_Wb=flux,
         hall_rms_T=hall,

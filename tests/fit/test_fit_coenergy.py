@@ -98,7 +98,7 @@ def test_shapes_that_the_rows_obey_are_imposed_by_default(fit):
 def test_a_shape_that_the_rows_break_is_not_imposed():
     rows = rows_of_table(full_table(ClosedForm(b=-1e-6, L_1=0.0)), MASS, G)
     assert obeyed_shapes(rows) == ["inductance", "decreasing"]
-    rising = force_table(lambda d, i: 1.0 + d + 0 * i)
+    rising = force_table(lambda d, i: 1.0 + d - 0.1 * i)
     assert obeyed_shapes(rows_of_table(rising, MASS, G)) == []
 
 
