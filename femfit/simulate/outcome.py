@@ -21,12 +21,12 @@ class LoopOutcome(IntEnum):
 _SENTENCES = {
     LoopOutcome.HELD: "The body was held over the whole time.",
     LoopOutcome.PULLED_IN: (
-        "The body is lost: it came closer than the model's shortest distance and hits the electromagnet. Use a filter "
-        "instead of the direct measurement, less sensor noise, or a larger reference distance."
+        "The body is lost: it came closer than the model's shortest distance and hits the electromagnet. It takes a "
+        "filter instead of the direct measurement, less sensor noise, a truer force law or a larger reference distance."
     ),
     LoopOutcome.FELL: (
-        "The body is lost: it fell beyond the model's longest distance. Use a filter instead of the direct "
-        "measurement, less sensor noise, a smaller reference distance, or a supply with a higher voltage."
+        "The body is lost: it fell beyond the model's longest distance. It takes a filter instead of the direct "
+        "measurement, less sensor noise, a truer force law, a smaller reference distance or a higher supply voltage."
     ),
     LoopOutcome.CURRENT_OUT_OF_RANGE: (
         "The current left the range of the model, so its force there is not known. Narrow the driver's clamp or sweep "

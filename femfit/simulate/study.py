@@ -32,7 +32,7 @@ FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
 SUPPORT, SETTLE, WINDOW = 5.0, 4.0, 10.0
 """Time constants of the slowest unstable pole before the loop is closed, before the statistics, and of them."""
 
-HOLD_RUNS, FAULT_RUNS, STEP_RUNS, LOSS_RUNS = 64, 16, 8, 8
+HOLD_RUNS, FAULT_RUNS, STEP_RUNS, LOSS_RUNS = 64, 12, 8, 8
 HALL_BIAS_V, FORCE_ERROR, FILTERED_NOISE_V = 0.02, 0.01, 0.8e-3
 LOSS_TIME_S = 1.0
 SPECTRUM_RUNS = 16
@@ -218,7 +218,7 @@ def _steps(
     small = (near, near + 0.375 * (far - near), near)
     paths: list[tuple[ControllerName, tuple[float, ...]]] = [*((c, design.targets_m) for c in CONTROLLERS)]
     experiments = [Experiment(c, f, targets) for f in FILTERS for c, targets in [*paths, ("backstepping", small)]]
-    stay = 8.0 / design.reference_rate_rad_s + 4.0 / design.slowest_pole_rad_s
+    stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.slowest_pole_rad_s
     results = run_experiments(
         design,
         experiments,
@@ -302,29 +302,22 @@ def _losses(design: LoopDesign, experiments: list[Experiment], steps: int, seed:
 
 def _faults(design: LoopDesign, seed: int) -> tuple[tuple[ShiftRow, ...], tuple[LossRow, ...], tuple[ShiftRow, ...]]:
     """Hall bias with four states and with three, and a force error with three; each against no fault."""
-    places = [(c, (d,)) for c in CONTROLLERS for d in _ends(design)]
-
-    def block(name: ObserverName, **fault: float) -> list[Experiment]:
-        return [Experiment(c, name, d, **fault) for c, d in places]
-
-    blocks = [
-        block("ukf4"),
-        block("ukf4", offset_V=-HALL_BIAS_V),
-        block("ukf4", offset_V=HALL_BIAS_V),
-        block("ukf"),
-        block("ukf", force_scale=1.0 + FORCE_ERROR),
-        block("ukf", offset_V=HALL_BIAS_V),
-    ]
-    experiments = [experiment for part in blocks for experiment in part]
+    clean4, minus, plus = (_everywhere(design, "ukf4", offset_V=sign * HALL_BIAS_V) for sign in (0.0, -1.0, 1.0))
+    clean, wrong = (_everywhere(design, "ukf", force_scale=1.0 + error) for error in (0.0, FORCE_ERROR))
+    blind = [Experiment("backstepping", "ukf", (d,), offset_V=HALL_BIAS_V) for d in _ends(design)]
+    experiments = [*clean4, *minus, *plus, *clean, *wrong, *blind]
     results = _hold(design, experiments, seed, runs=FAULT_RUNS, noise_blocks=len(experiments))
-    clean4, minus, plus, clean, wrong, biased = (
-        results[k * len(places) : (k + 1) * len(places)] for k in range(len(blocks))
-    )
-    bias = [
-        shift_row(*row)
-        for part, faulty in ((blocks[1], minus), (blocks[2], plus))
-        for row in zip(part, faulty, clean4, strict=True)
+    of = dict(zip(experiments, results, strict=True))
+    bias = [shift_row(e, of[e], of[c]) for part in (minus, plus) for e, c in zip(part, clean4, strict=True)]
+    force = [shift_row(e, of[e], of[c]) for e, c in zip(wrong, clean, strict=True)]
+    return tuple(bias), tuple(loss_row(e, of[e]) for e in blind), tuple(force)
+
+
+def _everywhere(
+    design: LoopDesign, name: ObserverName, offset_V: float = 0.0, force_scale: float = 1.0
+) -> list[Experiment]:
+    return [
+        Experiment(c, name, (d,), offset_V=offset_V, force_scale=force_scale)
+        for c in CONTROLLERS
+        for d in _ends(design)
     ]
-    force = [shift_row(*row) for row in zip(blocks[4], wrong, clean, strict=True)]
-    three = [loss_row(e, r) for e, r in zip(blocks[5], biased, strict=True)]
-    return tuple(bias), tuple(three), tuple(force)

@@ -44,7 +44,7 @@ def design_lines(design: LoopDesign) -> list[str]:
         f"  backstepping: position gain {b.position_gain:.4g} 1/s^2, velocity gain {b.velocity_gain:.4g} 1/s",
         f"  current gain of backstepping {b.current_gain_ohm:.4g} ohm",
         f"  PID: filter pole {pid.filter_pole:.4f}, gains {gains} V/m",
-        f"  reference filters {design.reference_rate_rad_s:.4g} rad/s, sample {sample:g} ms, Hall noise {noise:g} mV rms",
+        f"  reference filters {design.reference_rate_rad_s:.4g} rad/s, t_s {sample:g} ms, Hall noise {noise:g} mV rms",
     ]
 
 

@@ -1,0 +1,104 @@
+"""The study's figures: the noise bound, lost loops, Hall bias and force error, on a rig like the paper's."""
+
+import json
+
+import numpy as np
+import pytest
+
+from femfit.simulate.study import closed_loop_study
+from femfit.simulate.text import study_data, study_lines
+
+
+@pytest.fixture(scope="module")
+def study(levitation_model):
+    return closed_loop_study(levitation_model, seed=1)
+
+
+def test_table_6_has_all_entries_with_the_papers_beside_them(study):
+    entries = {(row.controller, row.measurement): row for row in study.table6}
+    assert set(entries) == {(c, m) for c in ("backstepping", "pid") for m in ("direct", "ukf", "ekf")}
+    assert entries["backstepping", "direct"].paper_rms_m == 12.32e-5
+    assert entries["pid", "ukf"].paper_rms_m == 1.68e-5
+    for controller in ("backstepping", "pid"):
+        direct, ukf, ekf = (entries[controller, m].rms_m for m in ("direct", "ukf", "ekf"))
+        assert 1e-4 < direct < 2e-4  # the paper's 12 to 16e-5: the noise is chosen for that
+        assert ekf == pytest.approx(ukf, rel=0.1)
+        assert direct > 4.5 * ukf  # with the steps' transients in it, less than at rest
+
+
+def test_filters_reach_the_noise_bound_at_both_ends_of_the_range(study):
+    assert len(study.holds) == 8
+    for row in study.holds:
+        assert row.held >= 0.95 * row.runs
+        assert row.ratio > 5.0
+        assert row.ratio == pytest.approx(row.bound, rel=0.15)  # 3 % statistical: 64 runs of ten time constants
+
+
+def test_normalised_innovations_lie_in_their_band(study):
+    inside = [row.innovation_band.contains(row.normalised_innovation_squared) for row in study.holds]
+    # each of four independent holds (UKF and EKF share theirs) leaves a 95 % band once in twenty
+    assert sum(inside) >= 6
+    assert all(abs(row.normalised_innovation_squared - 1.0) < 0.02 for row in study.holds)
+
+
+def test_ekf_equals_ukf_at_rest_and_is_worse_only_in_acquisition(study):
+    by_filter = {f: [row.filtered_rms_m for row in study.holds if row.filter == f] for f in ("ukf", "ekf")}
+    np.testing.assert_allclose(by_filter["ekf"], by_filter["ukf"], rtol=0.02)
+    ukf, ekf = ([row for row in study.acquisition if row.experiment.observer == f] for f in ("ukf", "ekf"))
+    assert all(row.held == row.runs for row in ukf)
+    for extended, unscented in zip(ekf, ukf, strict=True):
+        assert extended.held < extended.runs or extended.estimate_rms_m > 1.5 * unscented.estimate_rms_m
+
+
+def test_raw_direct_feedback_loses_the_magnet_within_a_second_and_a_filtered_derivative_holds_little_noise(study):
+    raw = [row for row in study.direct_feedback if row.experiment.noise_V is None]
+    smooth = [row for row in study.direct_feedback if row.experiment.noise_V is not None]
+    assert len(raw) == 4
+    for row in raw:
+        assert row.held == 0
+        assert row.last_loss_s < 1.0
+    for row in smooth:
+        assert row.experiment.noise_V == 0.8e-3
+        assert row.held == row.runs
+
+
+def test_the_fourth_state_holds_20_mV_of_hall_bias_within_5_um(study):  # noqa: N802 - millivolts
+    assert {row.experiment.offset_V for row in study.hall_bias} == {-0.02, 0.02}
+    for row in study.hall_bias:
+        assert row.held >= 0.8 * row.runs
+        assert row.shift_error_m < 3e-6
+        assert abs(row.position_shift_m) < 5e-6
+    assert all("FILTER_DIVERGED" in row.outcomes for row in study.hall_bias_three_states)
+
+
+def test_one_per_cent_of_force_costs_a_tenth_of_a_millimetre(study):
+    off = [row.estimate_bias_m for row in study.force_error]
+    assert 0.03e-3 < min(off) < max(off) < 0.2e-3
+    assert np.mean(off) == pytest.approx(0.10e-3, rel=0.35)
+    for row in study.force_error:
+        # the integrator puts the estimate on the reference; backstepping has none and is off by more
+        factor = 1.6 if row.experiment.controller == "pid" else 15.0
+        assert abs(row.position_bias_m) < factor * row.estimate_bias_m
+
+
+def test_series_and_spectra_are_there_for_figures_15_to_19(study):
+    assert [(s.controller, s.observer) for s in study.steps] == [("backstepping", "ukf"), ("pid", "ukf")]
+    assert [s.observer for s in study.small_steps] == ["ukf", "ekf"]
+    assert max(study.small_steps[0].reference_m) == pytest.approx(0.025, abs=1e-4)
+    for series in (*study.steps, *study.small_steps):
+        lengths = {len(getattr(series, name)) for name in ("time_s", "reference_m", "true_m", "direct_m", "voltage_V")}
+        assert len(lengths) == 1
+        assert np.isfinite(series.true_m).all()
+    for pair in study.spectra:
+        fast = pair.direct.frequency_Hz > 200.0
+        # the filter removes what the body cannot do
+        assert pair.filtered.amplitude_m[fast].mean() < 0.1 * pair.direct.amplitude_m[fast].mean()
+
+
+def test_the_study_can_be_printed_and_written(study):
+    text = "\n".join(study_lines(study))
+    assert "paper (of another actuator)" in text  # the fixture is not the paper's rig
+    assert "123.20 um" in text
+    data = json.loads(json.dumps(study_data(study), allow_nan=False))
+    assert data["table6"][0]["paper_rms_m"] == 12.32e-5
+    assert len(data["holds"]) == len(study.holds)
