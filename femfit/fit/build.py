@@ -38,7 +38,7 @@ class FitOptions:
     model : str
         ``coenergy``, a law's name, or ``all``: every law is ranked and the recommended one becomes the model.
     bounds : str
-        ``law``, ``none``, ``paper`` or ``paper-coefficients``; see :mod:`femfit.fit.named_bounds`. Not used by ``all``.
+        ``law``, ``none``, ``paper`` or ``paper-coefficients``; see :mod:`femfit.fit.named_bounds`. For one law only, as the two next.
     coefficient_bounds : mapping of str to (float, float)
         Bounds of single columns' coefficients, over those of ``bounds``.
     functions : tuple of str or None
@@ -73,6 +73,14 @@ class FitOptions:
             raise FitError(
                 f"The model must be {COENERGY}, {ALL} or a law ({', '.join(all_laws())}); instead received "
                 f"{self.model!r}."
+            )
+        for_one_law = [name for name in ("coefficient_bounds", "functions") if getattr(self, name)]
+        if self.bounds != "law":
+            for_one_law.append("bounds")
+        if for_one_law and self.model in {COENERGY, ALL}:
+            raise FitError(
+                f"{' and '.join(for_one_law)} can be given for one law only; instead received model {self.model!r}. "
+                "Leave out the option or name a law."
             )
         for name in ("mass_kg", "resistance_ohm", "inductance_H"):
             value = getattr(self, name)

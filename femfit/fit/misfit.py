@@ -83,10 +83,11 @@ def relative_rms(error: FloatArray, truth: FloatArray) -> float:
     Returns
     -------
     float
-        A fraction; rows without force (a plunger without current) have no relative error and are left out.
+        A fraction; rows without force (a plunger without current) have no relative error and are left out; zero where
+        no row has a force.
     """
     known = np.abs(truth) > 1e-9 * np.max(np.abs(truth))
-    return _rms(error[known] / truth[known])
+    return _rms(error[known] / truth[known]) if np.any(known) else 0.0
 
 
 def _rms(values: FloatArray) -> float:

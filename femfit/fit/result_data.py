@@ -8,8 +8,47 @@ from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
 from femfit.fit.linearity import LinearityTest
+from femfit.fit.misfit import relative_rms
 from femfit.fit.ranking import TARGET, Ranking
 from femfit.fit.rows import FitRows
+
+
+def stage_one_data(fit: LawFit, rows: FitRows) -> list[dict[str, Any]]:
+    """Stage one at each current, and what is left of it in the final law (Tables 3 and 5 of the paper).
+
+    Parameters
+    ----------
+    fit : LawFit
+        Any.
+    rows : FitRows
+        That it was fitted to.
+
+    Returns
+    -------
+    list of dict
+        J in N^2 of stage one and of the two-stage law, rms residual as a part of force and weight, active bounds and
+        condition numbers.
+    """
+    entries = []
+    for i, coefficients, solution in zip(
+        fit.stage_one.currents, fit.stage_one.coefficients, fit.stage_one.solutions, strict=True
+    ):
+        at = rows.current == i
+        final = fit.force(fit.two_stage, rows.distance[at], rows.current[at]) - rows.force[at]
+        entries.append(
+            {
+                "current_A": float(i),
+                "coefficients": dict(zip(fit.law.basis, map(float, coefficients), strict=True)),
+                "J_N2": float(np.sum(solution.residual**2)),
+                "J_final_N2": float(np.sum(final**2)),
+                "rms_of_force": relative_rms(solution.residual, rows.force[at]),
+                "rms_of_weight": None if rows.weight is None else _rms(solution.residual) / rows.weight,
+                "active": {b: side for b, side in zip(fit.law.basis, solution.active, strict=True) if side},
+                "condition": solution.condition,
+                "condition_scaled": solution.condition_scaled,
+            }
+        )
+    return entries
 
 
 def law_data(fit: LawFit, rows: FitRows) -> dict[str, Any]:
@@ -34,23 +73,7 @@ def law_data(fit: LawFit, rows: FitRows) -> dict[str, Any]:
         "operations": fit.operations,
         "shape": dict(fit.shape),
         "shape_interval95": {name: list(ends) for name, ends in fit.shape_interval.items()},
-        "stage_one": [
-            {
-                "current_A": float(i),
-                "coefficients": dict(zip(fit.law.basis, map(float, c), strict=True)),
-                "J_N2": float(j),
-                "active": {b: side for b, side in zip(fit.law.basis, s.active, strict=True) if side},
-                "condition": s.condition,
-                "condition_scaled": s.condition_scaled,
-            }
-            for i, c, j, s in zip(
-                fit.stage_one.currents,
-                fit.stage_one.coefficients,
-                fit.stage_one.residual_sums,
-                fit.stage_one.solutions,
-                strict=True,
-            )
-        ],
+        "stage_one": stage_one_data(fit, rows),
         "stage_two": [
             {
                 "coefficient": basis,

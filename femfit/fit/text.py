@@ -9,6 +9,7 @@ from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
 from femfit.fit.linearity import LinearityTest
 from femfit.fit.ranking import TARGET, Ranking
+from femfit.fit.result_data import stage_one_data
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel, Misfit
 from femfit.model.magnetics import LawMagnetics
@@ -36,6 +37,7 @@ def fit_lines(result: FitResult) -> list[str]:
     elif result.coenergy is not None:
         lines += _coenergy_lines(result.coenergy)
     lines += [misfit_line(m) for m in result.misfits]
+    lines.append(_derived_line(result))
     if isinstance(model.magnetics, LawMagnetics) and result.rows.flux_linkage is not None:
         lines.append(
             f"from the flux linkage: constant inductance {1e3 * model.magnetics.constant_inductance_H:.4g} mH, "
@@ -46,6 +48,15 @@ def fit_lines(result: FitResult) -> list[str]:
     if result.linearity is not None:
         lines += linearity_lines(result.linearity)
     return [*lines, *(f"note: {note}" for note in result.notes)]
+
+
+def _derived_line(result: FitResult) -> str:
+    d, i = result.rows.distance, result.rows.current
+    state = result.model.magnetics.state(d, i)
+    text = f"k_m = dF/di {state.motional_constant.min():.4g} to {state.motional_constant.max():.4g} N/A"
+    if result.model.circuit is None and result.rows.flux_linkage is None:
+        return f"{text}; inductance unknown (no flux linkage in the table)"
+    return f"{text}; inductance {1e3 * state.inductance.min():.5g} to {1e3 * state.inductance.max():.5g} mH"
 
 
 def ranking_lines(ranking: Ranking) -> list[str]:
@@ -146,17 +157,17 @@ def _law_lines(fit: LawFit, rows: FitRows) -> list[str]:
         f"  {name} = {value:.5g} (95 %: {fit.shape_interval[name][0]:.4g} .. {fit.shape_interval[name][1]:.4g})"
         for name, value in fit.shape.items()
     ]
-    lines.append("stage one, at each current:")
-    lines.append("  current_A  " + "  ".join(f"{basis:>13}" for basis in fit.law.basis) + "  J (N^2)  on a bound")
-    for i, c, j, s in zip(
-        fit.stage_one.currents,
-        fit.stage_one.coefficients,
-        fit.stage_one.residual_sums,
-        fit.stage_one.solutions,
-        strict=True,
-    ):
-        active = ", ".join(f"{b} {side}" for b, side in zip(fit.law.basis, s.active, strict=True) if side)
-        lines.append(f"  {i:9.4g}  " + "  ".join(f"{v:13.5e}" for v in c) + f"  {j:.3e}  {active or '-'}")
+    lines.append("stage one, at each current (J: sum of squared residuals; rms in % of force and of the weight):")
+    columns = "  ".join(f"{basis:>13}" for basis in fit.law.basis)
+    lines.append(f"  {'current_A':>9}  {columns}  {'J (N^2)':>9}  % force  % weight  J final law  on a bound")
+    for entry in stage_one_data(fit, rows):
+        values = "  ".join(f"{entry['coefficients'][basis]:13.5e}" for basis in fit.law.basis)
+        weight = "-" if entry["rms_of_weight"] is None else f"{100 * entry['rms_of_weight']:.3g}"
+        active = ", ".join(f"{basis} {side}" for basis, side in entry["active"].items())
+        lines.append(
+            f"  {entry['current_A']:9.4g}  {values}  {entry['J_N2']:9.3e}  {100 * entry['rms_of_force']:7.3g}  "
+            f"{weight:>8}  {entry['J_final_N2']:11.3e}  {active or '-'}"
+        )
     lines.append("stage two, coefficient functions (held-out rms error of each tried):")
     for basis, function in zip(fit.law.basis, fit.stage_two, strict=True):
         tried = ", ".join(f"{name} {error:.2e}" for name, error in function.held_out.items())

@@ -202,6 +202,8 @@ def test_one_current_is_refused_by_every_model_with_what_to_do(model):
     ("options", "message"),
     [
         ({"model": "F9"}, "must be coenergy, all or a law .*F1e.*; instead received 'F9'"),
+        ({"bounds": "paper"}, "bounds can be given for one law only; instead received model 'coenergy'"),
+        ({"model": "all", "functions": ("affine",)}, "functions can be given for one law only"),
         ({"stages": "three"}, "'two' or 'joint'"),
         ({"mass_kg": -1.0}, "mass_kg must be > 0"),
         ({"inductance_H": float("nan")}, "inductance_H must be > 0"),
