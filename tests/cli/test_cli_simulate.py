@@ -1,0 +1,68 @@
+"""``femfit simulate`` as users type it."""
+
+import json
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.model.json_file import write_model
+
+
+@pytest.fixture
+def model_file(levitation_model, tmp_path):
+    path = tmp_path / "model.json"
+    write_model(levitation_model, path)
+    return path
+
+
+def simulate(*arguments):
+    return subprocess.run(["femfit", "simulate", *map(str, arguments)], capture_output=True, text=True, check=False)
+
+
+def test_the_default_prints_table_6_with_the_papers_numbers_beside_ours(model_file, tmp_path):
+    result = simulate(model_file, "--json", tmp_path / "result.json")
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    for part in ("Table 6", "123.20 um", "bound", "PULLED_IN", "Hall bias", "Force error"):
+        assert part in result.stdout
+    data = json.loads((tmp_path / "result.json").read_text())
+    assert {row["measurement"] for row in data["table6"]} == {"direct", "ukf", "ekf"}
+
+
+def test_one_loop_is_summed_up_and_its_series_written(model_file, tmp_path):
+    result = simulate(
+        model_file, "--controller", "pid", "--filter", "ukf4", "--hall-bias-mV", 20, "--seconds", 0.3, "--runs", 2,
+        "--csv", tmp_path / "series.csv", "--json", tmp_path / "result.json", "--seed", 7,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "2 x HELD" in result.stdout
+    table = np.genfromtxt(tmp_path / "series.csv", delimiter=",", names=True)
+    assert len(table) == 2 * 600
+    assert {"run", "time_s", "voltage_V", "current_A", "distance_m", "hall_V"} <= set(table.dtype.names)
+    data = json.loads((tmp_path / "result.json").read_text())
+    assert data["outcomes"] == {"HELD": 2}
+    assert data["experiment"]["offset_V"] == 0.02
+
+
+def test_a_lost_magnet_is_named_and_no_rms_is_printed(model_file):
+    result = simulate(model_file, "--filter", "direct", "--seconds", 0.5)
+    assert result.returncode == 0
+    assert "1 x PULLED_IN: The body is lost" in result.stdout
+    assert "rms of estimated" not in result.stdout
+
+
+def test_a_model_without_a_hall_sensor_says_how_to_get_one_and_exits_1(levitation_model, tmp_path):
+    write_model(replace(levitation_model, sensor=None), tmp_path / "model.json")
+    result = simulate(tmp_path / "model.json")
+    assert result.returncode == 1
+    assert "[hall]" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    "option", [("--runs", 0), ("--seconds", -1), ("--dropout", 2), ("--noise-mV", -1), ("--controller", "lqr")]
+)
+def test_impossible_options_are_usage_errors(model_file, option):
+    assert simulate(model_file, *option).returncode == 2
