@@ -38,7 +38,8 @@ class FitOptions:
     model : str
         ``coenergy``, a law's name, or ``all``: every law is ranked and the recommended one becomes the model.
     bounds : str
-        ``law``, ``none``, ``paper`` or ``paper-coefficients``; see :mod:`femfit.fit.named_bounds`. For one law only, as the two next.
+        ``law``, ``none``, ``paper`` or ``paper-coefficients``; see :mod:`femfit.fit.named_bounds`. For
+        one law only, as the two next.
     coefficient_bounds : mapping of str to (float, float)
         Bounds of single columns' coefficients, over those of ``bounds``.
     functions : tuple of str or None

@@ -52,7 +52,7 @@ def test_passive_force_and_motional_constant_are_those_of_a_much_finer_solution(
     passive, per_ampere, magnet_field = ERRATA[millimetres]
     d, still = np.array(1e-3 * millimetres), np.array(0.0)
     magnetics = coenergy.model.magnetics
-    # The sweep is within 0.1 % of these values, the fit adds its own few hundredths; a slope in the current a little more.
+    # The sweep is within 0.1 % of these values; the fit adds a few hundredths, to slopes a little more.
     assert magnetics.force(d, still) == pytest.approx(passive, rel=1.5e-3)
     assert magnetics.motional_constant(d, still) == pytest.approx(per_ampere * TURNS_RATIO, rel=2e-3)
     assert coenergy.model.sensor.field.field(d, still) == pytest.approx(magnet_field, rel=1.5e-3)
