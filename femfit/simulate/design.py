@@ -41,6 +41,9 @@ BIAS_DEVIATION_V = 0.02
 FIRST_DEVIATION_M = 1e-3
 """First standard deviation of the distance, for a body that is put on a support."""
 
+SUPPORT_TIME_CONSTANTS = 5.0
+"""Time constants of the slowest unstable pole for which a filter sees the supported body before the loop is closed."""
+
 DESIGN_POINTS = 9
 
 

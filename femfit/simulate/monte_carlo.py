@@ -7,12 +7,9 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.estimate.consistency import ConsistencyBand, consistency_band
-from femfit.simulate.design import LoopDesign
+from femfit.simulate.design import SUPPORT_TIME_CONSTANTS, LoopDesign
 from femfit.simulate.experiment import Experiment, run_experiments
 from femfit.simulate.loop import LoopResult
-
-SUPPORT = 5.0
-"""Time constants of the slowest unstable pole that the filter has on the supported body."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,7 @@ def monte_carlo(
         With the recorded series.
     """
     steps = max(1, round(duration_s / design.model.sample_time_s))
-    supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT)
+    supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT_TIME_CONSTANTS)
     (result,) = run_experiments(
         design,
         [experiment],

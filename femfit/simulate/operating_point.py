@@ -56,11 +56,6 @@ class OperatingPoint:
     A: FloatArray
     B: FloatArray
 
-    @property
-    def unstable_pole_rad_s(self) -> float:
-        """Largest real part of the poles, back-EMF included."""
-        return float(np.linalg.eigvals(self.A).real.max())
-
     def discrete(self, step: float) -> tuple[FloatArray, FloatArray]:
         """(Phi, Gamma) of x(k+1) = Phi x(k) + Gamma u(k), the voltage held over a step in s."""
         return zero_order_hold(self.A, self.B, step)

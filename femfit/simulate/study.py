@@ -19,7 +19,14 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulate.design import CONTROLLERS, ControllerName, LoopDesign, ObserverName, design_loop
+from femfit.simulate.design import (
+    CONTROLLERS,
+    SUPPORT_TIME_CONSTANTS,
+    ControllerName,
+    LoopDesign,
+    ObserverName,
+    design_loop,
+)
 from femfit.simulate.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulate.loop import LoopResult
 from femfit.simulate.reference import reference_steps
@@ -29,8 +36,8 @@ from femfit.simulate.table6 import HoldRow, Table6Row, hold_row, table6_row
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
 
-SUPPORT, SETTLE, WINDOW = 5.0, 4.0, 10.0
-"""Time constants of the slowest unstable pole before the loop is closed, before the statistics, and of them."""
+SETTLE, WINDOW = 4.0, 10.0
+"""Time constants of the slowest unstable pole before the statistics of a hold, and of them."""
 
 HOLD_RUNS, FAULT_RUNS, STEP_RUNS, LOSS_RUNS = 64, 12, 8, 8
 HALL_BIAS_V, FORCE_ERROR, FILTERED_NOISE_V = 0.02, 0.01, 0.8e-3
@@ -187,7 +194,7 @@ def _hold(
         runs=runs,
         steps=window.stop,
         windows=(window,),
-        supported_steps=design.steps(SUPPORT),
+        supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
         noise_blocks=noise_blocks,
     )
 
@@ -225,7 +232,7 @@ def _steps(
         np.random.default_rng(seed),
         runs=STEP_RUNS,
         steps=len(design.targets_m) * int(np.ceil(stay / design.model.sample_time_s)),
-        supported_steps=design.steps(SUPPORT),
+        supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
         noise_blocks=len(experiments),
     )
     rows: list[Table6Row] = []
