@@ -42,6 +42,8 @@ def actuator_figure(actuator: Actuator, distance: float) -> "Figure":
     _dimensions(axes, actuator, distance)
     _axis(axes, actuator, distance)
     axes.set(xlabel="x (mm)", ylabel="z (mm)", aspect="equal")
+    left, right = axes.get_xlim()
+    axes.set_xlim(left - 0.1 * (right - left), right)  # room for the label of a short distance
     axes.invert_yaxis()
     axes.grid(visible=False)
     axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), handlelength=1.2, labelspacing=0.8)

@@ -111,9 +111,9 @@ def ranking_figure(ranking: Ranking) -> "Figure":
         f"target {100 * TARGET:g} %",
         (1.0, 100.0 * TARGET),
         xycoords=("axes fraction", "data"),
-        xytext=(-2, 3),
+        xytext=(4, 0),
         textcoords="offset points",
-        ha="right",
+        va="center",
         color=MUTED,
         fontsize=8.5,
     )
@@ -145,11 +145,11 @@ def place_labels(
     points = points_per_pixel * axes.transData.transform(np.column_stack([x, y]))
     taken = [(px - 3.0, py - 3.0, px + 3.0, py + 3.0) for px, py in points]
     for k in np.argsort(y):
-        width, height = 5.2 * len(labels[k]), 9.0
+        width, height = (5.9 if k == bold else 5.2) * len(labels[k]), 10.0
         trials = [
             (dx, dy, (px + dx - width * (dx < 0) - 0.5 * width * (dx == 0), py + dy - 0.5 * height))
             for px, py in (points[k],)
-            for dx, dy in ((7, 0), (-7, 0), (0, 9), (0, -9), (7, 8), (7, -8), (-7, 8), (-7, -8))
+            for dx, dy in ((7, 0), (-7, 0), (0, 11), (0, -11), (7, 9), (7, -9), (-7, 9), (-7, -9))
         ]
         free = [
             t for t in trials if not any(_overlap((*t[2], t[2][0] + width, t[2][1] + height), box) for box in taken)
@@ -209,7 +209,7 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
         ax.grid(visible=False)
         bar = figure.colorbar(image, ax=ax, location="bottom", pad=0.03, aspect=22)
         bar.ax.tick_params(labelsize=8)
-        bar.set_label(f"% of the {'weight' if rows.weight else 'largest force'}", fontsize=8.5)
+        bar.set_label(f"(% of the {'weight' if rows.weight else 'largest force'})", fontsize=8.5)
     panels[0].set_ylabel("current i (A)")
     return figure
 

@@ -51,6 +51,13 @@ class ReportContent:
         """Weight of the moving part in N, where its mass is known."""
         return self.fit.rows.weight
 
+    @property
+    def why_no_loop(self) -> str:
+        """A sentence on why there is no study."""
+        if self.actuator.hall is None:
+            return "this actuator has no Hall element, from which the paper's loop takes its distance."
+        return self.no_study or "it was not asked for."
+
     def law(self, name: str) -> LawFit | None:
         """The fit of a candidate by its name; None where it was not fitted."""
         if self.fit.ranking is None:

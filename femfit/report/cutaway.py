@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
+from scipy.interpolate import RegularGridInterpolator
 
 from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
@@ -23,6 +23,8 @@ SIZE = (1200, 1100)
 CUT_DEGREES = 90.0
 CUT_PLANES = (0.0, CUT_DEGREES)
 SEGMENTS = 90
+SUBDIVISIONS = 6
+"""Of each triangle of a cut face, four parts each time."""
 
 
 def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
@@ -49,17 +51,17 @@ def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     colours = {"cmap": "cividis", "clim": (low, high), "log_scale": True, "scalars": "B", "show_scalar_bar": False}
     parts = _parts(actuator, sample.distance_m)
     for outline, kind in parts:
-        plotter.add_mesh(_revolved(outline), color=COLOURS[kind], smooth_shading=False, specular=0.15)
-    plane = _half_plane(sample, parts)
-    lines = plane.contour(flux_levels(sample.flux_Wb).tolist(), scalars="flux")
-    faces = plane.threshold(0.5, scalars="inside")
+        plotter.add_mesh(_revolved(outline), color=COLOURS[kind], ambient=0.35, diffuse=0.75)
+    lines = _half_plane(sample).contour(flux_levels(sample.flux_Wb).tolist(), scalars="flux")
+    faces = [_cut_face(outline, sample) for outline, _ in parts]
     for angle in CUT_PLANES:
-        plotter.add_mesh(faces.rotate_z(angle), lighting=False, **colours)
-        plotter.add_mesh(lines.rotate_z(angle), line_width=2.0, lighting=False, **colours)
+        for face in faces:
+            plotter.add_mesh(face.rotate_z(angle), lighting=False, **colours)
+        shown = plotter.add_mesh(lines.rotate_z(angle), line_width=2.5, lighting=False, **colours)
     if actuator.hall is not None:
         place = (MM * actuator.hall.radius_m, 0.0, -MM * actuator.hall.height_m)
         plotter.add_mesh(pyvista.Sphere(0.02 * MM * float(sample.radius_m[-1]), place), color=HALL_COLOUR)
-    return _picture(plotter, sample)
+    return _picture(plotter, shown.mapper, sample)
 
 
 def _parts(actuator: Actuator, distance: float) -> list[tuple[FloatArray, str]]:
@@ -83,22 +85,31 @@ def _revolved(outline: FloatArray) -> Any:
     return body.rotate_z(CUT_DEGREES)
 
 
-def _half_plane(sample: FieldSample, parts: list[tuple[FloatArray, str]]) -> Any:
+def _cut_face(outline: FloatArray, sample: FieldSample) -> Any:
+    """A part's section with |B| at the corners of small triangles."""
+    import pyvista
+
+    corners = np.stack([outline[:, 0], np.zeros(len(outline)), -outline[:, 1]], axis=1)
+    face = pyvista.PolyData(corners, faces=[len(corners), *range(len(corners))]).triangulate().subdivide(SUBDIVISIONS)
+    field = RegularGridInterpolator((sample.height_m, sample.radius_m), sample.flux_density_T)
+    face["B"] = field(np.stack([-face.points[:, 2], face.points[:, 0]], axis=1) / MM)
+    return face
+
+
+def _half_plane(sample: FieldSample) -> Any:
     import pyvista
 
     r, z = np.meshgrid(MM * sample.radius_m, MM * sample.height_m)
     grid = pyvista.StructuredGrid(r[:, None, :], np.zeros_like(r)[:, None, :], -z[:, None, :])
-    inside = np.zeros(r.shape, dtype=bool)
-    for outline, _ in parts:
-        inside |= shapely.contains_xy(shapely.Polygon(outline).buffer(0.05), r, z)
-    for name, values in (("B", sample.flux_density_T), ("flux", sample.flux_Wb), ("inside", inside.astype(float))):
+    for name, values in (("B", sample.flux_density_T), ("flux", sample.flux_Wb)):
         grid[name] = values[:, None, :].ravel(order="F")
     return grid
 
 
-def _picture(plotter: Any, sample: FieldSample) -> Any:
+def _picture(plotter: Any, mapper: Any, sample: FieldSample) -> Any:
     plotter.add_scalar_bar(
-        title="B (T)",
+        title="B (T)\n",
+        mapper=mapper,
         vertical=True,
         position_x=0.88,
         position_y=0.25,

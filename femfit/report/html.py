@@ -12,13 +12,15 @@ from femfit.report.content import ReportContent, picture_point
 from femfit.report.embed import png_uri
 from femfit.report.field_sample import FieldSample
 from femfit.report.offscreen import OffScreenPicture, draw_off_screen
+from femfit.report.paper import CITATION
 from femfit.report.section import DataTable, Picture, Section, text
 from femfit.report.section_actuator import actuator_section
+from femfit.report.section_candidates import candidates_section
 from femfit.report.section_field import field_section
 from femfit.report.section_hall import hall_section
-from femfit.report.section_laws import candidates_section, paper_laws_section
 from femfit.report.section_limits import limits_section, provenance_section
 from femfit.report.section_loop import loop_section
+from femfit.report.section_paper_laws import paper_laws_section
 from femfit.report.section_sweep import sweep_section
 from femfit.report.summary import summary
 
@@ -92,6 +94,7 @@ def render_report(content: ReportContent, draw: Draw = draw_off_screen) -> str:
         summary=summary(content),
         sections=_sections(content, draw),
         version=__version__,
+        paper=CITATION,
     )
 
 

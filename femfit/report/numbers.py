@@ -2,7 +2,14 @@
 
 import math
 
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+
 NO_BREAK = "\u00a0"
+
+NOTHING = "–"
+"""In place of a number that there is none of."""
 
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 
@@ -69,8 +76,10 @@ def significant(value: float, digits: int = 3) -> str:
     str
         For example ``0.0120``, ``4.51·10⁻⁶``.
     """
-    if value == 0.0 or not math.isfinite(value):
-        return f"{value:g}"
+    if not math.isfinite(value):
+        return NOTHING
+    if value == 0.0:
+        return "0"
     value = float(f"{value:.{digits - 1}e}")
     exponent = math.floor(math.log10(abs(value)))
     if -4 <= exponent < max(digits, 6):
@@ -94,4 +103,20 @@ def plain(value: float, digits: int = 6) -> str:
     str
         For example ``0.49``, ``−25``.
     """
-    return f"{value:.{digits}g}".replace("-", "−")
+    return f"{value:.{digits}g}".replace("-", "−") if math.isfinite(value) else NOTHING
+
+
+def force_scale(force: FloatArray) -> tuple[float, str]:
+    """Factor and unit in which forces are drawn.
+
+    Parameters
+    ----------
+    force : array
+        In N.
+
+    Returns
+    -------
+    tuple of float and str
+        Millinewtons up to 2 N.
+    """
+    return (1.0, "N") if float(np.max(np.abs(force))) > 2.0 else (1e3, "mN")

@@ -37,8 +37,7 @@ def actuator_section(content: ReportContent, distance: float, cutaway: Picture |
         f"Full section of {actuator.name}: {_kinds(content)}, with dimensions in millimetres.",
         text(
             "Full section, dimensions in mm. The distance d counts from the electromagnet's face (z = 0) to the "
-            "nearest "
-            "face of the moving part, drawn here at d = {} mm. Force is positive towards the electromagnet.{}",
+            "nearest face of the moving part, drawn here at d = {} mm. Force is positive towards the electromagnet.{}",
             plain(MM * distance, 4),
             " The arrow is the magnetisation." if has_magnet(actuator) else "",
         ),

@@ -41,9 +41,8 @@ def hall_section(content: ReportContent) -> Section:
             text(
                 "The field at the Hall element splits into the magnet's part, {} to {} over the distances, and the "
                 "coil's, {} per ampere; the latter changes by {} only with the distance. At {} V/T the output moves "
-                "by {} "
-                "from the magnet and by {} per ampere from the coil, against a noise of {} rms.{} The fit meets the "
-                "sweep's field within {} rms.",
+                "by {} from the magnet and by {} per ampere from the coil, against a noise of {} rms.{} The fit meets "
+                "the sweep's field within {} rms.",
                 quantity(near, "T"),
                 quantity(far, "T"),
                 quantity(high, "T"),

@@ -41,17 +41,16 @@ def limits_section(content: ReportContent) -> Section:
             "differ from the drawing."
         ),
         Markup(
-            "The problem is axisymmetric and static: no tilt, no sideways offset, no eddy currents, no hysteresis, "
-            "no leads."
+            "The problem is axisymmetric and static: no tilt, no sideways offset, no eddy currents, no hysteresis, no "
+            "leads."
         ),
         _validity(content),
     ]
     if content.study is not None:
         points.append(
             Markup(
-                "The loop is simulated on the same model that filter and controllers use, but where a fault is "
-                "named; the "
-                "sensor's noise is white; nothing here was measured on a bench."
+                "The loop is simulated on the same model that filter and controllers use, but where a fault is named; "
+                "the sensor's noise is white; nothing here was measured on a bench."
             )
         )
     elif content.fit.model.sensor is None:
@@ -75,8 +74,7 @@ def _materials(content: ReportContent) -> Markup:
     worst = max(found, key=lambda name: found[name])
     return text(
         "{} At the point drawn above ({} mm, {} A) the iron carries at most {} ({}, corners left out); compare that "
-        "with "
-        "your material's knee.",
+        "with your material's knee.",
         linear,
         plain(1e3 * sample.distance_m, 4),
         plain(sample.current_A, 3),

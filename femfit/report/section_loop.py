@@ -8,7 +8,7 @@ from markupsafe import Markup
 from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
 from femfit.report.loop_figures import NAMES, filters_figure, spectrum_figure, steps_figure
-from femfit.report.numbers import NO_BREAK, percent, plain, quantity, significant
+from femfit.report.numbers import NO_BREAK, NOTHING, percent, plain, quantity, significant
 from femfit.report.paper import is_papers
 from femfit.report.section import Block, DataTable, Picture, Section, text
 from femfit.simulate.experiment import Experiment
@@ -36,8 +36,7 @@ def loop_section(content: ReportContent) -> Section:
     """
     study = content.study
     if study is None:
-        reason = content.no_study or "it was not asked for."
-        return Section("loop", TITLE, (text("The loop was not closed: {}", reason),))
+        return Section("loop", TITLE, (text("The loop was not closed: {}", content.why_no_loop),))
     paper = is_papers(content.actuator)
     blocks: list[Block] = [
         _setting(study),
@@ -57,10 +56,9 @@ def _setting(study: ClosedLoopStudy) -> Block:
     first, last = design.points[0], design.points[-1]
     return text(
         "The plant is the co-energy model with back-EMF, the sensor the Hall characteristic with {} rms of white "
-        "noise and "
-        "the converter. Both controllers take distance, velocity and current from the filter; their gains follow "
-        "from the "
-        "model. Between {} and {} mm the body hangs at {} to {} with an unstable pole of {} to {} rad/s. Seed {}.",
+        "noise and the converter. Both controllers take distance, velocity and current from the filter; their gains "
+        "follow from the model. Between {} and {} mm the body hangs at {} to {} with an unstable pole of {} to {} "
+        "rad/s. Seed {}.",
         quantity(design.noise_V, "V"),
         plain(MM * first.distance_m),
         plain(MM * last.distance_m),
@@ -82,9 +80,8 @@ def _step_pictures(study: ClosedLoopStudy) -> list[Picture]:
                 svg_uri(steps_figure(series), f"steps-{series.controller}"),
                 f"Distance over time with the {name} controller, direct measurement and filter.",
                 text(
-                    "Reference steps with the {} controller fed by the {} (Figure {} of the paper): distances, "
-                    "errors of "
-                    "both measurements, coil voltage.",
+                    "Reference steps with the {} controller fed by the {} (Figure {} of the paper): distances, errors "
+                    "of both measurements, coil voltage.",
                     name,
                     NAMES[series.observer],
                     number,
@@ -112,7 +109,7 @@ def _table6(study: ClosedLoopStudy, *, paper: bool) -> DataTable:
             lost = "" if row.held == row.runs else f" ({row.runs - row.held} of {row.runs} runs lost)"
             cells.append(f"{_micro(row.rms_m)}{lost}")
             if paper:
-                cells.append("–" if row.paper_rms_m is None else _micro(row.paper_rms_m))
+                cells.append(NOTHING if row.paper_rms_m is None else _micro(row.paper_rms_m))
         body.append(tuple(cells))
     ratio = ["direct / UKF"]
     for controller in controllers:
@@ -122,8 +119,7 @@ def _table6(study: ClosedLoopStudy, *, paper: bool) -> DataTable:
             ratio.append(plain((direct.paper_rms_m or np.nan) / (ukf.paper_rms_m or np.nan), 3))
     note = (
         " The paper's direct measurement is a property of its sensor, an input here; its ratios lie beyond the bound "
-        "of the "
-        "next table, which holds for white noise."
+        "of the next table, which holds for white noise."
         if paper
         else ""
     )
@@ -150,8 +146,7 @@ def _spectra(study: ClosedLoopStudy) -> list[Picture]:
             f"Spectra of direct and filtered distance with the {NAMES[pair.controller]} controller.",
             text(
                 "Spectra at rest with the {} controller (Figure {} of the paper): at low frequency both show the "
-                "body's own "
-                "motion, above it the filter leaves the sensor's white noise behind.",
+                "body's own motion, above it the filter leaves the sensor's white noise behind.",
                 NAMES[pair.controller],
                 number,
             ),
@@ -179,8 +174,8 @@ def _hold_table(study: ClosedLoopStudy) -> DataTable:
                 f"{plain(MM * row.distance_m)}{NO_BREAK}mm",
                 _micro(row.direct_rms_m),
                 _micro(row.filtered_rms_m),
-                f"{row.ratio:.2f}",
-                f"{row.bound:.2f}",
+                significant(row.ratio),
+                significant(row.bound),
                 _innovations(row),
             )
             for row in study.holds
@@ -190,18 +185,18 @@ def _hold_table(study: ClosedLoopStudy) -> DataTable:
 
 def _innovations(row: HoldRow) -> str:
     band = row.innovation_band
-    return f"{row.normalised_innovation_squared:.3f} ({band.lower:.3f} … {band.upper:.3f})"
+    return f"{significant(row.normalised_innovation_squared, 4)} ({band.lower:.3f} … {band.upper:.3f})"
 
 
 def _bound(study: ClosedLoopStudy) -> Block:
-    shares = np.array([row.ratio / row.bound for row in study.holds])
+    shares = np.array([row.ratio / row.bound for row in study.holds if row.held])
+    if not shares.size:
+        return Markup("No run was held at rest, so that no noise can be compared.")
     inside = sum(row.innovation_band.contains(row.normalised_innovation_squared) for row in study.holds)
     return text(
         "The bound is 1/√(2 λ t<sub>s</sub>): no filter gains more against white noise on a body with the unstable "
-        "pole λ. "
-        "The filters reach {} to {} of it (statistics of a finite record can pass it by a little). Of {} mean "
-        "normalised "
-        "innovations, {} lie in their 95 % band, which is what tells a filter that knows its own error.",
+        "pole λ. The filters reach {} to {} of it (statistics of a finite record can pass it by a little). Of {} mean "
+        "normalised innovations, {} lie in their 95 % band, which is what tells a filter that knows its own error.",
         percent(float(shares.min()), 3),
         percent(float(shares.max()), 3),
         len(study.holds),
@@ -220,8 +215,7 @@ def _filters(study: ClosedLoopStudy) -> list[Picture]:
             f"{names} over small reference steps.",
             text(
                 "{} with the backstepping controller over smaller steps (Figure 19 of the paper), on the same noise. "
-                "In "
-                "steady state they are equal; they differ when the first estimate is wrong: {}.",
+                "In steady state they are equal; they differ when the first estimate is wrong: {}.",
                 names,
                 "; ".join(_acquired(study.acquisition)),
             ),
@@ -251,7 +245,7 @@ def _faults(study: ClosedLoopStudy) -> DataTable:
     return DataTable(
         Markup("What breaks the loop, and what it costs: the body's shift against the loop without the fault"),
         ("loop", "fault", *(f"at {plain(MM * d)} mm" for d in distances)),
-        tuple((*key, *(ends.get(d, "–") for d in distances)) for key, ends in cells.items()),
+        tuple((*key, *(ends.get(d, NOTHING) for d in distances)) for key, ends in cells.items()),
     )
 
 

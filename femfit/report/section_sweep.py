@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
-from femfit.report.numbers import percent, plain, quantity
+from femfit.report.numbers import force_scale, percent, plain, quantity
 from femfit.report.section import Block, Picture, Section, text
 from femfit.report.sweep_figures import accuracy_figure, force_curves_figure, force_map_figure
 from femfit.report.sweep_grid import Reciprocity, SweepGrid, reciprocity, sweep_grid
@@ -61,8 +61,7 @@ def sweep_section(content: ReportContent) -> Section:
             "Estimated discretisation error over distance; motional constant from force and from flux linkage.",
             Markup(
                 "Left: each row's own error estimate over its force; steps are where the mesh was made anew. Right: "
-                "the "
-                "motional constant k<sub>m</sub> from two columns of the table that are computed independently."
+                "the motional constant k<sub>m</sub> from two columns of the table that are computed independently."
             )
             if table is not None
             else Markup("Each row's own error estimate over its force."),
@@ -86,7 +85,8 @@ def _pictures(content: ReportContent, grid: SweepGrid) -> tuple[Picture, Picture
             svg_uri(force_map_figure(grid, weight), "force-map"),
             "Map of the force over distance and current with contour lines.",
             text(
-                "Force over distance and current (Figure 6 of the paper), contour lines in mN.{}",
+                "Force over distance and current (Figure 6 of the paper), contour lines in {}.{}",
+                force_scale(grid.force)[1],
                 " On the red line the force equals the weight: there the body can be held."
                 if holds
                 else " The weight is reached nowhere in this range."
@@ -110,8 +110,8 @@ def _linearity(content: ReportContent) -> Block:
         freedom = "F({}, {})".format(*test.degrees_of_freedom)
         proof = f" ({freedom} = {test.f_value:.3g}, p = {test.p_value:.2g})"
     return text(
-        "Linearity, the paper's Table 2 with a test: adding {} A raises the force by {} on average at low and by {} at "
-        "high current. A term in i² carries {} of the dependence on current{}: {}.",
+        "Linearity, the paper's Table 2 with a test: adding {} A raises the force by {} on average at low and by {} "
+        "at high current. A term in i² carries {} of the dependence on current{}: {}.",
         plain(float(test.pairs_A[0, 1] - test.pairs_A[0, 0])),
         quantity(float(test.mean_N[0]), "N", 4),
         quantity(float(test.mean_N[-1]), "N", 4),
@@ -128,16 +128,15 @@ def _accuracy(content: ReportContent, grid: SweepGrid) -> Block:
     relative = grid.force_error[known] / np.abs(grid.force[known])
     sentence = text(
         "Each force carries an estimate of its discretisation error, from two polynomial orders on one mesh: at most "
-        "{} "
-        "of the force, {} in the median.",
+        "{} of the force, {} in the median.",
         percent(float(relative.max())),
         percent(float(np.median(relative))),
     )
     sample = content.field
     if sample is not None and sample.self_force_N:
         sentence += text(
-            " The stress of the moving magnet's own field, which should integrate to zero, gives {} on the mesh of the "
-            "picture above ({} of the force there); it is computed on each mesh and taken away.",
+            " The stress of the moving magnet's own field, which should integrate to zero, gives {} on the mesh of "
+            "the picture above ({} of the force there); it is computed on each mesh and taken away.",
             quantity(sample.self_force_N, "N"),
             percent(abs(sample.self_force_N / sample.force_N)),
         )
@@ -147,7 +146,6 @@ def _accuracy(content: ReportContent, grid: SweepGrid) -> Block:
 def _reciprocity(table: Reciprocity) -> Any:
     return text(
         "Reciprocity, ∂F/∂i = −∂λ/∂d, ties the force (a stress integral) to the flux linkage λ (an energy): the two "
-        "agree "
-        "within {} of the largest k<sub>m</sub> over the whole table, the numerical derivative included.",
+        "agree within {} of the largest k<sub>m</sub> over the whole table, the numerical derivative included.",
         percent(table.largest_difference),
     )

@@ -7,7 +7,7 @@ from femfit.fit.ranking import TARGET
 from femfit.report.content import ReportContent
 from femfit.report.numbers import percent, plain, quantity
 from femfit.report.section import text
-from femfit.report.section_laws import coenergy_misfit
+from femfit.report.section_candidates import coenergy_misfit
 
 
 def summary(content: ReportContent) -> tuple[Markup, ...]:
@@ -50,8 +50,7 @@ def _reference(content: ReportContent) -> Markup:
         return Markup("")
     return text(
         "<strong>Model.</strong> One co-energy for force, flux linkage, motional constant and inductance: {} of the "
-        "force "
-        "(rms).",
+        "force (rms).",
         percent(misfit.force_rms_relative),
     )
 
@@ -85,18 +84,23 @@ def _law(content: ReportContent) -> Markup:
 def _loop(content: ReportContent) -> Markup:
     study = content.study
     if study is None:
-        return text("<strong>Loop.</strong> Not closed: {}", content.no_study or "it was not asked for.")
-    ratios = [row.ratio for row in study.holds]
-    bounds = [row.bound for row in study.holds]
+        return text("<strong>Loop.</strong> Not closed: {}", content.why_no_loop)
     filtered = [row for row in study.table6 if row.measurement == "ukf"]
-    lost = sum(row.runs - row.held for row in filtered)
-    return text(
-        "<strong>Loop.</strong> Steps between {} and {} mm, {}; the filter knows the distance within {} rms during "
-        "the steps, {} "
-        "to {} times better at rest than the direct measurement (bound: {} to {}).",
+    lost, runs = sum(row.runs - row.held for row in filtered), sum(row.runs for row in filtered)
+    span = text(
+        "Steps between {} and {} mm",
         plain(1e3 * study.design.points[0].distance_m),
         plain(1e3 * study.design.points[-1].distance_m),
-        "no run lost" if not lost else f"{lost} of {sum(row.runs for row in filtered)} runs lost",
+    )
+    ratios = [row.ratio for row in study.holds if row.held]
+    if lost == runs or not ratios:
+        return text("<strong>Loop.</strong> {}: {} of {} runs lost.", span, lost, runs)
+    bounds = [row.bound for row in study.holds]
+    return text(
+        "<strong>Loop.</strong> {}, {}; the filter knows the distance within {} rms during "
+        "the steps, {} to {} times better at rest than the direct measurement (bound: {} to {}).",
+        span,
+        "no run lost" if not lost else f"{lost} of {runs} runs lost",
         quantity(max(row.rms_m for row in filtered), "m"),
         f"{min(ratios):.1f}",
         f"{max(ratios):.1f}",

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femfit.report.numbers import force_scale
 from femfit.report.style import BLUE, VERMILION, new_figure, ordered_colours, styled
 from femfit.report.sweep_grid import Reciprocity, SweepGrid
 
@@ -13,7 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MM = 1e3
-MILLI = 1e3
+
+CROWDED = 0.15
+"""Contour lines nearer to the weight than this part of it would run into its label."""
 
 
 @styled
@@ -36,7 +39,8 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
 
     figure = new_figure(3.6)
     axes = figure.subplots()
-    x, force = MM * grid.distances, MILLI * grid.force
+    factor, unit = force_scale(grid.force)
+    x, force = MM * grid.distances, factor * grid.force
     top = float(force.max())
     floor = max(float(force.min()), top / 300.0)
     norm = LogNorm(floor, top) if top > 5.0 * floor else Normalize(float(force.min()), top)
@@ -46,15 +50,17 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
     steps = np.array([1.0, 2.0, 5.0])
     levels = np.concatenate([steps * 10.0**k for k in range(-6, 9)])
     levels = levels[(levels > floor) & (levels < top)]
+    if weight is not None:
+        levels = levels[np.abs(np.log(levels / (factor * weight))) > CROWDED]
     if levels.size:
         lines = axes.contour(x, grid.currents, force, levels=levels, colors="white", linewidths=0.8)
         axes.clabel(lines, fmt=lambda value: f"{value:g}", fontsize=8)
-    if weight is not None and force.min() < MILLI * weight < top:
-        held = axes.contour(x, grid.currents, force, levels=[MILLI * weight], colors=[VERMILION], linewidths=2.2)
+    if weight is not None and force.min() < factor * weight < top:
+        held = axes.contour(x, grid.currents, force, levels=[factor * weight], colors=[VERMILION], linewidths=2.2)
         axes.clabel(held, fmt=lambda value: f"weight {value:.3g}", fontsize=8.5)
     axes.set(xlabel="distance d (mm)", ylabel="current i (A)")
     axes.grid(visible=False)
-    figure.colorbar(image, ax=axes, pad=0.02).set_label("force F (mN)")
+    figure.colorbar(image, ax=axes, pad=0.02).set_label(f"force F ({unit})")
     return figure
 
 
@@ -75,15 +81,16 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
         On linear and on logarithmic axes.
     """
     figure = new_figure(3.3)
-    axes = figure.subplots(1, 2, width_ratios=(1.0, 1.0))
+    axes = figure.subplots(1, 2)
+    factor, unit = force_scale(grid.force)
     for ax, scale in zip(axes, ("linear", "log"), strict=True):
         for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
             if scale == "log" and not np.all(force > 0):
                 continue
-            ax.plot(MM * grid.distances, MILLI * force, color=colour, label=f"{current:g} A")
+            ax.plot(MM * grid.distances, factor * force, color=colour, label=f"{current:g} A")
         if weight is not None:
-            ax.axhline(MILLI * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label="weight m g")
-        ax.set(xlabel="distance d (mm)", ylabel="force F (mN)", xscale=scale, yscale=scale)
+            ax.axhline(factor * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label="weight m g")
+        ax.set(xlabel="distance d (mm)", ylabel=f"force F ({unit})", xscale=scale, yscale=scale)
     for axis in (axes[1].xaxis, axes[1].yaxis):
         _plain_decades(axis)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", title="current i")
@@ -122,7 +129,9 @@ def accuracy_figure(grid: SweepGrid, table: Reciprocity | None) -> "Figure":
         _ends_only(panels[0])
     if len(panels[0].get_lines()):
         _plain_decades(panels[0].yaxis)
-    panels[0].legend(title="current i", ncols=3)
+        low, high = panels[0].get_ylim()
+        panels[0].set_ylim(low, high * (high / low) ** 0.25)  # room for the legend
+    panels[0].legend(title="current i", ncols=3, loc="upper center")
     if table is not None:
         _reciprocity_panel(panels[1], table)
     return figure

@@ -8,13 +8,13 @@ import numpy as np
 from femfit.fit.law_fit import LawFit
 from femfit.fit.rows import FitRows
 from femfit.report.formula import formula_label
+from femfit.report.numbers import force_scale
 from femfit.report.style import BLUE, CATEGORIES, INK, VERMILION, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MM = 1e3
-MILLI = 1e3
 CURVES = 3
 
 
@@ -30,16 +30,17 @@ def residual_sums_figure(fits: Sequence[LawFit]) -> "Figure":
     Returns
     -------
     Figure
-        On a logarithmic axis, in mN^2.
+        On a logarithmic axis.
     """
     figure = new_figure(2.8)
     axes = figure.subplots()
+    factor, unit = force_scale(np.sqrt(np.max([fit.stage_one.residual_sums for fit in fits], axis=0)))
     for n, (colour, marker, fit) in enumerate(zip(CATEGORIES, "osD", fits, strict=False), start=1):
         label = f"J{chr(0x2080 + n)} of {fit.law.name}"
-        axes.semilogy(
-            fit.stage_one.currents, 1e6 * fit.stage_one.residual_sums, marker=marker, color=colour, label=label
-        )
-    axes.set(xlabel="current i (A)", ylabel="sum of squared residuals (mN²)")
+        sums = fit.stage_one.residual_sums
+        known = sums > 0.0  # without force there is nothing to miss
+        axes.semilogy(fit.stage_one.currents[known], factor**2 * sums[known], marker=marker, color=colour, label=label)
+    axes.set(xlabel="current i (A)", ylabel=f"sum of squared residuals ({unit}²)")
     axes.legend(loc="best")
     return figure
 
@@ -58,9 +59,10 @@ def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> "Figure":
     Returns
     -------
     Figure
-        Points of the sweep, lines of the law; residuals in mN.
+        Points of the sweep, lines of the law; residuals.
     """
     figure = new_figure(4.4)
+    factor, unit = force_scale(rows.force)
     panels = figure.subplots(2, len(fits), sharex=True, height_ratios=(2.2, 1.0), squeeze=False)
     chosen = shown_currents(len(rows.currents))
     for column, fit in enumerate(fits):
@@ -71,16 +73,16 @@ def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> "Figure":
             order = np.argsort(rows.distance[at])
             d, force = rows.distance[at][order], rows.force[at][order]
             law = fit.law.columns(d, fit.shape) @ fit.stage_one.coefficients[k]
-            above.plot(MM * d[::2], MILLI * force[::2], "o", color=colour, markersize=2.6, fillstyle="none")
-            above.plot(MM * d, MILLI * law, color=colour, label=f"{current:g} A")
-            below.plot(MM * d, MILLI * (law - force), color=colour)
+            above.plot(MM * d[::2], factor * force[::2], "o", color=colour, markersize=2.6, fillstyle="none")
+            above.plot(MM * d, factor * law, color=colour, label=f"{current:g} A")
+            below.plot(MM * d, factor * (law - force), color=colour)
         below.axhline(0.0, color=INK, linewidth=0.8)
         above.set_title(f"{fit.law.name}:  {formula_label(fit.law.formula)}")
         below.set_xlabel("distance d (mm)")
     for above in panels[0]:
-        above.set_ylim(-0.05 * MILLI * rows.force.max(), 1.3 * MILLI * rows.force.max())
-    panels[0, 0].set_ylabel("force F (mN)")
-    panels[1, 0].set_ylabel("law − sweep (mN)")
+        above.set_ylim(-0.05 * factor * rows.force.max(), 1.3 * factor * rows.force.max())
+    panels[0, 0].set_ylabel(f"force F ({unit})")
+    panels[1, 0].set_ylabel(f"law − sweep ({unit})")
     panels[0, -1].legend(title="sweep (○), law (—)", loc="upper right")
     return figure
 
@@ -126,6 +128,8 @@ def coefficient_figure(fit: LawFit) -> "Figure":
         ax.plot(currents, fit.stage_one.coefficients[:, k], "o", color=BLUE, markersize=4.5, label="stage one")
         ax.plot(fine, function.at(fine), color=VERMILION, label=f"stage two: {function.name}")
         low, high = ax.get_ylim()
+        if not np.any(fit.stage_one.coefficients[:, k]):
+            ax.set_yticks([0.0])
         if low > 0.5 * high > 0.0:
             ax.set_ylim(0.0, 1.15 * high)
         symbol = "abcdefgh"[k]

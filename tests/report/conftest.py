@@ -1,0 +1,154 @@
+"""A report's content without field solver and closed loop: analytic sweep, made-up field and study."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.actuator.load import read_actuator
+from femfit.actuator.summary import sweep_manifest_entry
+from femfit.core.sweep_table import SweepTable
+from femfit.estimate.consistency import ConsistencyBand
+from femfit.fit.build import FitOptions, fit_model
+from femfit.report.content import ReportContent
+from femfit.report.field_sample import FieldSample
+from femfit.simulate.design import CONTROLLERS, design_loop
+from femfit.simulate.experiment import Experiment
+from femfit.simulate.spectrum import Spectrum
+from femfit.simulate.study import ClosedLoopStudy, SpectrumPair, StepSeries
+from femfit.simulate.study_rows import LossRow, ShiftRow
+from femfit.simulate.table6 import PAPER_RMS_M, HoldRow, Table6Row
+from support.actuators import GEOMETRY
+
+CURRENTS = np.linspace(0.0, 1.4, 5)
+DISTANCES = np.linspace(0.015, 0.045, 13)
+
+
+def sweep_of(actuator, magnet=1.0):
+    """Force, flux linkage and Hall field of one co-energy; magnet=0 leaves the part quadratic in the current."""
+    i, d = (grid.ravel() for grid in np.meshgrid(CURRENTS, DISTANCES, indexing="ij"))
+    decay, length = np.exp(-d / 0.0166), 0.0166
+    rows = {
+        "current_A": i,
+        "distance_m": d,
+        "force_N": magnet * (4.19e-9 / d**4 + 0.2925 * decay * i) + (1 - magnet) * 0.5 * i**2 * decay,
+        "flux_linkage_Wb": magnet * 0.2925 * length * decay * i**0 + (0.0162 + (1 - magnet) * length * decay) * i,
+        "inductance_H": 0.0162 + (1 - magnet) * length * decay,
+        "force_error_N": np.full_like(d, 2e-6),
+        "status": np.full(len(d), "ok"),
+    }
+    if actuator.hall is not None:
+        rows["hall_T"] = magnet * 8.6e-8 / (d + 0.0015) ** 3 + 0.004 * i
+    manifest = {
+        "kind": "sweep",
+        "name": actuator.name,
+        "actuator": sweep_manifest_entry(actuator),
+        "settings": {"order": 5},
+        "versions": {"femfit": "0.1.0", "ngsolve": "6.2"},
+        "configuration_hash": "c0ffee" * 10,
+    }
+    return SweepTable(pd.DataFrame(rows), manifest)
+
+
+def made_up_field(distance=0.022):
+    """A dipole's flux: psi = m r^2 / (r^2 + (z - z0)^2)^(3/2), cut off inside of 4 mm."""
+    radius, height = np.linspace(0.0, 0.031, 50), np.linspace(-0.036, 0.04, 120)
+    r, z = np.meshgrid(radius, height)
+    size = np.hypot(np.hypot(r, z - distance), 4e-3)
+    return FieldSample(
+        distance_m=distance,
+        current_A=0.32,
+        radius_m=radius,
+        height_m=height,
+        flux_density_T=6e-8 / size**3,
+        flux_Wb=4e-7 * r**2 / size**3,
+        force_N=0.0427,
+        self_force_N=1.4e-6,
+        part_flux_density_T={"sleeve": 0.097, "magnet": 0.99},
+        unknowns=11806,
+    )
+
+
+def made_up_study(model, held=2, runs=2):
+    """A study whose numbers are typed in; none held makes every mean NaN."""
+    known = 1.0 if held else np.nan
+    outcomes = {"HELD": held, "FELL": runs - held}
+    t = np.arange(300) * 5e-4
+    path = 0.022 + 0.008 * np.clip((t - 0.05) / 0.05, 0.0, 1.0)
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(len(t))
+    place = Experiment("pid", "ukf4", (0.022,), offset_V=0.02)
+
+    def series(controller, observer):
+        arrays = (path, path, path + noise, path + 0.1 * noise, 1.0 + path, path * 0 + 0.4)
+        return StepSeries(controller, observer, t, *(known * a for a in arrays))
+
+    def spectrum(scale):
+        return Spectrum(np.linspace(0.0, 1000.0, 64), np.full(64, scale * known))
+
+    band = ConsistencyBand(0.98, 1.02)
+    return ClosedLoopStudy(
+        design=design_loop(model),
+        seed=7,
+        table6=tuple(
+            Table6Row(c, m, known * rms, PAPER_RMS_M.get((c, m)), held, runs)
+            for c in CONTROLLERS
+            for m, rms in (("direct", 1.46e-4), ("ukf", 2.66e-5), ("ekf", 2.64e-5))
+        ),
+        holds=tuple(
+            HoldRow(c, "ukf", 0.022, known * 7.8e-5, known * 1.4e-5, known * 5.5, 5.47, known, band, held, runs)
+            for c in CONTROLLERS
+        ),
+        direct_feedback=(LossRow(Experiment("pid", "direct", (0.022,)), runs, {"PULLED_IN": runs}, 0.071, None),),
+        hall_bias=(ShiftRow(place, runs, held, known * 3e-7, known * 1e-6, known * 4e-7, known * 3e-7),),
+        hall_bias_three_states=(LossRow(place, runs, {"FILTER_DIVERGED": runs}, 0.0, None),),
+        force_error=(
+            ShiftRow(
+                replace(place, offset_V=0.0, force_scale=1.01), runs, held, *(known * x for x in (1, 1, 1e-4, 1e-6))
+            ),
+        ),
+        acquisition=(
+            LossRow(
+                Experiment("backstepping", "ekf", (0.022,), believed_m=0.03),
+                runs,
+                outcomes,
+                None if held else 0.1,
+                None,
+            ),
+        ),
+        steps=tuple(series(c, "ukf") for c in CONTROLLERS),
+        small_steps=(series("backstepping", "ukf"), series("backstepping", "ekf")),
+        spectra=tuple(SpectrumPair(c, spectrum(1e-5), spectrum(1e-6)) for c in CONTROLLERS),
+    )
+
+
+@pytest.fixture(scope="session")
+def rig_content():
+    """The paper's rig with everything."""
+    actuator = read_actuator(GEOMETRY / "emaws-rig.toml")
+    table = sweep_of(actuator)
+    fit = fit_model(table, FitOptions(model="all"))
+    return ReportContent(
+        actuator=actuator,
+        sweep=table,
+        fit=fit,
+        study=made_up_study(fit.model),
+        field=made_up_field(),
+        timings_s=(("sweep", 5.25), ("fit", 2.5)),
+        hashes=(("model.json", "ab" * 32),),
+    )
+
+
+@pytest.fixture(scope="session")
+def plunger_content():
+    """An actuator without magnet, Hall element and loop, and without a sampled field."""
+    actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
+    table = sweep_of(actuator, magnet=0.0)
+    fit = fit_model(table, FitOptions(model="all"))
+    return ReportContent(actuator=actuator, sweep=table, fit=fit, no_study="Model must have a sensor")
+
+
+@pytest.fixture(scope="session")
+def lost_study(rig_content):
+    """A study in which no run was held."""
+    return made_up_study(rig_content.fit.model, held=0)

@@ -1,0 +1,165 @@
+"""Figures as a notebook gets them: plain functions that return matplotlib figures."""
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from femfit.fit.rows import FitRows
+from femfit.laws.f2e import F2E
+from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.report.actuator_figure import actuator_figure
+from femfit.report.candidates_figure import (
+    exponent_figure,
+    law_force,
+    local_exponents,
+    place_labels,
+    ranking_figure,
+    residual_figure,
+)
+from femfit.report.embed import svg_uri
+from femfit.report.field_figure import colour_range, field_figure, flux_levels
+from femfit.report.hall_figure import hall_figure
+from femfit.report.loop_figures import filters_figure, spectrum_figure, steps_figure
+from femfit.report.style import new_figure
+from femfit.report.sweep_figures import accuracy_figure, force_curves_figure, force_map_figure
+from femfit.report.sweep_grid import reciprocity, sweep_grid
+from femfit.report.two_stage_figures import coefficient_figure, curve_fit_figure, residual_sums_figure, shown_currents
+
+WITH_UNIT = re.compile(r"\([^()]*(mm|A|V|N|T|%|s|Hz|µm)[^()]*\)|exponent|operations")
+
+
+def all_figures(content):
+    """Every figure of the report."""
+    fit, rows, study = content.fit, content.fit.rows, content.study
+    grid = sweep_grid(rows)
+    laws = [content.law("F1e"), content.law("F2e")]
+    return {
+        "actuator": actuator_figure(content.actuator, 0.022),
+        "field": field_figure(content.actuator, content.field),
+        "force-map": force_map_figure(grid, rows.weight),
+        "force-curves": force_curves_figure(grid, rows.weight),
+        "accuracy": accuracy_figure(grid, reciprocity(grid)),
+        "law-curves": curve_fit_figure(laws, rows),
+        "residual-sums": residual_sums_figure(laws),
+        "coefficients": coefficient_figure(laws[0]),
+        "exponents": exponent_figure(local_exponents(fit.coenergy.magnetics, rows)),
+        "ranking": ranking_figure(fit.ranking),
+        "residuals": residual_figure(rows, [("F1e", law_force(laws[0], rows))]),
+        "hall": hall_figure(fit.model, rows),
+        "steps": steps_figure(study.steps[0]),
+        "spectrum": spectrum_figure(study.spectra[0]),
+        "filters": filters_figure(study.small_steps),
+    }
+
+
+@pytest.fixture(scope="module")
+def figures(rig_content):
+    return all_figures(rig_content)
+
+
+def test_axes_are_labelled_with_units(figures):
+    for name, figure in figures.items():
+        labels = [axis.get_label_text() for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
+        labels = [label for label in labels if label]
+        assert labels, name
+        for label in labels:
+            assert WITH_UNIT.search(label), (name, label)
+
+
+def test_the_same_figure_gives_the_same_bytes(rig_content):
+    one, two = (svg_uri(actuator_figure(rig_content.actuator, 0.022), "actuator") for _ in range(2))
+    assert one == two
+
+
+def test_matplotlibs_own_settings_are_left_as_they_were(rig_content):
+    before = dict(mpl.rcParams)
+    svg_uri(actuator_figure(rig_content.actuator, 0.022), "actuator")
+    assert dict(mpl.rcParams) == before
+
+
+def test_importing_the_report_loads_neither_matplotlib_nor_pyvista():
+    code = (
+        "import sys, femfit.report.html; print([m for m in ('matplotlib', 'pyvista', 'ngsolve') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_figures_keep_no_state_in_pyplot(figures):
+    assert figures
+    if "matplotlib.pyplot" in sys.modules:
+        assert sys.modules["matplotlib.pyplot"].get_fignums() == []
+
+
+def test_no_name_of_a_candidate_covers_another(figures):
+    figure = figures["ranking"]
+    figure.draw_without_rendering()
+    names = [text for text in figure.axes[0].texts if "target" not in text.get_text()]
+    boxes = [text.get_window_extent() for text in names]
+    overlaps = [
+        (a.get_text(), b.get_text())
+        for k, (a, box) in enumerate(zip(names, boxes, strict=True))
+        for b, other in list(zip(names, boxes, strict=True))[k + 1 :]
+        if box.overlaps(other)
+    ]
+    assert len(names) == 12
+    assert overlaps == []
+
+
+def test_names_of_points_that_nearly_coincide_are_moved_apart():
+    figure = new_figure(3.0)
+    axes = figure.subplots()
+    x, y = np.array([1.0, 1.0, 1.0]), np.array([1.0, 1.01, 0.99])
+    axes.plot(x, y, "o")
+    axes.set(xlim=(0, 2), ylim=(0, 2))
+    figure.draw_without_rendering()
+    place_labels(axes, x, y, ["first", "second", "third"], 0, 72.0 / figure.dpi)
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[k + 1 :])
+
+
+def test_flux_lines_are_equally_spaced_and_leave_the_axis_out(rig_content):
+    for flux in (rig_content.field.flux_Wb, -rig_content.field.flux_Wb):
+        levels = flux_levels(flux)
+        np.testing.assert_allclose(np.diff(levels), np.diff(levels)[0])
+        assert np.all(levels != 0.0)
+        assert levels.min() > flux.min()
+        assert levels.max() < flux.max()
+
+
+def test_the_colours_span_the_field(rig_content):
+    low, high = colour_range(rig_content.field)
+    assert low == pytest.approx(1e-3 * high)
+    assert 0.99 < (rig_content.field.flux_density_T <= high).mean() <= 1.0
+
+
+def test_the_currents_shown_are_those_of_the_papers_figure_9():
+    currents = np.linspace(0.0, 1.4, 8)
+    np.testing.assert_allclose(currents[shown_currents(8)], [0.0, 0.6, 1.2])
+    assert shown_currents(3) == [0, 1, 2]
+    assert shown_currents(1) == [0]
+
+
+def test_the_local_exponent_of_a_power_law_is_its_power():
+    law = LawMagnetics(F2E.name, (Coefficient("d^-4", 0, 4e-9, "N m^4"), Coefficient("d^-4", 1, 1e-9, "N m^4")))
+    d = np.linspace(0.015, 0.045, 7)
+    rows = FitRows(d, np.zeros(7), law.force(d, np.zeros(7)), None, None, np.zeros(7), None)
+    for _, n in local_exponents(law, rows).values():
+        np.testing.assert_allclose(n, 4.0, rtol=1e-12)
+
+
+def test_a_reciprocal_table_agrees_and_a_wrong_flux_does_not(rig_content):
+    grid = sweep_grid(rig_content.fit.rows)
+    assert reciprocity(grid).largest_difference < 3e-3  # a cubic spline through 13 distances
+    doubled = replace(grid, flux_linkage=2.0 * grid.flux_linkage)
+    assert reciprocity(doubled).largest_difference == pytest.approx(1.0, abs=0.2)  # at the second distance, k_m itself
+
+
+def test_points_that_do_not_fill_a_grid_are_not_arranged(rig_content):
+    rows = rig_content.fit.rows
+    assert sweep_grid(rows.take(np.arange(len(rows.force)) != 3)) is None

@@ -1,0 +1,44 @@
+"""Half section to full section."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from femfit.report.mirror import full_section, mirrored
+from support.actuators import rectangle
+
+
+def test_a_ring_becomes_a_left_and_a_right_outline():
+    left, right = full_section(rectangle(0.005, 0.02, -0.025, -0.02), shift=0.01)
+    np.testing.assert_allclose(right.min(axis=0), [0.005, -0.015])
+    np.testing.assert_allclose(left.max(axis=0), [-0.005, -0.01])
+
+
+def test_a_cylinder_becomes_one_outline_across_the_axis():
+    (outline,) = full_section(rectangle(0.0, 0.0055, 0.0, 0.005))
+    np.testing.assert_allclose([outline.min(axis=0), outline.max(axis=0)], [[-0.0055, 0.0], [0.0055, 0.005]])
+
+
+def test_a_polygon_that_touches_the_axis_in_part_stays_one_outline():
+    tee = ((0.0, -0.02), (0.015, -0.02), (0.015, -0.015), (0.005, -0.015), (0.005, 0.0), (0.0, 0.0))
+    (outline,) = full_section(tee)
+    assert shapely.Polygon(outline).area == pytest.approx(2.0 * shapely.Polygon(tee).area)
+
+
+@given(
+    inner=st.floats(0.0, 0.01), width=st.floats(1e-3, 0.02), low=st.floats(-0.03, 0.03), height=st.floats(1e-3, 0.03)
+)
+def test_the_full_section_is_symmetric_and_twice_as_large(inner, width, low, height):
+    parts = [shapely.Polygon(p) for p in full_section(rectangle(inner, inner + width, low, low + height))]
+    whole = shapely.union_all(parts)
+    other = shapely.affinity.scale(whole, xfact=-1.0, yfact=1.0, origin=(0.0, 0.0))
+    assert whole.area == pytest.approx(2.0 * width * height)
+    assert whole.symmetric_difference(other).area < 1e-9 * whole.area
+
+
+def test_an_even_quantity_is_mirrored_without_repeating_the_axis():
+    x, values = mirrored(np.array([0.0, 1.0, 2.0]), np.array([[5.0, 6.0, 7.0]]))
+    np.testing.assert_array_equal(x, [-2.0, -1.0, 0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(values, [[7.0, 6.0, 5.0, 6.0, 7.0]])

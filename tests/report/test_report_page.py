@@ -1,0 +1,203 @@
+"""The page as a reader's browser gets it."""
+
+import base64
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+
+from femfit.core.errors import RunDirectoryError
+from femfit.report import html
+from femfit.report.html import render_report, write_report
+from femfit.report.offscreen import OffScreenPicture
+from femfit.report.section import DataTable
+from femfit.report.section_loop import loop_section
+from femfit.report.summary import summary
+
+PNG = b"\x89PNG\r\n\x1a\n" + b"\0" * 16
+VOID_TAGS = {"meta", "img", "br", "link", "input", "hr"}
+
+PAPER_FIGURES = {
+    6: "force-map",
+    7: "force-curves",
+    8: "residual-sums",
+    9: "law-curves",
+    10: "coefficient-functions",
+    11: "hall",
+    15: "steps-backstepping",
+    16: "steps-pid",
+    17: "spectrum-backstepping",
+    18: "spectrum-pid",
+    19: "filters",
+}
+"""Figures of the paper and the pictures that show the same here."""
+
+
+def drawn(_actuator, _sample):
+    return OffScreenPicture(PNG, "a test")
+
+
+def not_drawn(_actuator, _sample):
+    return OffScreenPicture(None, "no EGL here")
+
+
+class Page(HTMLParser):
+    """Collects what the tests look at, and insists on closed tags in order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open_tags, self.ids, self.images, self.links, self.loads, self.words = [], [], {}, [], [], []
+        self.feed(text)
+        self.close()
+        assert not self.open_tags
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        if tag not in VOID_TAGS:
+            self.open_tags.append(tag)
+        if "id" in values:
+            self.ids.append(values["id"])
+        if tag == "img":
+            self.images[self.ids[-1].removeprefix("figure-")] = values
+        if tag == "a":
+            self.links.append(values["href"])
+        self.loads += [values[key] for key in ("src", "srcset", "poster", "data") if key in values]
+        assert tag not in {"script", "iframe", "link", "object"}
+
+    def handle_endtag(self, tag):
+        assert self.open_tags.pop() == tag
+
+    def handle_data(self, data):
+        if self.open_tags and self.open_tags[-1] != "style":
+            self.words.append(data)
+
+    @property
+    def text(self):
+        return " ".join(" ".join(self.words).replace("\u00a0", " ").split())
+
+
+@pytest.fixture(scope="module")
+def rig_file(rig_content, tmp_path_factory):
+    return write_report(rig_content, tmp_path_factory.mktemp("run") / "new" / "report.html", drawn)
+
+
+@pytest.fixture(scope="module")
+def rig_page(rig_file):
+    return Page(rig_file.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def other_page(rig_content):
+    """Another actuator's, with an awkward description, without a loop, where pyvista cannot draw."""
+    actuator = replace(rig_content.actuator, name="mine", description="<script>alert(1)</script> & more")
+    content = replace(rig_content, actuator=actuator, study=None, no_study="No current holds it.")
+    return Page(render_report(content, not_drawn))
+
+
+@pytest.fixture(scope="module")
+def plunger_page(plunger_content):
+    return Page(render_report(plunger_content, drawn))
+
+
+def test_the_report_is_one_file_below_3_megabytes(rig_file):
+    assert [file.name for file in rig_file.parent.iterdir()] == ["report.html"]
+    assert rig_file.stat().st_size < 3_000_000
+
+
+def test_nothing_is_loaded_from_outside(rig_file, rig_page):
+    assert all(uri.startswith("data:image/") for uri in rig_page.loads)
+    assert all(link.startswith("#") for link in rig_page.links)
+    assert not re.search(r"url\(|@import|https?://", rig_file.read_text(encoding="utf-8"))
+
+
+def test_links_lead_to_sections_and_no_identifier_is_twice(rig_page):
+    assert {link.removeprefix("#") for link in rig_page.links} <= set(rig_page.ids)
+    assert len(set(rig_page.ids)) == len(rig_page.ids)
+
+
+@pytest.mark.parametrize("number", PAPER_FIGURES)
+def test_each_figure_of_the_paper_is_there(rig_page, number):
+    assert rig_page.images[PAPER_FIGURES[number]]["src"].startswith("data:image/svg+xml;base64,")
+    assert re.search(rf"Figure {number} of the paper\b", rig_page.text)
+
+
+def test_every_picture_says_what_it_shows(rig_page):
+    assert {"cutaway", "actuator", "field", "accuracy", "exponents", "ranking", "residuals"} <= set(rig_page.images)
+    assert all(len(image["alt"]) > 20 for image in rig_page.images.values())
+
+
+def test_pictures_are_lines_not_megabytes(rig_page):
+    for name, image in rig_page.images.items():
+        kind, content = image["src"].split(";base64,")
+        size = len(base64.b64decode(content))
+        assert size < 400_000, name  # a gouraud field as SVG has 40 MB
+        if kind.endswith("svg+xml"):
+            assert b"<path" in base64.b64decode(content)
+
+
+def test_numbers_come_with_their_unit_from_the_data(rig_page, rig_content):
+    rows = rig_content.fit.rows
+    wanted = [
+        "4.35 g, 42.7 mN",  # mass and weight
+        "308 turns, wire 0.49 mm",
+        "2.69 Ω",
+        "16.20 mH",  # the table's inductance, the same at every distance
+        "d = 22 mm and i = 0.32 A",
+        f"{1e3 * rows.force.max():.0f} mN",
+        "5.25 s",
+        "ab" * 32,
+        "c0ffee" * 10,
+    ]
+    assert [text for text in wanted if text not in rig_page.text] == []
+
+
+def test_table_6_stands_beside_the_papers_numbers(rig_page):
+    assert "direct measurement 146 123 146 157" in rig_page.text
+    assert "UKF 26.6 15.2 26.6 16.8" in rig_page.text
+    assert "direct / UKF 5.49 8.11 5.49 9.35" in rig_page.text
+
+
+def test_another_actuator_is_not_compared_with_the_paper(rig_content, other_page):
+    assert "The paper has a =" not in other_page.text
+    mine = replace(rig_content, actuator=replace(rig_content.actuator, name="mine"))
+    tables = [block for block in loop_section(mine).blocks if isinstance(block, DataTable)]
+    assert tables[0].header == ("measurement", "backstepping, femfit (µm)", "PID, femfit (µm)")
+
+
+def test_an_actuator_without_magnet_and_hall_element_is_told_so(plunger_page):
+    assert "the force grows with the square of the current" in plunger_page.text
+    assert "no Hall element, so there is no characteristic to show" in plunger_page.text
+    assert "The loop was not closed: this actuator has no Hall element" in plunger_page.text
+    assert not {"hall", "steps-pid", "filters", "field", "cutaway"} & set(plunger_page.images)
+    assert "NaN" not in plunger_page.text
+    assert "unknown" not in plunger_page.text
+
+
+def test_a_loop_that_lost_every_run_is_told_without_false_numbers(rig_content, lost_study):
+    content = replace(rig_content, study=lost_study)
+    words = " ".join(map(str, (*summary(content), *loop_section(content).blocks)))
+    assert "4 of 4 runs lost" in words
+    assert "2 of 2 runs lost" in words
+    assert not re.search(r"\bnan\b", words)
+
+
+def test_the_reason_of_a_missing_loop_is_the_errors(other_page):
+    assert "The loop was not closed: No current holds it." in other_page.text
+
+
+def test_without_pyvista_the_map_remains_and_the_reason_is_said(other_page):
+    assert "cutaway" not in other_page.images
+    assert "field" in other_page.images
+    assert "There is no three-dimensional view: no EGL here." in other_page.text
+
+
+def test_names_from_the_file_cannot_write_markup(other_page):
+    assert "<script>alert(1)</script> & more" in other_page.text
+
+
+def test_a_report_that_grows_too_large_is_refused_and_nothing_is_written(rig_content, tmp_path, monkeypatch):
+    monkeypatch.setattr(html, "render_report", lambda _content, _draw: "x" * 3_000_001)
+    with pytest.raises(RunDirectoryError, match=r"below 3 MB; it has 3\.00 MB"):
+        write_report(rig_content, tmp_path / "report.html", drawn)
+    assert list(tmp_path.iterdir()) == []
