@@ -188,6 +188,8 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
     Figure
         A panel a model, each with its own scale, in per cent of the weight (or of the largest force).
     """
+    from matplotlib.ticker import MaxNLocator
+
     figure = new_figure(2.9)
     panels = figure.subplots(1, len(forces), sharey=True, squeeze=False)[0]
     scale = rows.weight or float(np.max(np.abs(rows.force)))
@@ -208,6 +210,7 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
         ax.set(title=name, xlabel="distance d (mm)")
         ax.grid(visible=False)
         bar = figure.colorbar(image, ax=ax, location="bottom", pad=0.03, aspect=22)
+        bar.locator = MaxNLocator(4)
         bar.ax.tick_params(labelsize=8)
         bar.set_label(f"(% of the {'weight' if rows.weight else 'largest force'})", fontsize=8.5)
     panels[0].set_ylabel("current i (A)")

@@ -172,7 +172,7 @@ def _coenergy(fit: CoenergyFit, misfit: Misfit) -> Block:
         else f", and the flux linkage within {quantity(misfit.flux_linkage_rms_Wb, 'Wb')} rms"
     )
     weight = "" if misfit.force_rms_of_weight is None else f" ({percent(misfit.force_rms_of_weight)} of the weight)"
-    constraints = "; ".join(SHAPES[name] for name in fit.constraints)
+    constraints = "; ".join(SHAPES[name].replace(">=", "≥").replace("k_m", "∂F/∂i") for name in fit.constraints)
     declared = f" Shape constraints: {constraints}." if constraints else ""
     return text(
         "The reference is one co-energy W′(d, i), a spline of {} coefficients fitted to force and flux linkage "

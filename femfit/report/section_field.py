@@ -31,10 +31,7 @@ def field_section(content: ReportContent, sample: FieldSample, no_cutaway: str |
     """
     where = text("d = {} mm and i = {} A", plain(MM * sample.distance_m, 4), plain(sample.current_A, 3))
     weight = content.weight
-    share = ""
-    if weight is not None:
-        held = abs(sample.force_N - weight) < 1e-2 * weight
-        share = ", the weight of the moving part" if held else f", {percent(sample.force_N / weight, 3)} of the weight"
+    share = "" if weight is None else f", {percent(sample.force_N / weight, 3)} of the weight"
     parts = ", ".join(f"{name.replace('_', ' ')} {quantity(b, 'T')}" for name, b in sample.part_flux_density_T.items())
     levels = flux_levels(sample.flux_Wb)
     blocks = (

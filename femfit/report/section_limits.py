@@ -6,6 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from femfit.actuator.parts import LinearMaterial
 from femfit.report.content import ReportContent
 from femfit.report.kinds import IRON_FROM, has_magnet
 from femfit.report.numbers import plain, quantity
@@ -62,11 +63,14 @@ def limits_section(content: ReportContent) -> Section:
 
 
 def _materials(content: ReportContent) -> Markup:
-    actuator, sample = content.actuator, content.field
+    sample = content.field
+    regions = (*content.actuator.fixed, *content.actuator.moving.regions)
+    curved = dict.fromkeys(r.material.name for r in regions if not isinstance(r.material, LinearMaterial))
     linear = "All materials are linear: nothing saturates."
+    if curved:
+        linear = f"Of the materials {', '.join(curved)} saturates along its B-H curve, without hysteresis."
     if sample is None:
         return text("{}", linear)
-    regions = (*actuator.fixed, *actuator.moving.regions)
     iron = {r.name for r in regions if not r.material.remanence_T and r.material.relative_permeability >= IRON_FROM}
     found = {name: b for name, b in sample.part_flux_density_T.items() if name in iron}
     if not found:

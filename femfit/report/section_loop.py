@@ -37,6 +37,8 @@ def loop_section(content: ReportContent) -> Section:
     study = content.study
     if study is None:
         return Section("loop", TITLE, (text("The loop was not closed: {}", content.why_no_loop),))
+    if not any(row.held for row in study.table6):
+        return Section("loop", TITLE, (_setting(study), _all_lost(study)))
     paper = is_papers(content.actuator)
     blocks: list[Block] = [
         _setting(study),
@@ -67,6 +69,34 @@ def _setting(study: ClosedLoopStudy) -> Block:
         plain(first.mechanical_pole_rad_s, 3),
         plain(last.mechanical_pole_rad_s, 3),
         study.seed,
+    )
+
+
+def _all_lost(study: ClosedLoopStudy) -> Block:
+    """Where the drawn runs ended, in place of pictures and means of nothing."""
+    box = study.design.model.validity
+    ends = []
+    for series in study.steps:
+        known = np.flatnonzero(np.isfinite(series.true_m))
+        if known.size:
+            last = int(known[-1])
+            ends.append(
+                text(
+                    "{}, last at {} mm and {} A after {}",
+                    NAMES[series.controller],
+                    plain(MM * series.true_m[last], 4),
+                    plain(series.current_A[last], 3),
+                    quantity(float(series.time_s[last]), "s"),
+                )
+            )
+    return text(
+        "Every run of the reference steps was lost{}. The model covers {} to {} mm and {} to {} A; a run that leaves "
+        "this box is lost. There is nothing to average and nothing to draw.",
+        text(" ({})", Markup("; ").join(ends)) if ends else "",
+        plain(MM * box.distance_min_m),
+        plain(MM * box.distance_max_m),
+        plain(box.current_min_A),
+        plain(box.current_max_A),
     )
 
 

@@ -97,8 +97,8 @@ def _loop(content: ReportContent) -> Markup:
         return text("<strong>Loop.</strong> {}: {} of {} runs lost.", span, lost, runs)
     bounds = [row.bound for row in study.holds]
     return text(
-        "<strong>Loop.</strong> {}, {}; the filter knows the distance within {} rms during "
-        "the steps, {} to {} times better at rest than the direct measurement (bound: {} to {}).",
+        "<strong>Loop.</strong> {}, {}; the filter knows the distance within {} rms during the steps, {} to {} times "
+        "better at rest than the direct measurement (bound: {} to {}).",
         span,
         "no run lost" if not lost else f"{lost} of {runs} runs lost",
         quantity(max(row.rms_m for row in filtered), "m"),

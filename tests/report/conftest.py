@@ -80,6 +80,7 @@ def made_up_study(model, held=2, runs=2):
     place = Experiment("pid", "ukf4", (0.022,), offset_V=0.02)
 
     def series(controller, observer):
+        known = np.where((t < 0.02) | (held > 0), 1.0, np.nan)  # lost after 20 ms
         arrays = (path, path, path + noise, path + 0.1 * noise, 1.0 + path, path * 0 + 0.4)
         return StepSeries(controller, observer, t, *(known * a for a in arrays))
 
@@ -152,3 +153,9 @@ def plunger_content():
 def lost_study(rig_content):
     """A study in which no run was held."""
     return made_up_study(rig_content.fit.model, held=0)
+
+
+@pytest.fixture(scope="session")
+def partly_lost_study(rig_content):
+    """A study in which one of two runs was held."""
+    return made_up_study(rig_content.fit.model, held=1)

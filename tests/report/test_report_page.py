@@ -178,8 +178,15 @@ def test_a_loop_that_lost_every_run_is_told_without_false_numbers(rig_content, l
     content = replace(rig_content, study=lost_study)
     words = " ".join(map(str, (*summary(content), *loop_section(content).blocks)))
     assert "4 of 4 runs lost" in words
-    assert "2 of 2 runs lost" in words
+    assert "Every run of the reference steps was lost" in words
+    assert "backstepping, last at 22 mm and 0.4 A" in words
     assert not re.search(r"\bnan\b", words)
+    assert len(loop_section(content).blocks) == 2
+
+
+def test_runs_lost_in_part_are_counted_beside_the_means(rig_content, partly_lost_study):
+    words = " ".join(map(str, loop_section(replace(rig_content, study=partly_lost_study)).blocks))
+    assert "(1 of 2 runs lost)" in words
 
 
 def test_the_reason_of_a_missing_loop_is_the_errors(other_page):
