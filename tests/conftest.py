@@ -1,5 +1,10 @@
 """Fixtures that several rooms share."""
 
+import os
+
+# Before numpy loads: threads inside the small factorisations of the tests cost more than they save.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 

@@ -1,5 +1,6 @@
 """The ``femfit`` command: names and one-line helps; each command's file is imported when it runs."""
 
+import os
 import sys
 
 from cyclopts import App, CycloptsError
@@ -39,6 +40,9 @@ def build_app() -> App:
 
 def main() -> None:
     """Run the command line; exit 0 done, 1 an error with its remedy, 2 usage, 130 interrupted."""
+    # Before numpy loads, here and in the workers: femfit's matrices are small, and threads that wait for each other on
+    # a busy machine slow them down by up to twenty times.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     app = build_app()
     try:
         app(exit_on_error=False)

@@ -125,12 +125,12 @@ def _fit(table: "SweepTable", model: str, path: Path) -> "FitResult":
 
 def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | None, str]":
     """The study, or why there is none: an actuator that cannot levitate is no failure of the run."""
-    from femfit.core.errors import DomainError, MissingPartError
+    from femfit.core.errors import DomainError, FilterError, MissingPartError
     from femfit.simulate.study import closed_loop_study
 
     try:
         return closed_loop_study(model, seed), ""
-    except (DomainError, MissingPartError) as error:
+    except (DomainError, FilterError, MissingPartError) as error:
         return None, str(error)
 
 
