@@ -4,7 +4,10 @@ import numpy as np
 import pandas as pd
 
 from femfit.importer.finding import Finding, listing
-from femfit.importer.quantities import REQUIRED
+from femfit.importer.quantities import QUANTITIES, REQUIRED
+
+LARGEST = 1e100
+"""A cell beyond it is no measured quantity, and its square would overflow."""
 
 
 def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[Finding]]:
@@ -24,6 +27,9 @@ def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[
     findings : list of Finding
         ``cells`` (error) names their rows.
     """
+    points = points.copy()
+    for name in (quantity for quantity in QUANTITIES if quantity in points):
+        points[name] = points[name].where(points[name].abs() < LARGEST)
     finite = np.isfinite(points[list(REQUIRED)].to_numpy(dtype=float)).all(axis=1)
     bad = points[~finite].reset_index(drop=True)
     good = points[finite].reset_index(drop=True)

@@ -90,7 +90,7 @@ def _merge_duplicates(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]
     identical, contradictory, worst = 0, [], 0.0
     for _, group in points[repeated].groupby(["current", "distance"], sort=False):
         spread = np.array([np.ptp(group[name].to_numpy(dtype=float)) for name in numeric])
-        scale = np.array([np.nanmax(np.abs(points[name].to_numpy(dtype=float))) for name in numeric])
+        scale = np.array([np.nanmax(np.abs(points[name].to_numpy(dtype=float)), initial=0.0) for name in numeric])
         relative = float(np.nanmax(spread / np.where(scale > 0, scale, 1.0), initial=0.0))
         if relative > _SAME_VALUE:
             contradictory.append(group)

@@ -59,6 +59,8 @@ def test_random_table_like_text_gives_an_error_or_a_table(tmp_path, text):
 @given(
     rows=st.lists(st.tuples(*[st.floats(allow_nan=True, allow_infinity=True, width=64)] * 4), min_size=1, max_size=12)
 )
+@example(rows=[(0.0, 1.0, 0.0, np.nan), (0.0, 1.0, 0.0, np.nan)])
+@example(rows=[(0.0, 1.0, 0.0, 8.98846567431158e307)] * 2)
 def test_random_numbers_give_an_error_or_finite_rows(tmp_path, rows):
     text = VALID.splitlines()[0] + "\n" + "\n".join(";".join(f"{value!r}" for value in row) for row in rows)
     outcome(tmp_path, text.encode(), ImportOptions(accept=ACCEPT_ALL))
