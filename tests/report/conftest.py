@@ -97,8 +97,9 @@ def made_up_study(model, held=2, runs=2):
             for m, rms in (("direct", 1.46e-4), ("ukf", 2.66e-5), ("ekf", 2.64e-5))
         ),
         holds=tuple(
-            HoldRow(c, "ukf", 0.022, known * 7.8e-5, known * 1.4e-5, known * 5.5, 5.47, known, band, held, runs)
+            HoldRow(c, f, 0.022, known * 7.8e-5, known * rms, known * 5.5, 5.47, known, band, held, runs)
             for c in CONTROLLERS
+            for f, rms in (("ukf", 1.4e-5), ("ekf", 1.428e-5))
         ),
         direct_feedback=(LossRow(Experiment("pid", "direct", (0.022,)), runs, {"PULLED_IN": runs}, 0.071, None),),
         hall_bias=(ShiftRow(place, runs, held, known * 3e-7, known * 1e-6, known * 4e-7, known * 3e-7),),

@@ -158,6 +158,11 @@ def test_table_6_stands_beside_the_papers_numbers(rig_page):
     assert "direct / UKF 5.49 8.11 5.49 9.35" in rig_page.text
 
 
+def test_the_filters_are_compared_by_their_numbers(rig_page):
+    assert "At rest their noise differs by 2.0 % at most." in rig_page.text
+    assert "EKF, body at 22 mm believed at 30 mm, 2 of 2 held" in rig_page.text
+
+
 def test_another_actuator_is_not_compared_with_the_paper(rig_content, other_page):
     assert "The paper has a =" not in other_page.text
     mine = replace(rig_content, actuator=replace(rig_content.actuator, name="mine"))
