@@ -13,6 +13,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("run", "femfit.cli.run:run", "Sweep, fit, export, close the loop and report, in turn."),
     ("sweep", "femfit.cli.sweep:sweep", "Solve the field over an actuator's currents and distances."),
     ("import", "femfit.cli.import_table:import_table", "Bring in a table of FEMM or another program as a sweep table."),
+    ("import-fem", "femfit.cli.import_fem:import_fem", "Read a FEMM model (.fem) as an actuator file."),
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
     ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
     ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),

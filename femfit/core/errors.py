@@ -4,6 +4,7 @@
 
     FemfitError
     ├── ActuatorFileError (ValueError)    an actuator .toml, every problem at once
+    ├── FemFileError (ValueError)         a FEMM model that cannot become an actuator, every cause at once
     ├── TableError (ValueError)           a sweep, FEMM or bench table that cannot be used
     ├── ModelFileError (ValueError)       a model .json that cannot be read
     ├── DomainError (ValueError)          a point outside of a model's validity box
@@ -43,6 +44,27 @@ class ActuatorFileError(FemfitError, ValueError):
         super().__init__("\n".join([f"{source} has {count}:", *(f"  - {line}" for line in self.problems)]))
 
     def __reduce__(self) -> tuple[type["ActuatorFileError"], tuple[str, tuple[str, ...]]]:
+        return type(self), (self.source, self.problems)
+
+
+class FemFileError(FemfitError, ValueError):
+    """A FEMM ``.fem`` file that cannot be read, or holds what an actuator file cannot say.
+
+    Parameters
+    ----------
+    source : str
+        File that was read.
+    problems : sequence of str
+        One line a problem: what the file has, why it cannot be taken, what to do.
+    """
+
+    def __init__(self, source: str, problems: Sequence[str]) -> None:
+        self.source = source
+        self.problems = tuple(problems)
+        lines = (f"  - {line}" for line in self.problems)
+        super().__init__("\n".join([f"{source} cannot be imported:", *lines]))
+
+    def __reduce__(self) -> tuple[type["FemFileError"], tuple[str, tuple[str, ...]]]:
         return type(self), (self.source, self.problems)
 
 

@@ -1,0 +1,92 @@
+"""``femfit import-fem``: a FEMM model as an actuator file."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+
+def import_fem(
+    model: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    moving_group: Annotated[tuple[int, ...], Parameter(negative=())] = (),
+    moving_block: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    distance_mm: str | None = None,
+    current_A: Annotated[str | None, Parameter(name="--current-A")] = None,
+    circuit: str | None = None,
+    mover_side: Literal["auto", "above", "below"] = "auto",
+    face_mm: float | None = None,
+    mass_g: float | None = None,
+    density_g_per_cm3: Annotated[float | None, Parameter(name="--density-g-per-cm3")] = None,
+    resistance_ohm: float | None = None,
+    wire_diameter_mm: float | None = None,
+    arc_degrees: float = 3.0,
+    name: str | None = None,
+    json: Path | None = None,
+) -> None:
+    """Read an axisymmetric magnetostatic FEMM model (.fem), and write it as an actuator file.
+
+    Parameters
+    ----------
+    model : Path
+        The .fem file.
+    output : Path
+        The actuator .toml to write.
+    moving_group : tuple of int
+        Group of the blocks that move; may be repeated. Inferred by default.
+    moving_block : tuple of str
+        Material name of the blocks that move; may be repeated.
+    distance_mm : str
+        Distances of the sweep, start:stop:step or separated by commas; the file's own is added.
+    current_A : str
+        Currents of the sweep, start:stop:step or separated by commas; the file's own is added.
+    circuit : str
+        The winding's circuit, where there are several.
+    mover_side : str
+        Where the moving part stands from the electromagnet in the file, higher or lower z.
+    face_mm : float
+        The file's z, in mm, of the electromagnet's face, from which distances are counted.
+    mass_g : float
+        Mass of the moving body.
+    density_g_per_cm3 : float
+        Density of the moving part, for its mass from its volume.
+    resistance_ohm : float
+        Resistance of the winding.
+    wire_diameter_mm : float
+        Bare copper diameter of the wire.
+    arc_degrees : float
+        Largest angle of the chords that arcs become.
+    name : str
+        Name of the actuator; from the file's by default.
+    json : Path
+        File for the findings as JSON.
+    """
+    from femfit.cli.output import write_json
+    from femfit.importer.fem_import import import_fem_file
+    from femfit.importer.fem_options import FemOptions, axis_option
+
+    options = FemOptions(
+        moving_groups=moving_group,
+        moving_blocks=moving_block,
+        circuit=circuit,
+        mover_side=mover_side,
+        face_mm=face_mm,
+        distances_mm=axis_option(distance_mm, "--distance-mm"),
+        currents_A=axis_option(current_A, "--current-A"),
+        mass_g=mass_g,
+        density_g_per_cm3=density_g_per_cm3,
+        resistance_ohm=resistance_ohm,
+        wire_diameter_mm=wire_diameter_mm,
+        arc_degrees=arc_degrees,
+        name=name,
+    )
+    imported = import_fem_file(model, options)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(imported.toml, encoding="utf-8")
+    print(f"{model.name}: {imported.current_A:g} A at {1e3 * imported.distance_m:g} mm")
+    for finding in imported.findings:
+        mark = "" if finding.severity == "info" else f"{finding.severity}: "
+        print(f"- {mark}{finding.sentence} {finding.remedy}".rstrip())
+    print(f"written: {output}")
+    write_json(json, imported.as_dict())
