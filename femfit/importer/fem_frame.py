@@ -82,15 +82,14 @@ def find_frame(
     up = _side(fixed, moving, options, problems)
     if up == 0.0:
         return None
-    bottom = _height(moving, up, lowest=True)
-    face = _face(fixed, moving, up, bottom) if options.face_mm is None else round(up * options.face_mm, DIGITS)
+    face = _face(fixed, moving, up) if options.face_mm is None else round(up * options.face_mm, DIGITS)
     if face is None:
         problems.append(
             "it is not clear from where the distance is counted: no fixed part lies straight before the moving part. "
             "Give the height of a corner of the electromagnet in the file's z with --face-mm."
         )
         return None
-    distance = round(bottom - face, DIGITS)
+    distance = round(_height(moving, up, lowest=True) - face, DIGITS)
     if distance <= 0:
         problems.append(
             f"the moving part stands at a distance of {distance:g} mm from the face at z = {up * face:g} mm; femfit "
@@ -105,8 +104,13 @@ def find_frame(
 
 
 def _side(fixed: Polygon, moving: Polygon, options: FemOptions, problems: list[str]) -> float:
+    """The side that the user says; else the one with a fixed part before it; else by the middles."""
     if options.mover_side != "auto":
         return 1.0 if options.mover_side == "above" else -1.0
+    if options.face_mm is None:
+        sides = [up for up in (1.0, -1.0) if _face(fixed, moving, up) is not None]
+        if len(sides) == 1:
+            return sides[0]
     middle = [0.5 * (shape.bounds[1] + shape.bounds[3]) for shape in (moving, fixed)]
     if abs(middle[0] - middle[1]) <= GRID:
         problems.append(
@@ -122,9 +126,9 @@ def _height(shape: Polygon, up: float, *, lowest: bool) -> float:
     return float(min(up * low, up * high) if lowest else max(up * low, up * high))
 
 
-def _face(fixed: Polygon, moving: Polygon, up: float, bottom: float) -> float | None:
+def _face(fixed: Polygon, moving: Polygon, up: float) -> float | None:
     """Height along ``up`` of the fixed parts' top, or of what lies before a moving part that reaches into them."""
-    top = _height(fixed, up, lowest=False)
+    bottom, top = _height(moving, up, lowest=True), _height(fixed, up, lowest=False)
     if top <= bottom + GRID:
         return top
     r0, _, r1, _ = moving.bounds

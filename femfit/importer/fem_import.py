@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from femfit.actuator.decimals import scaled
 from femfit.actuator.load import actuator_from_toml
 from femfit.actuator.parts import Actuator
 from femfit.core.errors import FemFileError
@@ -133,7 +134,7 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
         toml=text,
         actuator=actuator_from_toml(text, f"the actuator file of {source}"),
         current_A=frame.current_sign * winding.circuit.current_A + 0.0,
-        distance_m=float(f"{frame.distance_mm}e-3"),
+        distance_m=scaled(frame.distance_mm),
         frame=frame,
         findings=tuple(findings),
     )

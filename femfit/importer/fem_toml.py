@@ -19,6 +19,10 @@ MAGNET_DENSITY, STEEL_DENSITY = 7.5, 7.85
 """Sintered NdFeB and low-carbon steel in g/cm^3: makers' data sheets agree to 1 %."""
 
 
+EXACT = 17
+"""Digits that print a double without loss: the sweep must hold the file's own point."""
+
+
 def actuator_toml(
     model: FemModel,
     bodies: FemBodies,
@@ -178,8 +182,9 @@ def _axis(values: Sequence[float]) -> str:
     exact = [Decimal(repr(float(value))) for value in values]
     steps = {after - before for before, after in pairwise(exact)}
     if len(values) > 3 and len(steps) == 1:
-        return f"{{ start = {_number(values[0])}, stop = {_number(values[-1])}, step = {_number(float(steps.pop()))} }}"
-    return f"[{', '.join(map(_number, values))}]"
+        start, stop, step = (_number(value, EXACT) for value in (values[0], values[-1], float(steps.pop())))
+        return f"{{ start = {start}, stop = {stop}, step = {step} }}"
+    return f"[{', '.join(_number(value, EXACT) for value in values)}]"
 
 
 def _number(value: float, digits: int = 12) -> str:
