@@ -1,18 +1,22 @@
 """A FEMM model as an actuator file: read, divide into parts, place, write, and read back."""
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import shapely
+from shapely import Point
+
 from femfit.actuator.decimals import scaled
 from femfit.actuator.load import actuator_from_toml
 from femfit.actuator.parts import Actuator
 from femfit.core.errors import FemFileError
-from femfit.importer.fem_faces import find_faces
+from femfit.importer.fem_faces import GRID, find_faces
 from femfit.importer.fem_frame import FemFrame, find_frame
 from femfit.importer.fem_limits import check_limits
-from femfit.importer.fem_model import FemModel
+from femfit.importer.fem_model import FemModel, FemPoint
 from femfit.importer.fem_mover import FemBodies, divide
 from femfit.importer.fem_options import FemOptions
 from femfit.importer.fem_parse import parse_fem
@@ -129,7 +133,7 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
         raise FemFileError(source, problems)
     wire = find_wire(winding, options, findings)
     text = actuator_toml(model, bodies, winding, wire, frame, options, _actuator_name(source, options))
-    _say_assumptions(model, options, findings)
+    _say_assumptions(model, bodies, options, findings)
     return ImportedFem(
         toml=text,
         actuator=actuator_from_toml(text, f"the actuator file of {source}"),
@@ -161,7 +165,19 @@ def _place(
     return winding, bodies, find_frame(bodies, winding, options, problems, findings)
 
 
-def _say_assumptions(model: FemModel, options: FemOptions, findings: list[Finding]) -> None:
+def _say_assumptions(model: FemModel, bodies: FemBodies, options: FemOptions, findings: list[Finding]) -> None:
+    outlines = shapely.union_all([part.polygon.boundary for part in (*bodies.fixed, *bodies.moving)])
+    arcs = [line for line in model.lines if line.angle and all(_on(outlines, end) for end in (line.start, line.end))]
+    if arcs:
+        findings.append(
+            Finding(
+                "arcs",
+                "info",
+                f"{len(arcs)} arcs became chords of at most {options.arc_degrees:g} degrees, within "
+                f"{100 * math.radians(options.arc_degrees) ** 2 / 8:.2g} % of their radius.",
+                "Take finer ones with --arc-degrees.",
+            )
+        )
     angled = [
         label
         for label in model.labels
@@ -179,6 +195,15 @@ def _say_assumptions(model: FemModel, options: FemOptions, findings: list[Findin
                 "Check the direction of magnetization in the actuator file.",
             )
         )
+    if not (options.distances_mm or options.currents_A):
+        findings.append(
+            Finding(
+                "one-point",
+                "info",
+                "The sweep holds the file's own point alone.",
+                "For a table to fit give axes, such as --distance-mm 2:20:0.5 --current-A 0:2:0.5.",
+            )
+        )
     if options.mass_g is None:
         findings.append(
             Finding(
@@ -188,6 +213,10 @@ def _say_assumptions(model: FemModel, options: FemOptions, findings: list[Findin
                 "Give --mass-g, or --density-g-per-cm3; force and flux do not depend on it.",
             )
         )
+
+
+def _on(outlines: shapely.Geometry, point: FemPoint) -> bool:
+    return bool(outlines.distance(Point(point.r, point.z)) <= GRID)
 
 
 def _actuator_name(source: str, options: FemOptions) -> str:

@@ -9,7 +9,7 @@ from shapely import Polygon
 from femfit.importer.fem_faces import GRID, FemFace
 from femfit.importer.fem_options import FemOptions
 from femfit.importer.fem_parts import FemPart
-from femfit.importer.finding import Finding
+from femfit.importer.finding import Finding, Severity
 
 HOW = "Say which blocks move with --moving-group N or --moving-block NAME."
 
@@ -89,7 +89,7 @@ def _inferred(
     bodies = _connected(parts)
     _, low, _, high = winding.bounds
 
-    def lone_magnet(body: Sequence[FemPart]) -> bool:
+    def magnet(body: Sequence[FemPart]) -> bool:
         return any(part.sign for part in body)
 
     def clear(body: Sequence[FemPart]) -> bool:
@@ -100,7 +100,7 @@ def _inferred(
         return all(part.polygon.distance(winding) > GRID for part in body)
 
     rules: tuple[tuple[Callable[[Sequence[FemPart]], bool], str], ...] = (
-        (lone_magnet, "the only body with a magnet"),
+        (magnet, "the only body with a magnet"),
         (clear, "the only body clear above or below the winding"),
         (apart, "the only body that does not touch the winding"),
     )
@@ -109,7 +109,8 @@ def _inferred(
         found = [body for body in candidates if rule(body)]
         if len(found) == 1:
             names = " and ".join(part.place for part in found[0])
-            findings.append(Finding("mover", "info", f"The moving part is {names}: {reason}.", HOW))
+            severity: Severity = "info" if len(candidates) == 1 else "warning"
+            findings.append(Finding("mover", severity, f"The moving part is {names}: {reason}.", HOW))
             return found[0]
     there = "; ".join(" with ".join(part.place for part in body) for body in bodies)
     problems.append(f"it is not clear which body moves: {there}. {HOW}")

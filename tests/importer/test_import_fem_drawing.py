@@ -156,6 +156,7 @@ def test_a_ball_is_a_ball_up_to_its_chords():
         np.testing.assert_allclose(np.hypot(corners[:, 0], corners[:, 1] - 3), 3, atol=2e-6)  # mm, rounded corners
         sector_loss = math.radians(degrees) ** 2 / 6
         lost = 1 - polygon(actuator.moving.regions[0]).area / (math.pi * 9 / 2)
+        assert "arcs" in codes(imported(drawing, arc_degrees=degrees))
         assert lost == pytest.approx(sector_loss, rel=0.02)  # the next term of 1 - sin t / t is t^2 / 20 of it
 
 
