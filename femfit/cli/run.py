@@ -148,9 +148,12 @@ def _export(model: "ActuatorModel", directory: Path) -> str:
 def _loop_line(study: "ClosedLoopStudy | None") -> str:
     if study is None:
         return ""
-    rows = [row for row in study.holds if row.filter == "ukf" and row.ratio is not None]
-    ratios = ", ".join(f"{row.ratio:.2f} at {1e3 * row.distance_m:g} mm" for row in rows[: len(rows) // 2])
-    return f"UKF against direct measurement: noise {ratios} times lower"
+    rows = [row for row in study.holds if row.filter == "ukf" and row.held]
+    if not rows:
+        return "every run was lost; the report says how"
+    best = {row.distance_m: row for row in reversed(rows)}
+    ratios = ", ".join(f"{row.ratio:.2f} times at {1e3 * distance:.3g} mm" for distance, row in sorted(best.items()))
+    return f"UKF less noisy than direct measurement: {ratios}"
 
 
 def _loop_data(study: "ClosedLoopStudy | None") -> dict[str, object] | None:

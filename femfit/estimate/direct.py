@@ -18,7 +18,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FilterError
 from femfit.model.actuator_model import ActuatorModel
 
-NEWTON_STEPS = 8
+NEWTON_STEPS = 60
 TABLE_POINTS = 513
 
 
@@ -70,7 +70,9 @@ class HallInverse:
         low, high = np.minimum(near, far), np.maximum(near, far)
         with np.errstate(invalid="ignore"):
             inside = known & (volts >= low) & (volts <= high)
-        wanted = np.where(inside, volts, 0.5 * (low + high))
+        wanted = np.where(
+            inside, volts, self.volts[len(self.volts) // 2]
+        )  # at the middle current, so that it is solvable
         amps = np.where(inside, current, 0.5 * (box.current_min_A + box.current_max_A))
         found = self._solve(wanted, amps)
         with np.errstate(invalid="ignore"):
@@ -85,12 +87,19 @@ class HallInverse:
         coil = sensor.voltage(centre, current) - sensor.voltage(centre, np.asarray(middle))
         distance = np.interp(volts - coil, self.volts, self.distances_m)
         tolerance = 1e-13 * (self.volts[-1] - self.volts[0]) + 1e-15 * abs(sensor.quiescent_V)
+        low = np.full_like(distance, box.distance_min_m)
+        high = np.full_like(distance, box.distance_max_m)
+        falling = sensor.voltage(low, current) > sensor.voltage(high, current)
         for _ in range(NEWTON_STEPS):
             field, slope, _ = sensor.field.derivatives(distance, current)
             excess = sensor.quiescent_V + scale * field - volts
-            distance = np.clip(distance - excess / (scale * slope), box.distance_min_m, box.distance_max_m)
             if np.all(np.abs(excess) <= tolerance):
                 return distance
+            beyond = (excess > 0.0) == falling  # the solution lies at a larger distance
+            low, high = np.where(beyond, distance, low), np.where(beyond, high, distance)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = distance - excess / (scale * slope)
+            distance = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
         field = sensor.voltage(distance, current)
         if np.any(np.abs(field - volts) > 1e-9 * (self.volts[-1] - self.volts[0])):
             raise FilterError(

@@ -114,7 +114,7 @@ class ClosedLoopStudy:
     small_steps : tuple of StepSeries
         Figure 19: UKF and EKF over the first three eighths of the range.
     spectra : tuple of SpectrumPair
-        Figures 17 and 18.
+        Figures 17 and 18; of the controllers that held.
     """
 
     design: LoopDesign
@@ -211,6 +211,8 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Sp
         rows.append(hold_row(design, experiment, result, direct, window))
         if experiment.observer == "ukf" and experiment.targets_m[0] == design.points[0].distance_m:
             kept = np.flatnonzero(result.held)[:SPECTRUM_RUNS]
+            if not kept.size:
+                continue  # lost runs have no record at rest
             pair = (direct, result.series.estimated_distance_m)
             direct_part, filtered = (amplitude_spectrum(x[window][:, kept], design.model.sample_time_s) for x in pair)
             spectra.append(SpectrumPair(experiment.controller, direct_part, filtered))

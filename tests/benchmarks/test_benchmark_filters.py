@@ -30,7 +30,7 @@ def test_a_thousand_filters_at_once(levitation_model, filter_class, hall_bias):
     for reading in readings:
         state = filter_.step(state, voltage, reading)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    print(  # noqa: T201  # its result is what it prints
+    print(
         f"\n{filter_class.__name__}, {len(mean)} states: {RUNS} runs x {STEPS} steps in {wall:.2f} s ({cpu:.2f} s of "
         f"CPU), {RUNS * STEPS / wall / 1e3:.0f} k filter steps a second"
     )

@@ -6,18 +6,16 @@ Run with ``python -m pytest -m benchmark -s tests/benchmarks``. Nothing is asser
 import resource
 import statistics
 import subprocess
-import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from femfit.actuator.load import read_actuator
 from femfit.fem.settings import SolverSettings
 from support.actuators import GEOMETRY
+from support.command import FEMFIT
 from support.field import prepared
 
-FEMFIT = str(Path(sys.executable).with_name("femfit"))
 REPEATS = 5
 
 

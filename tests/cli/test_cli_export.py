@@ -1,11 +1,11 @@
 """``femfit export`` as users type it."""
 
 import json
-import subprocess
 
 import pytest
 
 from femfit.model.json_file import write_model
+from support.command import femfit
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def model_file(levitation_model, tmp_path):
 
 
 def export(*arguments):
-    return subprocess.run(["femfit", "export", *map(str, arguments)], capture_output=True, text=True, check=False)
+    return femfit("export", *arguments)
 
 
 def test_export_writes_the_package_and_lists_its_files(model_file, tmp_path):

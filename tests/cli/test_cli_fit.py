@@ -1,12 +1,12 @@
 """``femfit fit`` as users type it."""
 
 import json
-import subprocess
 
 import pytest
 
 from femfit.core.sweep_table import write_sweep_table
 from femfit.model.json_file import read_model
+from support.command import femfit
 from support.sweeps import full_table
 
 
@@ -18,7 +18,7 @@ def sweep(tmp_path_factory):
 
 
 def fit(*arguments):
-    return subprocess.run(["femfit", "fit", *map(str, arguments)], capture_output=True, text=True, check=False)
+    return femfit("fit", *arguments)
 
 
 def test_a_law_is_written_where_asked_with_its_report_as_text_and_json(sweep, tmp_path):

@@ -1,12 +1,12 @@
 """``femfit import`` as users type it."""
 
 import json
-import subprocess
 
 import numpy as np
 import pytest
 
 from femfit.core.sweep_table import read_sweep_table
+from support.command import femfit
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def table_file(tmp_path):
 
 
 def run_import(*arguments):
-    return subprocess.run(["femfit", "import", *map(str, arguments)], capture_output=True, text=True, check=False)
+    return femfit("import", *arguments)
 
 
 def test_import_writes_the_table_and_says_how_it_was_read(table_file, tmp_path):

@@ -1,13 +1,13 @@
 """``femfit simulate`` as users type it."""
 
 import json
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from femfit.model.json_file import write_model
+from support.command import femfit
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def model_file(levitation_model, tmp_path):
 
 
 def simulate(*arguments):
-    return subprocess.run(["femfit", "simulate", *map(str, arguments)], capture_output=True, text=True, check=False)
+    return femfit("simulate", *arguments)
 
 
 def test_the_default_prints_table_6_with_the_papers_numbers_beside_ours(model_file, tmp_path):

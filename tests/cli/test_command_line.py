@@ -13,15 +13,9 @@ import pytest
 from femfit.cli.main import COMMANDS
 from femfit.model.json_file import write_model
 from support.actuators import GEOMETRY
+from support.command import FEMFIT, femfit
 
-FEMFIT = str(Path(sys.executable).with_name("femfit"))
 RIG = str(GEOMETRY / "emaws-rig.toml")
-
-
-def femfit(*arguments, **options):
-    return subprocess.run(
-        [FEMFIT, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=120, **options
-    )
 
 
 @pytest.fixture(scope="module")

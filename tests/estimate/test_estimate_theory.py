@@ -220,3 +220,14 @@ def test_central_differences_of_a_vector_function_have_its_shape():
     expected = [[[2.0, 1.0], [2.0, 0.0], [0.0, 1.0]], [[-3.0, 0.0], [0.0, 0.0], [0.0, 1.0]]]
     # eps^(2/3) relative, for a step of 6e-6.
     np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_a_reading_outside_of_its_range_does_not_disturb_the_others(levitation_model):
+    # A diverging observer's current moves the range of voltages: such a reading is clipped, its neighbours are solved.
+    inverse = hall_inverse(levitation_model)
+    volts = levitation_model.require_sensor().voltage(np.array(0.022), np.array(0.5))
+    distance, clipped = inverse.distance(np.array([volts, 4.9, volts]), np.array([0.5, 1e4, np.nan]))
+    assert distance[0] == pytest.approx(0.022, abs=1e-12)
+    assert clipped.tolist() == [False, True, True]
+    assert distance[1] in (levitation_model.validity.distance_min_m, levitation_model.validity.distance_max_m)
+    assert np.isnan(distance[2])

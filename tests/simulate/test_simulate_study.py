@@ -102,3 +102,9 @@ def test_the_study_can_be_printed_and_written(study):
     data = json.loads(json.dumps(study_data(study), allow_nan=False))
     assert data["table6"][0]["paper_rms_m"] == 12.32e-5
     assert len(data["holds"]) == len(study.holds)
+
+
+def test_loops_that_are_all_lost_have_no_spectrum_and_no_warning(levitation_model):
+    study = closed_loop_study(levitation_model, noise_V=1.0)  # of the 0.9 V that the magnet moves the output
+    assert all(row.held == 0 for row in study.holds)
+    assert study.spectra == ()
