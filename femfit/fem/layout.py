@@ -89,6 +89,16 @@ def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
 def mover_outline(actuator: Actuator) -> shapely.Polygon:
     """Outline of the whole moving part at distance zero.
 
+    Parameters
+    ----------
+    actuator : Actuator
+        Any.
+
+    Returns
+    -------
+    shapely.Polygon
+        In m.
+
     Raises
     ------
     FieldSolverError
@@ -133,6 +143,19 @@ def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: Solve
 
 
 def reference_distance(group: tuple[float, ...], layout: Layout) -> float:
-    """The distance at which a group's mesh is made: the geometric mean of its gaps."""
+    """The distance at which a group's mesh is made: the geometric mean of its gaps.
+
+    Parameters
+    ----------
+    group : tuple of float
+        Distances in m, ascending.
+    layout : Layout
+        Of the drawing.
+
+    Returns
+    -------
+    float
+        In m.
+    """
     low, high = (d - layout.outer_offset - layout.fixed_top for d in (group[0], group[-1]))
     return float(np.sqrt(low * high)) + layout.outer_offset + layout.fixed_top if len(group) > 1 else group[0]

@@ -218,5 +218,18 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
 
 
 def law_force(fit: LawFit, rows: FitRows) -> FloatArray:
-    """A law's force at the rows, with its two-stage coefficients, in N."""
+    """A law's force at the rows, with its two-stage coefficients, in N.
+
+    Parameters
+    ----------
+    fit : LawFit
+        Of any law.
+    rows : FitRows
+        Where.
+
+    Returns
+    -------
+    array, shape (rows,)
+        In N.
+    """
     return fit.force(fit.two_stage, rows.distance, rows.current)

@@ -51,12 +51,36 @@ def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def standing_corners(actuator: Actuator) -> FloatArray:
-    """Corners (r, z) of core and winding in m, shape (n, 2)."""
+    """Corners (r, z) of core and winding in m, shape (n, 2).
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked.
+
+    Returns
+    -------
+    array, shape (n, 2)
+        In m.
+    """
     outlines = [region.vertices_m for region in actuator.fixed]
     return np.concatenate([np.asarray(vertices) for vertices in (*outlines, actuator.coil.vertices_m)])
 
 
 def moving_corners(actuator: Actuator, distance: float) -> FloatArray:
-    """Corners (r, z) of the moving part at a distance in m, shape (n, 2)."""
+    """Corners (r, z) of the moving part at a distance in m, shape (n, 2).
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked.
+    distance : float
+        In m.
+
+    Returns
+    -------
+    array, shape (n, 2)
+        In m.
+    """
     corners = np.concatenate([np.asarray(region.vertices_m) for region in actuator.moving.regions])
     return np.asarray(corners + np.array([0.0, distance]))

@@ -19,5 +19,16 @@ M_N_M2_PER_A = 4.509e-6
 
 
 def is_papers(actuator: Actuator) -> bool:
-    """Whether an actuator is the paper's."""
+    """Whether an actuator is the paper's.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked.
+
+    Returns
+    -------
+    bool
+        By its name.
+    """
     return actuator.name in NAMES

@@ -22,7 +22,18 @@ from femfit.report.sweep_grid import sweep_grid
 
 
 def coenergy_misfit(content: ReportContent) -> Misfit | None:
-    """How far the co-energy is from the sweep; None where there is none."""
+    """How far the co-energy is from the sweep; None where there is none.
+
+    Parameters
+    ----------
+    content : ReportContent
+        Any.
+
+    Returns
+    -------
+    Misfit or None
+        Against the rows that were fitted.
+    """
     fit = content.fit.coenergy
     return None if fit is None else misfit_to_rows(fit.magnetics, content.fit.rows)
 

@@ -116,7 +116,18 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
 
 
 def current_range(model: ActuatorModel) -> tuple[float, float]:
-    """The currents in A that the driver's clamp can hold and the model covers."""
+    """The currents in A that the driver's clamp can hold and the model covers.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With a circuit.
+
+    Returns
+    -------
+    (float, float)
+        Smallest and largest, in A.
+    """
     circuit, box = model.require_circuit(), model.validity
     low = max(circuit.voltage_min_V / circuit.resistance_ohm, box.current_min_A)
     high = min(circuit.voltage_max_V / circuit.resistance_ohm, box.current_max_A)

@@ -62,7 +62,20 @@ def reference_steps(targets: Sequence[float], steps: int, sample_time: float, ra
 
 
 def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> Reference:
-    """Different references for consecutive runs of one batch, shape (steps, runs)."""
+    """Different references for consecutive runs of one batch, shape (steps, runs).
+
+    Parameters
+    ----------
+    references : sequence of Reference
+        Of the same length, each of shape (steps,).
+    counts : sequence of int
+        Runs that follow each.
+
+    Returns
+    -------
+    Reference
+        Of shape (steps, runs).
+    """
     parts = (
         np.stack([getattr(r, name) for r in references], axis=1) for name in ("distance", "velocity", "acceleration")
     )

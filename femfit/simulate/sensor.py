@@ -66,7 +66,18 @@ class SensorState:
 
 
 def initial_sensor_state(runs: int) -> SensorState:
-    """A sensor that has not drifted yet."""
+    """A sensor that has not drifted yet.
+
+    Parameters
+    ----------
+    runs : int
+        Sensors in the batch.
+
+    Returns
+    -------
+    SensorState
+        Zeros.
+    """
     return SensorState(np.zeros(runs), np.zeros(runs))
 
 
@@ -132,13 +143,6 @@ def convert(sensor: HallSensor, voltage: FloatArray) -> FloatArray:
     clipped = np.clip(voltage, low, high)
     if sensor.adc_bits == 0:
         return clipped
-    step = quantisation_step(sensor)
+    step = sensor.quantisation_step
     codes = np.minimum(np.round((clipped - low) / step), 2.0**sensor.adc_bits - 1.0)
     return low + step * codes
-
-
-def quantisation_step(sensor: HallSensor) -> float:
-    """One step of the converter in V, 0 where there is none."""
-    if sensor.adc_bits == 0:
-        return 0.0
-    return (sensor.output_max_V - sensor.output_min_V) / 2.0**sensor.adc_bits

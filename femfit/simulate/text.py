@@ -184,7 +184,18 @@ def study_data(study: ClosedLoopStudy) -> dict[str, Any]:
 
 
 def json_ready(value: Any) -> Any:
-    """Tuples to lists, and what is no finite number to null."""
+    """Tuples to lists, and what is no finite number to null.
+
+    Parameters
+    ----------
+    value : any
+        Mappings, sequences and numbers, nested.
+
+    Returns
+    -------
+    any
+        JSON-ready.
+    """
     if isinstance(value, Mapping):
         return {key: json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.simulate.sensor import SensorErrors, convert, initial_sensor_state, quantisation_step, read_sensor
+from femfit.simulate.sensor import SensorErrors, convert, initial_sensor_state, read_sensor
 
 STEP_S = 0.5e-3
 
@@ -26,17 +26,17 @@ def readings(sensor, errors, steps, runs=1, seed=0, state=(0.025, 0.0, 0.5)):
 
 
 def test_twelve_bits_over_five_volts_are_steps_of_one_and_a_fifth_millivolts(sensor):
-    assert quantisation_step(sensor) == pytest.approx(1.2207e-3, rel=1e-4)
+    assert sensor.quantisation_step == pytest.approx(1.2207e-3, rel=1e-4)
     volts = np.linspace(0.1, 4.9, 100_001)
-    codes = convert(sensor, volts) / quantisation_step(sensor)
+    codes = convert(sensor, volts) / sensor.quantisation_step
     np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)
     error = convert(sensor, volts) - volts
-    assert np.abs(error).max() <= 0.5 * quantisation_step(sensor) * (1 + 1e-9)
-    assert error.std() == pytest.approx(quantisation_step(sensor) / np.sqrt(12.0), rel=1e-3)
+    assert np.abs(error).max() <= 0.5 * sensor.quantisation_step * (1 + 1e-9)
+    assert error.std() == pytest.approx(sensor.quantisation_step / np.sqrt(12.0), rel=1e-3)
 
 
 def test_the_output_is_clipped_to_its_range(sensor):
-    top = sensor.output_max_V - quantisation_step(sensor)  # the largest code
+    top = sensor.output_max_V - sensor.quantisation_step  # the largest code
     np.testing.assert_allclose(convert(sensor, np.array([-1.0, 9.0])), [sensor.output_min_V, top])
 
 
