@@ -43,7 +43,7 @@ def test_the_output_is_clipped_to_its_range(sensor):
 def test_no_converter_leaves_the_voltage_alone(sensor):
     free = replace(sensor, adc_bits=0)
     np.testing.assert_array_equal(convert(free, np.array([1.23456789])), [1.23456789])
-    assert quantisation_step(free) == 0.0
+    assert free.quantisation_step == 0.0
 
 
 def test_white_noise_has_its_deviation_and_no_correlation(sensor):
