@@ -23,8 +23,11 @@ def check_limits(model: FemModel, problems: list[str]) -> None:
     """
     problems += _problem_kind(model)
     used = [label for label in model.labels if label.material is not None]
-    for material in dict.fromkeys(label.material for label in used if label.material is not None):
+    materials = list(dict.fromkeys(label.material for label in used if label.material is not None))
+    for n, material in enumerate(materials):
         problems += _material_limits(material)
+        if material.name in {other.name for other in materials[:n]}:
+            problems.append(f"two different materials are named {material.name!r}. Rename one of them.")
     for label in used:
         problems += _label_limits(label)
     problems += _point_limits(model)

@@ -56,6 +56,12 @@ def test_materials_that_an_actuator_cannot_hold_are_refused(name, changes, words
     assert all(word in message for word in words), message
 
 
+def test_two_materials_of_one_name_are_refused():
+    drawing = suspension()
+    content = drawing.content().replace(b'"Copper"', b'"Pure Steel"')
+    assert "two different materials are named 'Pure Steel'" in problems(content)[0]
+
+
 def test_materials_that_no_block_uses_are_left_alone():
     drawing = suspension()
     drawing.materials["Unused"] = {"J_re": 3, "Mu_x": 2, "Mu_y": 7, "H_c": 1, "curve": CURVE}
