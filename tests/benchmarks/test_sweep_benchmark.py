@@ -8,6 +8,7 @@ import statistics
 import subprocess
 import time
 
+import ngsolve
 import pytest
 
 from femfit.actuator.load import read_actuator
@@ -45,6 +46,7 @@ def test_whole_sweep_command(name, tmp_path):
 
 @pytest.mark.benchmark
 def test_one_distance():
+    ngsolve.SetNumThreads(1)  # as the sweep's workers do
     actuator = read_actuator(GEOMETRY / "emaws-rig.toml")
     start = time.perf_counter()
     problem = prepared(actuator, 0.022)
