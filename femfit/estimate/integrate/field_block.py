@@ -1,0 +1,100 @@
+"""What every integrator gives back, and what every integrator is."""
+
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.coil_block import CoilBlock
+from femfit.estimate.integrate.uncertainty import Responses, Systematics
+
+
+@dataclass(frozen=True, eq=False)
+class FieldBlock:
+    """The integrated field, a value for each sample of a coil block.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        In s.
+    field : array, shape (n,)
+        B in T (a flux linkage in Wb where the coil's area is 1).
+    variance : array, shape (n,)
+        Of white noise, in T^2.
+    offset : array, shape (n,)
+        Estimated offset voltage in V; of one-state filters what their corrections amount to, averaged over a second.
+    innovation, innovation_variance : array, shape (n,)
+        Reference minus prediction where a reading was used, NaN elsewhere; T and T^2.
+    responses : Responses or None
+        To what is systematic; None where nothing systematic was asked for.
+    """
+
+    time: FloatArray
+    field: FloatArray
+    variance: FloatArray
+    offset: FloatArray
+    innovation: FloatArray
+    innovation_variance: FloatArray
+    responses: Responses | None = None
+
+    def sigma(self, systematics: Systematics | None = None) -> FloatArray:
+        """Combined standard uncertainty in T: noise, and systematics where given."""
+        if systematics is None or self.responses is None:
+            return np.sqrt(self.variance)
+        return np.asarray(np.sqrt(self.variance + self.responses.variance(systematics)))
+
+
+State = TypeVar("State")
+
+
+class Integrator(Protocol[State]):
+    """From coil blocks to field blocks; never changed by running, every call returns the state for the next one.
+
+    Offline a record is one block or a few large ones, online each sample is a block: the numbers are the same.
+    """
+
+    def start(self) -> State:
+        """The state before the first sample."""
+        ...
+
+    def advance(self, state: State, block: CoilBlock) -> tuple[State, FieldBlock]:
+        """Take a block in."""
+        ...
+
+
+def joined(blocks: list[FieldBlock]) -> FieldBlock:
+    """Consecutive field blocks as one.
+
+    Parameters
+    ----------
+    blocks : list of FieldBlock
+        At least one.
+
+    Returns
+    -------
+    FieldBlock
+        All samples.
+    """
+
+    def whole(pieces: list[FloatArray]) -> FloatArray:
+        return np.concatenate(pieces)
+
+    answers = [block.responses for block in blocks if block.responses is not None]
+    responses = None
+    if len(answers) == len(blocks):
+        responses = Responses(
+            whole([answer.coil for answer in answers]),
+            whole([answer.reference for answer in answers]),
+            whole([answer.reference_unit for answer in answers]),
+            whole([answer.voltage_unit for answer in answers]),
+        )
+    return FieldBlock(
+        whole([block.time for block in blocks]),
+        whole([block.field for block in blocks]),
+        whole([block.variance for block in blocks]),
+        whole([block.offset for block in blocks]),
+        whole([block.innovation for block in blocks]),
+        whole([block.innovation_variance for block in blocks]),
+        responses,
+    )

@@ -1,0 +1,200 @@
+"""A magnet's field from its current: polynomial, hysteresis by play operators, eddy lag. Linear in its coefficients.
+
+B = sum_n p_n x^n + sum_j (u_j (1 - x^2) + s_j x^2) (P_j - I) - sum_l c_l e_l,  x = I / I_max,
+
+with the play operators P_j = max(I - r_j, min(I + r_j, P_j)), which lag behind the current by at most r_j and carry the
+hysteresis with its wiping-out; their strengths at zero and at full current, u_j and s_j, are apart because saturation
+narrows the loop; and the eddy lags e_l' = -e_l / tau_l + dI/dt. This is the nonlinear part f of (14) that the paper
+leaves open.
+
+References
+----------
+P. Arpaia et al., Sensors 22 (2022) 182, (14) and section 5.
+I. Mayergoyz, Mathematical Models of Hysteresis and their Applications (Elsevier, 2003), 1.3 (wiping-out).
+A. Visintin, Differential Models of Hysteresis (Springer, 1994), III.1 (play) and III.2 (Prandtl-Ishlinskii).
+G. Moritz, Eddy currents in accelerator magnets, arXiv:1103.1800.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class FieldTerms:
+    """Which terms a field model has.
+
+    Parameters
+    ----------
+    current_max_A : float
+        I_max, which the magnet was cycled to before the record.
+    degree : int
+        Of the polynomial.
+    play_radii_A : tuple of float
+        r_j.
+    lag_times_s : tuple of float
+        tau_l.
+    """
+
+    current_max_A: float
+    degree: int = 7
+    play_radii_A: tuple[float, ...] = ()
+    lag_times_s: tuple[float, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the coefficients, in the order of the columns."""
+        return (
+            *(f"polynomial {n}" for n in range(self.degree + 1)),
+            *(f"play {radius:g} A at zero current" for radius in self.play_radii_A),
+            *(f"play {radius:g} A at full current" for radius in self.play_radii_A),
+            *(f"eddy lag {time:g} s" for time in self.lag_times_s),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class MagnetState:
+    """What a magnet remembers.
+
+    Parameters
+    ----------
+    plays : array, shape (j,)
+        P_j in A.
+    lags : array, shape (l,)
+        e_l in A.
+    time, current : float
+        Of the last sample; NaN before the first.
+    """
+
+    plays: FloatArray
+    lags: FloatArray
+    time: float = float("nan")
+    current: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class FieldModel:
+    """A field model with its coefficients.
+
+    Parameters
+    ----------
+    terms : FieldTerms
+        What the coefficients belong to.
+    coefficients : array, shape (k,)
+        In the order of ``terms.names``.
+    rms_T : float
+        Of its error on the data that it was fitted to, T.
+    correlation_s : float
+        How long an error of it lasts, s.
+    """
+
+    terms: FieldTerms
+    coefficients: FloatArray
+    rms_T: float = 1e-4
+    correlation_s: float = 10.0
+    provenance: dict[str, str] = field(default_factory=dict)
+
+    def start(self) -> MagnetState:
+        """After cycling to the largest current and back to zero."""
+        return precycled(self.terms)
+
+    def advance(self, state: MagnetState, time: FloatArray, current: FloatArray) -> tuple[MagnetState, FloatArray]:
+        """Field in T of a stretch of currents, shape (n,)."""
+        state, columns = field_columns(self.terms, state, time, current)
+        return state, columns @ self.coefficients
+
+
+def precycled(terms: FieldTerms) -> MagnetState:
+    """The state of a magnet that was cycled to its largest current and rests at zero.
+
+    Parameters
+    ----------
+    terms : FieldTerms
+        With the radii.
+
+    Returns
+    -------
+    MagnetState
+        P_j = min(r_j, I_max - r_j), no eddy currents.
+    """
+    radii = np.array(terms.play_radii_A, dtype=np.float64)
+    return MagnetState(np.clip(terms.current_max_A - radii, 0.0, radii), np.zeros(len(terms.lag_times_s)))
+
+
+def field_columns(
+    terms: FieldTerms, state: MagnetState, time: FloatArray, current: FloatArray
+) -> tuple[MagnetState, FloatArray]:
+    """The columns that a model's coefficients multiply.
+
+    Parameters
+    ----------
+    terms : FieldTerms
+        Which.
+    state : MagnetState
+        Before the first sample.
+    time, current : array, shape (n,)
+        In s and A.
+
+    Returns
+    -------
+    state, columns : MagnetState, array of shape (n, k)
+        After the last sample, and a column for each of ``terms.names``.
+    """
+    x = current / terms.current_max_A
+    plays = play_paths(np.array(terms.play_radii_A, dtype=np.float64), state.plays, current)
+    lags = _lag_paths(terms, state, time, current)
+    behind = plays - current[:, None]
+    columns = np.concatenate(
+        [
+            x[:, None] ** np.arange(terms.degree + 1),
+            behind * (1.0 - x**2)[:, None],
+            behind * (x**2)[:, None],
+            -lags,
+        ],
+        axis=1,
+    )
+    return MagnetState(plays[-1], lags[-1], float(time[-1]), float(current[-1])), columns
+
+
+def play_paths(radii: FloatArray, start: FloatArray, current: FloatArray) -> FloatArray:
+    """Play operators along a path of currents.
+
+    Parameters
+    ----------
+    radii : array, shape (j,)
+        r_j in A.
+    start : array, shape (j,)
+        P_j before the first sample, A.
+    current : array, shape (n,)
+        In A.
+
+    Returns
+    -------
+    array, shape (n, j)
+        P_j after each sample, A.
+    """
+    paths = np.empty((len(current), len(radii)))
+    state = start
+    for row, value in enumerate(current):
+        state = np.minimum(np.maximum(state, value - radii), value + radii)
+        paths[row] = state
+    return paths
+
+
+def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current: FloatArray) -> FloatArray:
+    """e_l after each sample for a current that is linear between samples, shape (n, l)."""
+    times = np.array(terms.lag_times_s, dtype=np.float64)
+    begin = np.isnan(state.time)
+    dt = np.diff(time, prepend=time[0] if begin else state.time)
+    di = np.diff(current, prepend=current[0] if begin else state.current)
+    keep = np.exp(-dt[:, None] / times)
+    rate = np.zeros_like(dt)
+    np.divide(di, dt, out=rate, where=dt > 0.0)
+    paths = np.empty((len(time), len(times)))
+    lag = state.lags
+    for row in range(len(time)):
+        lag = keep[row] * lag + (1.0 - keep[row]) * times * rate[row]
+        paths[row] = lag
+    return paths
