@@ -82,11 +82,11 @@ def find_frame(
     up = _side(fixed, moving, options, problems)
     if up == 0.0:
         return None
-    face = _face(fixed, moving, up) if options.face_mm is None else round(up * options.face_mm, DIGITS)
+    face = _face(fixed, moving, up, findings) if options.face_mm is None else round(up * options.face_mm, DIGITS)
     if face is None:
         problems.append(
-            "it is not clear from where the distance is counted: no fixed part lies straight before the moving part. "
-            "Give the height of a corner of the electromagnet in the file's z with --face-mm."
+            "it is not clear from where the distance is counted: no fixed part lies before the moving part. Give the "
+            "height of a corner of the electromagnet in the file's z with --face-mm, or the side with --mover-side."
         )
         return None
     distance = round(_height(moving, up, lowest=True) - face, DIGITS)
@@ -108,7 +108,7 @@ def _side(fixed: Polygon, moving: Polygon, options: FemOptions, problems: list[s
     if options.mover_side != "auto":
         return 1.0 if options.mover_side == "above" else -1.0
     if options.face_mm is None:
-        sides = [up for up in (1.0, -1.0) if _face(fixed, moving, up) is not None]
+        sides = [up for up in (1.0, -1.0) if _before(fixed, moving, up) is not None]
         if len(sides) == 1:
             return sides[0]
     middle = [0.5 * (shape.bounds[1] + shape.bounds[3]) for shape in (moving, fixed)]
@@ -126,15 +126,36 @@ def _height(shape: Polygon, up: float, *, lowest: bool) -> float:
     return float(min(up * low, up * high) if lowest else max(up * low, up * high))
 
 
-def _face(fixed: Polygon, moving: Polygon, up: float) -> float | None:
+def _face(fixed: Polygon, moving: Polygon, up: float, findings: list[Finding]) -> float | None:
+    """Height along ``up`` that the distance is counted from; None if no fixed part is passed before it."""
+    before = _before(fixed, moving, up)
+    if before is not None:
+        return before
+    corners = up * shapely.get_coordinates(fixed)[:, 1]
+    passed = corners[corners <= _height(moving, up, lowest=True) + GRID]
+    if not len(passed):
+        return None
+    findings.append(
+        Finding(
+            "open-bore",
+            "warning",
+            "No fixed part lies straight before the moving part, as in an open bore; the distance is counted from the "
+            "corner of the electromagnet that its front has passed last.",
+            "Name another with --face-mm.",
+        )
+    )
+    return float(passed.max())
+
+
+def _before(fixed: Polygon, moving: Polygon, up: float) -> float | None:
     """Height along ``up`` of the fixed parts' top, or of what lies before a moving part that reaches into them."""
     bottom, top = _height(moving, up, lowest=True), _height(fixed, up, lowest=False)
     if top <= bottom + GRID:
         return top
     r0, _, r1, _ = moving.bounds
     z0, z1 = sorted((up * bottom, up * (bottom - 1e6)))
-    before = fixed.intersection(box(r0, z0, r1, z1))
-    return _height(before, up, lowest=False) if before.area > MIN_AREA else None
+    met = fixed.intersection(box(r0, z0, r1, z1))
+    return _height(met, up, lowest=False) if met.area > MIN_AREA else None
 
 
 def _polarity(bodies: FemBodies) -> float:
@@ -156,8 +177,8 @@ def _say(frame: FemFrame, winding: FemWinding, findings: list[Finding]) -> None:
         Finding(
             "frame",
             "info",
-            f"The drawing is shifted by {0.0 - frame.up * frame.face_mm:g} mm{turned}, so that the face at the file's "
-            f"z = {frame.face_mm:g} mm lies at z = 0; the file's own distance is {frame.distance_mm:g} mm.",
+            f"The drawing is shifted by {0.0 - frame.up * frame.face_mm:.9g} mm{turned}, so that the face at the "
+            f"file's z = {frame.face_mm:.9g} mm lies at z = 0; the file's own distance is {frame.distance_mm:.9g} mm.",
         )
     )
     if frame.current_sign < 0:

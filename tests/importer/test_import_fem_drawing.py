@@ -287,6 +287,23 @@ def test_a_plunger_counts_its_distance_from_the_pole_before_it():
     assert mirrored.distance_m == 0.006
 
 
+def test_in_an_open_bore_the_distance_counts_from_the_corner_passed_last():
+    drawing = FemDrawing()
+    drawing.box(6, 12, -20, 20)  # coil in a steel tube
+    drawing.box(12, 15, -25, 25)
+    drawing.box(0, 5, -4, 40)
+    drawing.line((0, -200), (0, 200))
+    drawing.arc((0, -200), (0, 200), 180, 1)
+    drawing.label(9, 0, COPPER, circuit=1, turns=400, group=2)
+    drawing.label(13, 0, STEEL, group=1)
+    drawing.label(2, 20, STEEL, group=3)
+    drawing.label(100, 0, AIR)
+    result = imported(drawing, moving_groups=(3,))
+    assert "open-bore" in codes(result)
+    assert result.distance_m == 0.016  # from the coil's lower end
+    assert imported(drawing, moving_groups=(3,), face_mm=-25.0).distance_m == 0.021
+
+
 def test_a_block_can_be_named_to_move():
     drawing = suspension()
     drawing.materials["Nickel"] = {"Mu_x": 100, "Mu_y": 100}
