@@ -96,7 +96,7 @@ def test_inductance_of_a_thin_solenoid_tends_to_nagaokas(length, inductance):
 
 
 @needs_reference
-def test_mutual_inductance_of_coaxial_loops_is_exact():
+def test_mutual_inductance_of_coaxial_loops_and_its_slope_are_exact():
     for row in json.loads((REFERENCE / "exact_references.json").read_text())["loops"]:
         a, b, z = row["a"], row["b"], row["z"]
         side = 0.01 * a  # a section this small changes M by (side / a)^2 / 24
@@ -104,8 +104,10 @@ def test_mutual_inductance_of_coaxial_loops_is_exact():
         actuator = assembly(moving=[magnet(1e-6, 0.02 * a, 0.02 * a)], distances=(3.0 * a,), coil=coil, hall=(b, z))
         problem = prepared(actuator, 3.0 * a)
         _, w = problem.fields(3.0 * a)
-        flux = 2.0 * math.pi * b**2 * w(problem.mesh(b, z))
-        assert flux == pytest.approx(row["M_H"], rel=2e-4)
+        point = problem.mesh(b, z)
+        assert 2.0 * math.pi * b**2 * w(point) == pytest.approx(row["M_H"], rel=2e-4)
+        slope = -2.0 * math.pi * b * flux_density(w)[0](point)  # dM/dz, the force between the loops per A^2
+        assert slope == pytest.approx(row["dMdz"], rel=5e-4)
 
 
 def test_force_between_two_magnets_is_exact():
