@@ -8,7 +8,7 @@ from shapely import Point, Polygon, unary_union
 from shapely.affinity import translate
 
 from femfit.actuator.outline import MIN_AREA, swept
-from femfit.actuator.parts import LinearMaterial
+from femfit.actuator.parts import Material
 from femfit.actuator.schema import HallPlace
 
 CONTACT = 1e-6
@@ -30,14 +30,14 @@ class DrawnPart:
         Name in the file.
     polygon : Polygon
         In mm.
-    material : LinearMaterial or None
+    material : Material or None
         None for the winding and where the file's material is wrong.
     """
 
     path: str
     name: str
     polygon: Polygon
-    material: LinearMaterial | None = None
+    material: Material | None = None
 
 
 def check_overlaps(parts: Sequence[DrawnPart], problems: list[str]) -> None:

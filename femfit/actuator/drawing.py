@@ -3,16 +3,18 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from shapely import Polygon
 
+from femfit.actuator.bh_table import Points, curve_problems, read_bh_csv
 from femfit.actuator.checks import DrawnPart
 from femfit.actuator.complaints import did_you_mean, joined, read_part, read_table
 from femfit.actuator.materials import LIBRARY
 from femfit.actuator.outline import outline
-from femfit.actuator.parts import LinearMaterial
-from femfit.actuator.schema import NAME_PATTERN, MaterialEntry, OutlineEntry, RegionEntry
+from femfit.actuator.parts import LinearMaterial, Material, NonlinearMaterial
+from femfit.actuator.schema import NAME_PATTERN, CurveEntry, MaterialEntry, OutlineEntry, RegionEntry
 
 RESERVED = ("air", "coil")
 """Region names that the field solver gives to what is not a region."""
@@ -43,13 +45,15 @@ class Drawing:
         return self.fixed if self.winding is None else (*self.fixed, self.winding)
 
 
-def read_drawing(data: Mapping[str, Any], problems: list[str]) -> Drawing:
+def read_drawing(data: Mapping[str, Any], directory: Path, problems: list[str]) -> Drawing:
     """Draw what can be drawn of a file.
 
     Parameters
     ----------
     data : mapping
         The file's tables.
+    directory : Path
+        That names of further files are relative to.
     problems : list of str
         Appended to.
 
@@ -58,7 +62,7 @@ def read_drawing(data: Mapping[str, Any], problems: list[str]) -> Drawing:
     Drawing
         Of the usable parts.
     """
-    materials = _materials(table_at(data, "materials"), problems)
+    materials = _materials(table_at(data, "materials"), directory, problems)
     fixed = _regions(data, "electromagnet", materials, problems)
     moving = _regions(data, "moving", materials, problems)
     problems += [
@@ -93,19 +97,52 @@ def table_at(data: Mapping[str, Any], *keys: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _materials(tables: Mapping[str, Any], problems: list[str]) -> dict[str, LinearMaterial | None]:
+def _materials(tables: Mapping[str, Any], directory: Path, problems: list[str]) -> dict[str, Material | None]:
     """The library and the file's own materials, which come first; None where the file's is wrong."""
-    materials: dict[str, LinearMaterial | None] = {name: entry.material for name, entry in LIBRARY.items()}
+    materials: dict[str, Material | None] = {name: entry.material for name, entry in LIBRARY.items()}
     for name, table in tables.items():
-        entry = read_table(MaterialEntry, table, joined("materials", name), problems)
+        path = joined("materials", name)
+        if isinstance(table, dict) and table.keys() & CurveEntry.model_fields.keys():
+            materials[name] = _saturating(name, table, path, directory, problems)
+            continue
+        entry = read_table(MaterialEntry, table, path, problems)
         materials[name] = (
             None if entry is None else LinearMaterial(name, entry.relative_permeability, entry.remanence_T)
         )
     return materials
 
 
+def _saturating(
+    name: str, table: Mapping[str, Any], path: str, directory: Path, problems: list[str]
+) -> NonlinearMaterial | None:
+    entry = read_table(CurveEntry, table, path, problems)
+    if entry is None:
+        return None
+    points: Points | None
+    if entry.bh_curve is not None:
+        if entry.B_T is not None or entry.H_A_per_m is not None:
+            problems.append(
+                f"{path} must have one curve; it has bh_curve and a list. Give bh_curve, or B_T and H_A_per_m."
+            )
+            return None
+        path = f"{path}.bh_curve"
+        points, found = read_bh_csv(directory / entry.bh_curve)
+    elif entry.B_T is None or entry.H_A_per_m is None:
+        missing = "B_T" if entry.B_T is None else "H_A_per_m"
+        problems.append(
+            f"{path}.{missing} is missing; the curve needs B_T and H_A_per_m. Give both lists, or bh_curve."
+        )
+        return None
+    else:
+        points, found = (tuple(entry.B_T), tuple(entry.H_A_per_m)), []
+    if points is not None:
+        found = curve_problems(*points)
+    problems += [f"{path} {problem}" for problem in found]
+    return None if points is None or found else NonlinearMaterial(name, *points)
+
+
 def _regions(
-    data: Mapping[str, Any], body: str, materials: Mapping[str, LinearMaterial | None], problems: list[str]
+    data: Mapping[str, Any], body: str, materials: Mapping[str, Material | None], problems: list[str]
 ) -> tuple[DrawnPart, ...]:
     parts = []
     for name, table in table_at(data, body, "regions").items():
@@ -124,8 +161,8 @@ def _regions(
 
 
 def _region_material(
-    entry: RegionEntry, path: str, materials: Mapping[str, LinearMaterial | None], problems: list[str]
-) -> LinearMaterial | None:
+    entry: RegionEntry, path: str, materials: Mapping[str, Material | None], problems: list[str]
+) -> Material | None:
     if entry.material not in materials:
         problems.append(
             f"{path}.material must name a material of [materials] or of the library; it is {entry.material[:60]!r}."
@@ -147,7 +184,9 @@ def _region_material(
             "Remove it, or name a magnet or give the material a remanence_T."
         )
         return None
-    return replace(material, remanence_T=-material.remanence_T) if entry.magnetization == "-z" else material
+    if isinstance(material, LinearMaterial) and entry.magnetization == "-z":
+        return replace(material, remanence_T=-material.remanence_T)
+    return material
 
 
 def _winding(data: Mapping[str, Any], problems: list[str]) -> DrawnPart | None:

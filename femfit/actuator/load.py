@@ -67,10 +67,10 @@ def read_actuator(path: Path) -> Actuator:
         raise ActuatorFileError(str(path), [f"cannot be read: {error.strerror}."]) from error
     except UnicodeDecodeError as error:
         raise ActuatorFileError(str(path), [f"must be UTF-8 text; byte {error.start} is not. Save it so."]) from error
-    return actuator_from_toml(text, str(path))
+    return actuator_from_toml(text, str(path), path.parent)
 
 
-def actuator_from_toml(text: str, source: str = "actuator file") -> Actuator:
+def actuator_from_toml(text: str, source: str = "actuator file", directory: Path | None = None) -> Actuator:
     """Build an actuator from TOML text.
 
     Parameters
@@ -79,6 +79,8 @@ def actuator_from_toml(text: str, source: str = "actuator file") -> Actuator:
         As in the files of ``geometry/``.
     source : str
         Name for messages.
+    directory : Path, optional
+        That the names of further files are relative to; the working directory otherwise.
 
     Returns
     -------
@@ -100,7 +102,7 @@ def actuator_from_toml(text: str, source: str = "actuator file") -> Actuator:
     supply = _section(SupplyEntry, data, "supply", problems)
     reference = _section(ReferenceEntry, data, "reference", problems)
     currents, distances = _axes(data, problems)
-    drawing = read_drawing(data, problems)
+    drawing = read_drawing(data, directory or Path(), problems)
     _check_numbers(body, hall, supply, reference, distances, problems)
     coil = _coil(winding, drawing, problems)
     _check_drawing(drawing, read_part(HallPlace, data.get("hall")), distances, problems)

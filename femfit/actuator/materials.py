@@ -1,8 +1,11 @@
-"""A small library of linear materials; an actuator file may name one or define its own."""
+"""A small library of materials; an actuator file may name one or define its own."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
-from femfit.actuator.parts import LinearMaterial
+from femfit.actuator.bh_table import read_bh_csv
+from femfit.actuator.parts import LinearMaterial, Material, NonlinearMaterial
+from femfit.core.errors import ActuatorFileError
 
 _MATLIB = "FEMM material library matlib.dat (D. Meeker), entry {}"
 
@@ -13,13 +16,13 @@ class LibraryMaterial:
 
     Parameters
     ----------
-    material : LinearMaterial
+    material : Material
         Values at about 20 degC.
     reference : str
         Where the values come from, and what they leave out.
     """
 
-    material: LinearMaterial
+    material: Material
     reference: str
 
 
@@ -29,6 +32,15 @@ def _magnet(grade: str, remanence_T: float) -> LibraryMaterial:
         f"{_MATLIB.format(grade)}: B_r = mu_0 mu_r H_c, for N48 and above the end of its demagnetisation curve. "
         "A straight recoil line; makers guarantee B_r to about 2 %.",
     )
+
+
+def _saturating(name: str, reference: str) -> LibraryMaterial:
+    """A curve of the folder beside this file, whose comments repeat the source."""
+    file = Path(__file__).with_name("bh_curves") / f"{name}.csv"
+    points, problems = read_bh_csv(file)
+    if points is None:
+        raise ActuatorFileError(str(file), problems)
+    return LibraryMaterial(NonlinearMaterial(name, *points), reference)
 
 
 _ENTRIES = (
@@ -43,7 +55,15 @@ _ENTRIES = (
     LibraryMaterial(
         LinearMaterial("low_carbon_steel", relative_permeability=1000.0),
         f"{_MATLIB.format('1010 Steel')}: secant B / (mu_0 H) is 1700 at 1.07 T and 1000 at 1.46 T. Saturation is not "
-        "modelled: forces are too large wherever the steel exceeds about 1.5 T.",
+        "modelled: forces are too large wherever the steel exceeds about 1.5 T; steel_1010 saturates.",
+    ),
+    _saturating("steel_1010", f"{_MATLIB.format('1010 Steel')}, annealed; no hysteresis."),
+    _saturating("steel_1018", f"{_MATLIB.format('1018 Steel')}; no hysteresis."),
+    _saturating("steel_ss400", "TEAM workshop problem 20, measured: COMPEL 14 (1995) 57; no hysteresis."),
+    _saturating(
+        "ferrite_k10",
+        "TDK SIFERRIT K10 (NiZn), 25 degC: initial permeability 800 +-25 % and 0.285 T at 2 kA/m, as in OpenMagnetics "
+        "MAS 05457ee; between them a Froehlich-Kennelly curve. At 100 degC it saturates at 0.21 T.",
     ),
     _magnet("N35", 1.195),
     _magnet("N38", 1.247),

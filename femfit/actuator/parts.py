@@ -34,6 +34,37 @@ class LinearMaterial:
         return 1.0 / (MU_0 * self.relative_permeability)
 
 
+@dataclass(frozen=True)
+class NonlinearMaterial:
+    """A soft material that saturates: H along B, |H| a monotone function of |B|, without hysteresis.
+
+    Parameters
+    ----------
+    name : str
+        Name in the actuator file.
+    flux_density_T : tuple of float
+        B of the curve's points, ascending from 0.
+    field_A_per_m : tuple of float
+        H of the curve's points, ascending from 0.
+    """
+
+    name: str
+    flux_density_T: tuple[float, ...]
+    field_A_per_m: tuple[float, ...]
+
+    @property
+    def relative_permeability(self) -> float:
+        """Mu_r in small fields, B / (mu_0 H) of the first point."""
+        return self.flux_density_T[1] / (MU_0 * self.field_A_per_m[1])
+
+    @property
+    def remanence_T(self) -> float:  # noqa: N802  the unit, as in LinearMaterial
+        """None: the curve starts at zero."""
+        return 0.0
+
+
+Material = LinearMaterial | NonlinearMaterial
+
 AIR = LinearMaterial("air")
 
 
@@ -47,13 +78,13 @@ class Region:
         Name in the actuator file.
     vertices_m : tuple of (float, float)
         Corners (r, z), without repeating the first, counter-clockwise.
-    material : LinearMaterial
+    material : Material
         What fills it.
     """
 
     name: str
     vertices_m: tuple[tuple[float, float], ...]
-    material: LinearMaterial
+    material: Material
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ COLUMNS: dict[str, str] = {
     "coenergy_J": "W'(d, i) up to a constant",
     "hall_T": "B_z at the Hall element",
     "force_error_N": "estimated discretisation error of the force",
+    "newton_iterations": "of a point with saturating parts",
+    "newton_residual": "last correction relative to the solution, in the energy's norm",
     "status": "ok, or why the point has no result",
 }
 """The contract's columns, in their order; further axes of a sweep follow as further columns."""

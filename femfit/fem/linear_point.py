@@ -6,6 +6,7 @@ integrates to zero, but not on a mesh: it is evaluated on the same mesh with eve
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -13,40 +14,13 @@ from ngsolve import H1, InnerProduct, Mesh
 
 from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
-from femfit.fem.drawing import build_mesh
-from femfit.fem.layout import Layout, mover_outline, reference_distance
-from femfit.fem.motion import stretch
+from femfit.core.errors import FieldSolverError
+from femfit.fem.layout import Layout
+from femfit.fem.moving_mesh import MovingMesh
 from femfit.fem.settings import SolverSettings
 from femfit.fem.stress import LayerForce, weight
-from femfit.fem.weak_form import Loads, assemble_loads, flux_density, materials, reluctivity, solve, stiffness
-
-
-@dataclass(frozen=True)
-class DistanceSolution:
-    """The coefficients of one distance.
-
-    Parameters
-    ----------
-    force : array, shape (3,)
-        F_0 in N, F_1 in N/A, F_2 in N/A^2.
-    force_change : array, shape (3,)
-        Its change from one polynomial order lower.
-    flux_linkage : array, shape (2,)
-        In Wb and H.
-    coenergy : float
-        W_0 in J.
-    hall : array, shape (2,) or None
-        In T and T/A.
-    self_force : float
-        The stress of the moving part's own field, as subtracted, in N.
-    """
-
-    force: FloatArray
-    force_change: FloatArray
-    flux_linkage: FloatArray
-    coenergy: float
-    hall: FloatArray | None
-    self_force: float
+from femfit.fem.superposition import DistanceSolution, superpose
+from femfit.fem.weak_form import Loads, assemble_loads, flux_density, linear_materials, reluctivity, solve, stiffness
 
 
 class LinearActuator:
@@ -67,8 +41,8 @@ class LinearActuator:
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
         self.actuator = actuator
         self.layout = layout
-        self.reference = reference_distance(group, layout)
-        self.mesh = build_mesh(actuator, self.reference, layout, settings)
+        self._moving = MovingMesh(actuator, group, layout, settings)
+        self.mesh = self._moving.mesh
         g = weight(self.mesh)
         self._orders = tuple(
             _Discretisation(self.mesh, actuator, layout, g, p) for p in (settings.order, settings.order - 1)
@@ -92,11 +66,8 @@ class LinearActuator:
         DistanceSolution
             Coefficients of force, flux linkage, co-energy and Hall field.
         """
-        self.move_to(distance)
-        try:
+        with self._moving.at(distance):
             fine, coarse = (discretisation.evaluate() for discretisation in self._orders)
-        finally:
-            self.mesh.UnsetDeformation()
         return DistanceSolution(
             force=fine.force,
             force_change=fine.force - coarse.force,
@@ -106,18 +77,32 @@ class LinearActuator:
             self_force=fine.self_force,
         )
 
-    def move_to(self, distance: float) -> None:
-        """Stretch the mesh to a distance; ``mesh.UnsetDeformation`` undoes it."""
-        r0, z0, r1, z1 = mover_outline(self.actuator).bounds
-        bounds = (r0, z0 + self.reference, r1, z1 + self.reference)
-        shift = distance - self.reference
-        if shift:
-            self._displacement = stretch(self.mesh, self.layout, bounds, shift)  # kept alive while in use
-            self.mesh.SetDeformation(self._displacement)
+    def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
+        """Columns of the sweep table at a distance.
+
+        Parameters
+        ----------
+        distance : float
+            In m; within the group.
+        currents : tuple of float
+            In A.
+
+        Returns
+        -------
+        dict of list
+            By column name, one value a current.
+        """
+        solution = self.solve(distance)
+        if not np.all(np.isfinite(solution.force)):
+            raise FieldSolverError(
+                "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
+            )
+        columns = superpose(np.array(currents), solution)
+        return {name: values.tolist() for name, values in columns.items()}
 
     def fields(self, distance: float) -> tuple[ng.GridFunction, ng.GridFunction]:
         """Solutions (w_m, w_c) at a distance, with the mesh left stretched to it, for pictures."""
-        self.move_to(distance)
+        self._moving.move_to(distance)
         return self._orders[0].solutions()
 
 
@@ -137,7 +122,7 @@ class _Discretisation:
         self.mesh = mesh
         self.space = H1(mesh, order=order)
         self.hall = actuator.hall
-        named = materials(actuator)
+        named = linear_materials(actuator)
         own = {name: material for name, material in named.items() if name.startswith("moving:")}
         self.form = stiffness(self.space, reluctivity(mesh, named), layout.outer_radius)
         self.loads: Loads = assemble_loads(self.space, actuator)

@@ -12,23 +12,51 @@ D. A. Lowther, IEEE Trans. Magn. 24 (1988) 439: weight functions and their equal
 """
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 import ngsolve as ng
 import numpy as np
 from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, Mesh, dx, grad
 
+from femfit.core.arrays import BoolArray
 from femfit.core.constants import MU_0
 from femfit.fem.weak_form import RADIAL_WEIGHT_ORDER, flux_density
 
 
-def weight(mesh: Mesh) -> GridFunction:
+@dataclass(frozen=True)
+class Layer:
+    """A layer of air with a body on its inner side.
+
+    Parameters
+    ----------
+    region : str
+        Name of the air's region.
+    inner, outer : str
+        Patterns of the regions on either side.
+    """
+
+    region: str
+    inner: str
+    outer: str
+
+
+AROUND_MOVER = Layer("layer", inner="halo|moving:.*", outer="air|coil|fixed:.*")
+"""The mesh's own layer, which touches no corner: the force on the moving part."""
+
+AROUND_FIXED = Layer("air", inner="halo|layer|moving:.*", outer="coil|fixed:.*")
+"""All air between the moving part's layer and the fixed parts: the reaction on the fixed parts, with the sign of the
+force on the moving one."""
+
+
+def weight(mesh: Mesh, layer: Layer = AROUND_MOVER) -> GridFunction:
     """The weight g: 1 up to the layer's inner outline, 0 from its outer outline on, harmonic between.
 
     Parameters
     ----------
     mesh : ngsolve.Mesh
         With materials ``halo`` and ``layer``.
+    layer : Layer
+        Where it falls from 1 to 0; also 0 on the domain's boundary.
 
     Returns
     -------
@@ -37,21 +65,21 @@ def weight(mesh: Mesh) -> GridFunction:
     """
     space = H1(mesh, order=2)
     g = GridFunction(space)
-    inner = _dofs(space, "halo|moving:.*")
-    outer = _dofs(space, "air|coil|fixed:.*")
+    inner = _dofs(space, mesh.Materials(layer.inner))
+    outer = _dofs(space, mesh.Materials(layer.outer)) | _dofs(space, mesh.Boundaries("outer"))
     vertices = np.arange(space.ndof) < mesh.nv
     g.vec.FV().NumPy()[:] = inner & vertices
-    free = ng.BitArray((_dofs(space, "layer") & ~inner & ~outer).tolist())
+    free = ng.BitArray((_dofs(space, mesh.Materials(layer.region)) & ~inner & ~outer).tolist())
     u, v = space.TnT()
-    laplace = BilinearForm(grad(u) * grad(v) * dx("layer")).Assemble()
+    laplace = BilinearForm(grad(u) * grad(v) * dx(layer.region)).Assemble()
     residual = laplace.mat.CreateColVector()
     residual.data = -laplace.mat * g.vec
     g.vec.data += laplace.mat.Inverse(free, inverse="sparsecholesky") * residual
     return g
 
 
-def _dofs(space: H1, regions: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    return np.array(list(space.GetDofs(space.mesh.Materials(regions))), dtype=bool)
+def _dofs(space: H1, region: ng.Region) -> BoolArray:
+    return np.array(list(space.GetDofs(region)), dtype=np.bool_)
 
 
 class LayerForce:
@@ -63,16 +91,18 @@ class LayerForce:
         Of the solutions.
     g : ngsolve.GridFunction
         From :func:`weight`.
+    layer : Layer
+        That g falls in.
     """
 
-    def __init__(self, space: H1, g: GridFunction) -> None:
+    def __init__(self, space: H1, g: GridFunction, layer: Layer = AROUND_MOVER) -> None:
         w, v = space.TnT()
         b, c = flux_density(w), flux_density(v)
         slope = grad(g)
         radial = 0.5 * (b[0] * c[1] + b[1] * c[0])
         axial = 0.5 * (b[1] * c[1] - b[0] * c[0])
         form = BilinearForm(space, symmetric=True)
-        region = dx("layer", bonus_intorder=RADIAL_WEIGHT_ORDER + 1)
+        region = dx(layer.region, bonus_intorder=RADIAL_WEIGHT_ORDER + 1)
         form += (slope[0] * radial + slope[1] * axial) / MU_0 * 2.0 * math.pi * ng.x * region
         self._form = form.Assemble()
 

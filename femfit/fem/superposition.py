@@ -3,7 +3,7 @@
 F = F_0 + F_1 i + F_2 i^2, flux linkage = flux_0 + L i, W' = W_0 + flux_0 i + L i^2 / 2, B = B_0 + B_1 i.
 """
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,32 +15,60 @@ ERROR_SAFETY = 3.0
 the order, by a factor q = 0.5..0.75 each time, so the true error is q / (1 - q) = 1..3 times the last change."""
 
 
-def superpose(currents: FloatArray, result: Mapping[str, Any]) -> dict[str, FloatArray]:
+@dataclass(frozen=True)
+class DistanceSolution:
+    """The coefficients of one distance.
+
+    Parameters
+    ----------
+    force : array, shape (3,)
+        F_0 in N, F_1 in N/A, F_2 in N/A^2.
+    force_change : array, shape (3,)
+        Its change from one polynomial order lower.
+    flux_linkage : array, shape (2,)
+        In Wb and H.
+    coenergy : float
+        W_0 in J.
+    hall : array, shape (2,) or None
+        In T and T/A.
+    self_force : float
+        The stress of the moving part's own field, as subtracted, in N.
+    """
+
+    force: FloatArray
+    force_change: FloatArray
+    flux_linkage: FloatArray
+    coenergy: float
+    hall: FloatArray | None
+    self_force: float
+
+
+def superpose(currents: FloatArray, solution: DistanceSolution) -> dict[str, FloatArray]:
     """Table columns at currents.
 
     Parameters
     ----------
     currents : array, shape (n,)
         In A.
-    result : mapping
-        ``force`` and ``force_change`` (3), ``flux_linkage`` (2), ``coenergy`` (1), ``hall`` (2 or None).
+    solution : DistanceSolution
+        Of the distance.
 
     Returns
     -------
     dict of array, shape (n,)
         By column name. The error's terms add in magnitude, so that no cancellation flatters it.
     """
-    flux, inductance = result["flux_linkage"]
-    change = np.abs(result["force_change"])
+    flux, inductance = solution.flux_linkage
+    change = np.abs(solution.force_change)
     columns = {
-        "force_N": _polynomial(currents, result["force"]),
+        "force_N": _polynomial(currents, solution.force),
         "flux_linkage_Wb": _polynomial(currents, [flux, inductance]),
         "inductance_H": np.full(len(currents), inductance),
-        "coenergy_J": _polynomial(currents, [result["coenergy"], flux, 0.5 * inductance]),
+        "coenergy_J": _polynomial(currents, [solution.coenergy, flux, 0.5 * inductance]),
         "force_error_N": ERROR_SAFETY * _polynomial(np.abs(currents), change),
     }
-    if result["hall"] is not None:
-        columns["hall_T"] = _polynomial(currents, result["hall"])
+    if solution.hall is not None:
+        columns["hall_T"] = _polynomial(currents, solution.hall)
     return columns
 
 

@@ -20,17 +20,17 @@ from femfit.actuator.parts import Actuator
 from femfit.actuator.summary import sweep_manifest_entry
 from femfit.core.errors import FieldSolverError
 from femfit.core.journal import Journal, JournalHeader
-from femfit.core.sweep_table import SweepTable, write_sweep_table
+from femfit.core.sweep_table import COLUMNS, SweepTable, write_sweep_table
 from femfit.fem.layout import Layout, layout_of, stretch_groups
 from femfit.fem.settings import SolverSettings
-from femfit.fem.superposition import superpose
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from femfit.fem.linear_point import LinearActuator
+    from femfit.fem.problem import FieldProblem
 
 Progress = Callable[[int, int], None]
+FIELD_COLUMNS = ("force_N", "flux_linkage_Wb", "inductance_H", "coenergy_J", "hall_T", "force_error_N")
 ATTEMPTS = 2  # pools that may break before the remaining distances are tried one by one
 
 
@@ -142,36 +142,24 @@ def solve_task(task: DistanceTask) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON-ready: ``status`` and, when it is ok, the coefficients in the current.
+        JSON-ready: ``status`` and, when it is ok, ``rows``: the table's columns, one value a current.
     """
     try:
-        solution = _prepared(task.actuator, task.group, task.layout, task.settings).solve(task.distance)
+        problem = _prepared(task.actuator, task.group, task.layout, task.settings)
+        return {"status": "ok", "rows": problem.rows(task.distance, task.actuator.sweep.currents_A)}
     except FieldSolverError as error:
         return {"status": f"failed: {error}"}
-    if not np.all(np.isfinite(solution.force)):
-        return {"status": "failed: the solution is not finite"}
-    return {
-        "status": "ok",
-        "force": solution.force.tolist(),
-        "force_change": solution.force_change.tolist(),
-        "flux_linkage": solution.flux_linkage.tolist(),
-        "coenergy": solution.coenergy,
-        "hall": None if solution.hall is None else solution.hall.tolist(),
-        "self_force": solution.self_force,
-    }
 
 
 @lru_cache(maxsize=1)
-def _prepared(
-    actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings
-) -> "LinearActuator":
+def _prepared(actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> "FieldProblem":
     """The mesh of a group, kept while a worker's tasks stay in it."""
     from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
 
-    from femfit.fem.linear_point import LinearActuator  # noqa: PLC0415
+    from femfit.fem.problem import prepare  # noqa: PLC0415
 
     SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
-    return LinearActuator(actuator, group, layout, settings)
+    return prepare(actuator, group, layout, settings)
 
 
 def _solve_all(tasks: list[DistanceTask], workers: int, journal: Journal, report: Callable[[int], None]) -> None:
@@ -231,6 +219,7 @@ def _rows(actuator: Actuator, results: Mapping[float, Mapping[str, Any]]) -> "pd
     currents = np.array(actuator.sweep.currents_A)
     frames = [_distance_rows(currents, distance, result) for distance, result in results.items()]
     rows = pd.concat([pd.DataFrame(frame) for frame in frames], ignore_index=True)
+    rows = rows.reindex(columns=[name for name in COLUMNS if name in rows])
     if rows["hall_T"].isna().all():
         rows = rows.drop(columns="hall_T")
     return rows.sort_values(["current_A", "distance_m"], kind="stable", ignore_index=True)
@@ -238,16 +227,12 @@ def _rows(actuator: Actuator, results: Mapping[float, Mapping[str, Any]]) -> "pd
 
 def _distance_rows(currents: np.ndarray[Any, Any], distance: float, result: Mapping[str, Any]) -> dict[str, Any]:
     nothing = np.full(len(currents), math.nan)
-    columns = dict.fromkeys(
-        ("force_N", "flux_linkage_Wb", "inductance_H", "coenergy_J", "hall_T", "force_error_N"), nothing
-    )
-    if result["status"] == "ok":
-        columns |= superpose(currents, result)
     return {
         "current_A": currents,
         "distance_m": np.full(len(currents), distance),
-        **columns,
+        **dict.fromkeys(FIELD_COLUMNS, nothing),
         "status": result["status"],
+        **result.get("rows", {}),
     }
 
 

@@ -14,29 +14,79 @@ Algebra Appl. 16 (2009), for unknowns A/r in axisymmetric spaces.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
 from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, ds, dx, grad
 
-from femfit.actuator.parts import Actuator, LinearMaterial
+from femfit.actuator.parts import Actuator, LinearMaterial, Material, NonlinearMaterial
 from femfit.core.constants import MU_0
+from femfit.core.errors import FieldSolverError
 
 RADIAL_WEIGHT_ORDER = 3  # r^3 at most multiplies the polynomials; added to the quadrature's order
 
 
 def flux_density(w: Any) -> Any:
-    """(B_r, B_z) of a trial function, test function or solution w."""
+    """(B_r, B_z) of w.
+
+    Parameters
+    ----------
+    w : ngsolve.CoefficientFunction
+        Trial function, test function or solution.
+
+    Returns
+    -------
+    ngsolve.CoefficientFunction
+        In T.
+    """
     r = ng.x
     slope = grad(w)
     return CF((-r * slope[1], 2.0 * w + r * slope[0]))
 
 
-def materials(actuator: Actuator) -> dict[str, LinearMaterial]:
-    """Material of each of the mesh's region names that is not air."""
+def materials(actuator: Actuator) -> dict[str, Material]:
+    """Material of each of the mesh's region names that is not air.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked.
+
+    Returns
+    -------
+    dict
+        By region name, ``fixed:NAME`` or ``moving:NAME``.
+    """
     named = {f"fixed:{region.name}": region.material for region in actuator.fixed}
     return named | {f"moving:{region.name}": region.material for region in actuator.moving.regions}
+
+
+def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
+    """The same for an actuator without saturating parts.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked.
+
+    Returns
+    -------
+    dict
+        By region name, ``fixed:NAME`` or ``moving:NAME``.
+
+    Raises
+    ------
+    FieldSolverError
+        If a material saturates: its field is no superposition.
+    """
+    linear: dict[str, LinearMaterial] = {}
+    for name, material in materials(actuator).items():
+        if isinstance(material, NonlinearMaterial):
+            raise FieldSolverError(f"{name} is of {material.name}, which saturates. Use the nonlinear solver for it.")
+        linear[name] = material
+    return linear
 
 
 @dataclass(frozen=True)
@@ -58,8 +108,10 @@ class Loads:
     coil: LinearForm
 
 
-def stiffness(space: H1, reluctivity: Any, outer_radius: float) -> BilinearForm:
-    """The energy form with its open boundary, inner unknowns condensed.
+def stiffness(
+    space: H1, reluctivity: Any, outer_radius: float | None, *, regions: str = ".*", condense: bool = True
+) -> BilinearForm:
+    """The energy form.
 
     Parameters
     ----------
@@ -67,8 +119,12 @@ def stiffness(space: H1, reluctivity: Any, outer_radius: float) -> BilinearForm:
         Of w.
     reluctivity : ngsolve.CoefficientFunction
         nu in m/H.
-    outer_radius : float
-        R in m.
+    outer_radius : float or None
+        R in m of the open boundary; None leaves the boundary out.
+    regions : str
+        Pattern of the regions' names; all by default.
+    condense : bool
+        Whether inner unknowns are condensed and one triangle is stored.
 
     Returns
     -------
@@ -77,10 +133,12 @@ def stiffness(space: H1, reluctivity: Any, outer_radius: float) -> BilinearForm:
     """
     w, v = space.TnT()
     r = ng.x
-    form = BilinearForm(space, symmetric=True, condense=True)
-    volume = dx(bonus_intorder=RADIAL_WEIGHT_ORDER)
+    form = BilinearForm(space, symmetric=condense, condense=condense)
+    volume = dx(regions, bonus_intorder=RADIAL_WEIGHT_ORDER)
     form += reluctivity * InnerProduct(flux_density(w), flux_density(v)) * 2.0 * math.pi * r * volume
-    form += r**2 * w * v * 2.0 * math.pi * r / (MU_0 * outer_radius) * ds("outer", bonus_intorder=RADIAL_WEIGHT_ORDER)
+    if outer_radius is not None:
+        boundary = ds("outer", bonus_intorder=RADIAL_WEIGHT_ORDER)
+        form += r**2 * w * v * 2.0 * math.pi * r / (MU_0 * outer_radius) * boundary
     return form
 
 
@@ -101,7 +159,7 @@ def assemble_loads(space: H1, actuator: Actuator) -> Loads:
     """
     v = space.TestFunction()
     r = ng.x
-    named = materials(actuator)
+    named = linear_materials(actuator)
     forms = []
     for prefix in ("", "moving:"):
         form = LinearForm(space)
@@ -111,10 +169,30 @@ def assemble_loads(space: H1, actuator: Actuator) -> Loads:
                 region = dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
                 form += source * flux_density(v)[1] * 2.0 * math.pi * r * region
         forms.append(form.Assemble())
+    return Loads(magnets=forms[0], own_magnets=forms[1], coil=coil_load(space, actuator))
+
+
+def coil_load(space: H1, actuator: Actuator) -> LinearForm:
+    """The right-hand side of 1 A in the winding; its product with a solution is that solution's flux linkage.
+
+    Parameters
+    ----------
+    space : ngsolve.H1
+        Of w.
+    actuator : Actuator
+        For turns and winding section.
+
+    Returns
+    -------
+    ngsolve.LinearForm
+        Assembled.
+    """
+    v = space.TestFunction()
+    r = ng.x
     density = actuator.coil.turns / _area(actuator.coil.vertices_m)
     coil = LinearForm(space)
     coil += density * r * v * 2.0 * math.pi * r * dx("coil", bonus_intorder=RADIAL_WEIGHT_ORDER)
-    return Loads(magnets=forms[0], own_magnets=forms[1], coil=coil.Assemble())
+    return coil.Assemble()
 
 
 def _area(vertices: tuple[tuple[float, float], ...]) -> float:
@@ -123,7 +201,20 @@ def _area(vertices: tuple[tuple[float, float], ...]) -> float:
 
 
 def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:
-    """Nu on the mesh: of the named materials, of air elsewhere."""
+    """Nu on the mesh: of the named materials, of air elsewhere.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+        With the named regions.
+    named : dict of str to LinearMaterial
+        By region name.
+
+    Returns
+    -------
+    ngsolve.CoefficientFunction
+        In m/H.
+    """
     return mesh.MaterialCF({name: material.reluctivity for name, material in named.items()}, default=1.0 / MU_0)
 
 
@@ -147,11 +238,31 @@ def solve(form: BilinearForm, loads: list[LinearForm]) -> list[GridFunction]:
     solutions = []
     for load in loads:
         solution = GridFunction(form.space)
-        rhs = load.vec.CreateVector()
-        rhs.data = load.vec
-        rhs.data += form.harmonic_extension_trans * rhs
-        solution.vec.data = inverse * rhs
-        solution.vec.data += form.harmonic_extension * solution.vec
-        solution.vec.data += form.inner_solve * rhs
+        solve_condensed(inverse, [form], load.vec, solution.vec)
         solutions.append(solution)
     return solutions
+
+
+def solve_condensed(inverse: Any, forms: Sequence[BilinearForm], load: Any, solution: Any) -> None:
+    """Solve with condensed forms, which share no inner unknown.
+
+    Parameters
+    ----------
+    inverse : ngsolve.BaseMatrix
+        Of the forms' sum.
+    forms : sequence of ngsolve.BilinearForm
+        Assembled with condensation.
+    load : ngsolve.BaseVector
+        Right-hand side.
+    solution : ngsolve.BaseVector
+        Overwritten.
+    """
+    rhs = load.CreateVector()
+    rhs.data = load
+    for form in forms:
+        rhs.data += form.harmonic_extension_trans * rhs
+    solution.data = inverse * rhs
+    for form in forms:
+        solution.data += form.harmonic_extension * solution
+    for form in forms:
+        solution.data += form.inner_solve * rhs

@@ -1,6 +1,6 @@
 """What kind of part a region is, with its colour in all pictures."""
 
-from femfit.actuator.parts import Actuator, LinearMaterial
+from femfit.actuator.parts import Actuator, Material
 
 IRON_FROM = 1.5
 """Relative permeability from which a material without remanence is drawn as iron; magnets recoil with 1.05."""
@@ -17,12 +17,12 @@ COLOURS = {
 HALL_COLOUR = "#009e73"
 
 
-def kind_of(material: LinearMaterial, moving: bool) -> str:
+def kind_of(material: Material, moving: bool) -> str:
     """The kind of a region.
 
     Parameters
     ----------
-    material : LinearMaterial
+    material : Material
         That fills it.
     moving : bool
         Whether it moves.
@@ -40,5 +40,16 @@ def kind_of(material: LinearMaterial, moving: bool) -> str:
 
 
 def has_magnet(actuator: Actuator) -> bool:
-    """Whether any part has a remanence."""
+    """Whether any part has a remanence.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked.
+
+    Returns
+    -------
+    bool
+        Fixed and moving parts alike.
+    """
     return any(region.material.remanence_T for region in (*actuator.fixed, *actuator.moving.regions))

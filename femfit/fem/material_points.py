@@ -1,0 +1,189 @@
+r"""The material laws at the quadrature points of all parts that are not air.
+
+B at the points is a fixed linear map of the unknowns, since parts move as rigid bodies: B = D w. With the points'
+weights (2 pi r included) the energy is sum weight e(B), its derivative D^T weight H(B), and its second derivative
+D^T weight nu_d D with the tensor nu_d = (H / B) 1 + (dH/dB - H / B) b b^T, b the direction of B.
+
+References
+----------
+C. Pechstein and B. Juettler, J. Comput. Appl. Math. 196 (2006) 45, for nu_d.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, LinearForm, dx
+from ngsolve.comp import IntegrationRuleSpace
+from scipy import sparse
+
+from femfit.actuator.bh_curve import BHCurve
+from femfit.actuator.parts import LinearMaterial, Material
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.constants import MU_0
+from femfit.fem.inner import inner
+from femfit.fem.weak_form import flux_density
+
+TINY_FLUX_DENSITY = 1e-12
+"""In T; below it the direction of B does not matter, for there H / B is dH/dB."""
+
+
+class MaterialPoints:
+    """Points and laws of an actuator's parts on one mesh and space.
+
+    Parameters
+    ----------
+    space : ngsolve.H1
+        Of w.
+    named : mapping of str to Material
+        By region name; from :func:`femfit.fem.weak_form.materials`.
+    """
+
+    def __init__(self, space: H1, named: Mapping[str, Material]) -> None:
+        self.space = space
+        self.regions = "|".join(named)
+        region = space.mesh.Materials(self.regions)
+        # The rule is exact to twice this order: B is of the space's order, and r multiplies B squared.
+        self._points = IntegrationRuleSpace(space.mesh, order=space.globalorder + 1, definedon=region)
+        self._measure = dx(self.regions, intrules=self._points.GetIntegrationRules())
+        self.weight = self._weights()
+        self._to_flux_density = self._flux_density_map()
+        self._to_load = self._to_flux_density.T.tocsr()
+        self._laws = self._point_laws(named)
+        self._coercivity = self._coercive_field()
+        self.moving = self._named_points("moving:.*")
+        self._tensor = tuple(GridFunction(self._points) for _ in range(3))
+        self.tangent_form = self._tangent_form()
+
+    def flux_density(self, state: FloatArray) -> FloatArray:
+        """(B_r, B_z) in T, shape (2, points), of a state of the unknowns."""
+        return np.asarray((self._to_flux_density @ state).reshape(2, -1))
+
+    def soft_field(self, b: FloatArray) -> FloatArray:
+        """H in A/m without the remanence's part, shape (2, points), at B of that shape."""
+        h = np.empty_like(b)
+        for points, law in self._laws:
+            if isinstance(law, LinearMaterial):
+                h[:, points] = law.reluctivity * b[:, points]
+            else:
+                h[:, points] = law.reluctivity(np.hypot(*b[:, points])) * b[:, points]
+        return h
+
+    def field(self, b: FloatArray) -> FloatArray:
+        """H in A/m, shape (2, points), at B of that shape."""
+        h = self.soft_field(b)
+        h[1] -= self._coercivity
+        return h
+
+    def magnetisation(self, b: FloatArray) -> FloatArray:
+        """M = B / mu_0 - H in A/m at B of shape (2, points)."""
+        return b / MU_0 - self.field(b)
+
+    def energy(self, b: FloatArray) -> float:
+        """The integral of H dB from 0, over all parts, in J."""
+        total = 0.0
+        for points, law in self._laws:
+            if isinstance(law, LinearMaterial):
+                density = 0.5 * law.reluctivity * np.sum(b[:, points] ** 2, axis=0)
+            else:
+                density = law.energy_density(np.hypot(*b[:, points]))
+            total += inner(self.weight[points], density)
+        return total - inner(self.weight, self._coercivity * b[1])
+
+    def load(self, h: FloatArray) -> FloatArray:
+        """The integral of h . B(v) over the parts, for all test functions v: the derivative of the energy for h = H."""
+        return np.asarray(self._to_load @ (self.weight * h).ravel())
+
+    def tensor(self, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The components rr, rz, zz of nu_d in m/H, each of shape (points), at B of shape (2, points)."""
+        along, across = np.empty(b.shape[1]), np.empty(b.shape[1])
+        size = np.hypot(*b)
+        for points, law in self._laws:
+            if isinstance(law, LinearMaterial):
+                along[points] = across[points] = law.reluctivity
+            else:
+                along[points] = law.differential_reluctivity(size[points])
+                across[points] = law.reluctivity(size[points])
+        r, z = b / np.maximum(size, TINY_FLUX_DENSITY)
+        extra = along - across
+        return across + extra * r * r, extra * r * z, across + extra * z * z
+
+    def set_tangent(self, b: FloatArray) -> None:
+        """Assemble the second derivative of the energy at B of shape (2, points) into ``tangent_form``."""
+        for function, values in zip(self._tensor, self.tensor(b), strict=True):
+            function.vec.FV().NumPy()[:] = values
+        self.tangent_form.Assemble()
+
+    def _weights(self) -> FloatArray:
+        q = self._points.TestFunction()
+        form = LinearForm(self._points)
+        form += q * 2.0 * math.pi * ng.x * self._measure
+        return np.array(form.Assemble().vec.FV().NumPy())
+
+    def _flux_density_map(self) -> Any:
+        """D, sparse, shape (2 points, unknowns)."""
+        b, q = flux_density(self.space.TrialFunction()), self._points.TestFunction()
+        rows = []
+        for component in (b[0], b[1]):
+            form = BilinearForm(trialspace=self.space, testspace=self._points)
+            form += component * q * 2.0 * math.pi * ng.x * self._measure
+            rows.append(sparse.diags(1.0 / self.weight) @ csr(form.Assemble().mat, self.space.ndof))
+        return sparse.vstack(rows).tocsr()
+
+    def _named_points(self, pattern: str) -> BoolArray:
+        marks = GridFunction(self._points)
+        marks.Interpolate(self.space.mesh.MaterialCF({pattern: 1.0}, default=0.0))
+        return np.asarray(marks.vec.FV().NumPy() > 0.5)
+
+    def _point_laws(self, named: Mapping[str, Material]) -> list[tuple[BoolArray, LinearMaterial | BHCurve]]:
+        laws: list[tuple[BoolArray, LinearMaterial | BHCurve]] = []
+        for material in dict.fromkeys(named.values()):
+            points = self._named_points("|".join(name for name, other in named.items() if other == material))
+            if isinstance(material, LinearMaterial):
+                laws.append((points, material))
+            else:
+                laws.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
+        return laws
+
+    def _coercive_field(self) -> FloatArray:
+        """Field nu B_r in A/m of the points in magnets, 0 elsewhere."""
+        coercive = np.zeros(len(self.weight))
+        for points, law in self._laws:
+            if isinstance(law, LinearMaterial):
+                coercive[points] = law.reluctivity * law.remanence_T
+        return coercive
+
+    def _tangent_form(self) -> BilinearForm:
+        w, v = self.space.TnT()
+        b, c = flux_density(w), flux_density(v)
+        rr, rz, zz = self._tensor
+        form = BilinearForm(self.space, symmetric=True, condense=True)
+        form += (
+            InnerProduct(ng.CF((rr * b[0] + rz * b[1], rz * b[0] + zz * b[1])), c)
+            * 2.0
+            * math.pi
+            * ng.x
+            * (self._measure)
+        )
+        return form
+
+
+def csr(matrix: Any, columns: int) -> Any:
+    """A copy of an NGSolve matrix for scipy.
+
+    Parameters
+    ----------
+    matrix : ngsolve.la.SparseMatrixd
+        With all its entries stored.
+    columns : int
+        Number of columns.
+
+    Returns
+    -------
+    scipy.sparse.csr_matrix
+        Of shape (rows, columns).
+    """
+    values, indices, starts = (np.array(part) for part in matrix.CSR())
+    return sparse.csr_matrix((values, indices.astype(np.int32), starts.astype(np.int32)), (len(starts) - 1, columns))

@@ -1,0 +1,192 @@
+"""The discrete problem with saturating parts on one mesh and polynomial order: energy, derivatives, own field.
+
+The air, the winding and the open boundary are one linear form, assembled once a distance; the parts enter through their
+quadrature points. Inner unknowns are condensed element by element, so the condensed second derivative is the sum of the
+air's (kept) and the parts' (assembled anew), and a renewal repeats only the numbers of the factorisation.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from ngsolve import H1, BilinearForm, GridFunction, Mesh
+
+from femfit.actuator.parts import Actuator
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.constants import MU_0
+from femfit.fem.inner import inner
+from femfit.fem.layout import Layout
+from femfit.fem.material_points import MaterialPoints, csr
+from femfit.fem.weak_form import coil_load, materials, solve_condensed, stiffness
+
+AIR = "air|coil|halo|layer"
+RESPONSE_TOLERANCE = 1e-4
+"""Of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
+
+RESPONSE_LIMIT = 100
+
+
+class NonlinearSystem:
+    """A :class:`femfit.fem.newton.MinimisationProblem`; states are coefficient vectors of w.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+        Of the group.
+    actuator : Actuator
+        Checked.
+    layout : Layout
+        Of the whole sweep.
+    order : int
+        Polynomial order.
+    """
+
+    def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, order: int) -> None:
+        self.space = H1(mesh, order=order)
+        self.points = MaterialPoints(self.space, materials(actuator))
+        self.coil = np.array(coil_load(self.space, actuator).vec.FV().NumPy())
+        nu_0, radius = ng.CF(1.0 / MU_0), layout.outer_radius
+        whole = stiffness(self.space, nu_0, radius).Assemble()
+        self._air = stiffness(self.space, nu_0, radius, regions=AIR)
+        self._air_uncondensed = stiffness(self.space, nu_0, radius, regions=AIR, condense=False)
+        vacuum = stiffness(self.space, nu_0, None, regions=self.points.regions).Assemble()  # moves with its parts
+        self._inverse = SummedInverse(whole, [self._air, self.points.tangent_form])
+        self._free_inverse = SummedInverse(whole, [self._air, vacuum])
+        self.ready = False
+
+    def move(self) -> None:
+        """Take the mesh as it is now stretched."""
+        self._air.Assemble()
+        self._stiffness = csr(self._air_uncondensed.Assemble().mat, self.space.ndof)
+        self._free_inverse.renew()
+        self.ready = False
+
+    def energy(self, state: FloatArray, current: float) -> float:
+        """Stored energy, without the constant of the magnets, minus current x flux linkage, in J."""
+        linear = inner(state, 0.5 * (self._stiffness @ state) - current * self.coil)
+        return linear + self.points.energy(self.points.flux_density(state))
+
+    def gradient(self, state: FloatArray, current: float) -> FloatArray:
+        """Its derivative with respect to the state."""
+        field = self.points.field(self.points.flux_density(state))
+        return np.asarray(self._stiffness @ state + self.points.load(field) - current * self.coil)
+
+    def square(self, state: FloatArray) -> float:
+        """State . K state with the secant reluctivity, in J; remanence left out."""
+        b = self.points.flux_density(state)
+        stored = inner(self.points.weight, np.sum(b * self.points.soft_field(b), axis=0))
+        return inner(state, self._stiffness @ state) + stored
+
+    def renew(self, state: FloatArray) -> None:
+        """Factorise the second derivative at a state."""
+        self.points.set_tangent(self.points.flux_density(state))
+        self._inverse.renew()
+        self.ready = True
+
+    def solve(self, load: FloatArray) -> FloatArray:
+        """Solve with the second derivative as last factorised."""
+        return self._inverse.solve(load)
+
+    def response(self, state: FloatArray, guess: FloatArray) -> FloatArray:
+        """dw/di at a state: conjugate gradients with the second derivative there, preconditioned by the kept one.
+
+        Parameters
+        ----------
+        state : array, shape (unknowns,)
+            Converged.
+        guess : array, shape (unknowns,)
+            Start.
+
+        Returns
+        -------
+        array, shape (unknowns,)
+            In 1/A; accurate to RESPONSE_TOLERANCE.
+        """
+        tensor = self.points.tensor(self.points.flux_density(state))
+        x = guess
+        residual = self.coil - self._second_derivative(tensor, x)
+        preconditioned = self.solve(residual)
+        direction, product = preconditioned, inner(residual, preconditioned)
+        limit = RESPONSE_TOLERANCE**2 * inner(self.coil, self.solve(self.coil))
+        for _ in range(RESPONSE_LIMIT):
+            if product <= limit:
+                break
+            image = self._second_derivative(tensor, direction)
+            step = product / inner(direction, image)
+            x = x + step * direction
+            residual = residual - step * image
+            preconditioned = self.solve(residual)
+            before, product = product, inner(residual, preconditioned)
+            direction = preconditioned + (product / before) * direction
+        return x
+
+    def inductance(self, state: FloatArray, response: FloatArray) -> float:
+        """d(flux linkage)/d(current) in H: coil . x for the exact response x, stationary at it."""
+        tensor = self.points.tensor(self.points.flux_density(state))
+        return inner(response, 2.0 * self.coil - self._second_derivative(tensor, response))
+
+    def own_state(self, state: FloatArray) -> FloatArray:
+        """The field of the moving part's magnetisation alone, frozen as it is in a state, in free space."""
+        magnetisation = self.points.magnetisation(self.points.flux_density(state)) * self.points.moving
+        return self._free_inverse.solve(self.points.load(magnetisation))
+
+    def function(self, state: FloatArray) -> GridFunction:
+        """A state as a function on the mesh."""
+        function = GridFunction(self.space)
+        function.vec.FV().NumPy()[:] = state
+        return function
+
+    def _second_derivative(self, tensor: tuple[FloatArray, FloatArray, FloatArray], x: FloatArray) -> FloatArray:
+        rr, rz, zz = tensor
+        b = self.points.flux_density(x)
+        field = np.stack([rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]])
+        return np.asarray(self._stiffness @ x + self.points.load(field))
+
+
+class SummedInverse:
+    """The inverse of a sum of condensed forms on regions of their own; renewals keep the elimination order.
+
+    Parameters
+    ----------
+    whole : ngsolve.BilinearForm
+        Condensed and assembled on all regions, for the pattern of the sum.
+    parts : sequence of ngsolve.BilinearForm
+        Condensed, on disjoint regions; assembled when :meth:`renew` is called.
+    """
+
+    def __init__(self, whole: BilinearForm, parts: Sequence[BilinearForm]) -> None:
+        self._space = whole.space
+        self._parts = parts
+        self._keys = _entry_keys(whole)
+        self._places: list[IntArray] = []
+        self._matrix = whole.mat.CreateMatrix()
+        self._inverse: Any = None
+        self._load, self._solution = (GridFunction(self._space).vec for _ in range(2))
+
+    def renew(self) -> None:
+        """Sum and factorise."""
+        values = self._matrix.AsVector().FV().NumPy()
+        values[:] = 0.0
+        if not self._places:
+            self._places = [np.searchsorted(self._keys, _entry_keys(part)) for part in self._parts]
+        for part, places in zip(self._parts, self._places, strict=True):
+            values[places] += part.mat.AsVector().FV().NumPy()
+        if self._inverse is None:
+            free = self._space.FreeDofs(coupling=True)
+            self._inverse = self._matrix.Inverse(free, inverse="sparsecholesky")
+        else:
+            self._inverse.Update()
+
+    def solve(self, load: FloatArray) -> FloatArray:
+        """Solve for a right-hand side of shape (unknowns,)."""
+        self._load.FV().NumPy()[:] = load
+        solve_condensed(self._inverse, self._parts, self._load, self._solution)
+        return np.array(self._solution.FV().NumPy())
+
+
+def _entry_keys(form: BilinearForm) -> IntArray:
+    """Row and column of each stored entry as one ascending number."""
+    _, columns, starts = (np.array(part).astype(np.int64) for part in form.mat.CSR())
+    rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    return np.asarray(rows * form.space.ndof + columns)

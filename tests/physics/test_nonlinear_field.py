@@ -1,0 +1,192 @@
+"""The field of saturating parts against a closed form, the linear solver, energy and another solver's table."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from femfit.actuator.bh_curve import BHCurve
+from femfit.actuator.parts import LinearMaterial, Region
+from femfit.core.constants import MU_0
+from femfit.fem.layout import layout_of
+from femfit.fem.linear_point import LinearActuator
+from femfit.fem.newton import TOLERANCE, minimise
+from femfit.fem.settings import SolverSettings
+from support.actuators import assembly, magnet, rectangle
+from support.reference import REFERENCE, needs_reference
+from support.saturating import STEEL, bobbin, problem_at, rig_with_core, rows_at, straight
+
+TURNS, LENGTH, ROD, INNER, OUTER = 100.0, 0.04, 0.005, 0.007, 0.012
+
+
+def closed_pot(currents):
+    """A steel rod in a coil that fills a pot of (nearly) infinite permeability: H = N i / length in the whole rod."""
+    yoke = LinearMaterial("yoke", 1e9)
+    low, high = -0.05, -0.01
+    fixed = [
+        Region("rod", rectangle(0.0, ROD, low, high), STEEL),
+        Region("lower", rectangle(0.0, OUTER + 0.01, low - 0.01, low), yoke),
+        Region("upper", rectangle(0.0, OUTER + 0.01, high, 0.0), yoke),
+        Region("shell", rectangle(OUTER, OUTER + 0.01, low, high), yoke),
+    ]
+    coil = rectangle(INNER, OUTER, low, high)
+    body = magnet(0.0, 0.002, 0.002, permeability=1.0)
+    actuator = assembly(fixed=fixed, moving=[body], distances=(0.02,), coil=coil, turns=TURNS)
+    return dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, currents_A=currents))
+
+
+def pot_flux_linkage(current):
+    """N x flux: the rod's, the air's between rod and coil, and the coil's own, where H falls linearly with r."""
+    curve = BHCurve(STEEL.flux_density_T, STEEL.field_A_per_m)
+    h = TURNS * current / LENGTH
+    b = brentq(lambda x: float(curve.field(np.array([x]))[0]) - h, 0.0, 5.0, xtol=1e-15)
+    through = b * math.pi * ROD**2 + MU_0 * h * math.pi * (INNER**2 - ROD**2)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    r = INNER + 0.5 * (OUTER - INNER) * (nodes + 1.0)
+    share = (OUTER - r) / (OUTER - INNER)  # of the turns outside of r, which make H there; their flux links the same
+    in_coil = 0.5 * (OUTER - INNER) * np.sum(weights * share**2 * 2.0 * math.pi * r) * MU_0 * h
+    return TURNS * (through + in_coil)
+
+
+# In the winding w holds 1 / r^2, which polynomials approach only: 1e-5 of the flux with elements of a quarter of it.
+SMALL = SolverSettings(region_fraction=0.25)
+
+
+def test_flux_of_a_closed_core_is_that_of_the_magnetisation_curve():
+    currents = (0.05, 0.2, 0.4, 1.0, 4.0, 20.0, 100.0, 200.0)  # 125 A/m to 500 kA/m, 0.3 to 2.7 T
+    rows = rows_at(closed_pot(currents), settings=SMALL)
+    assert (rows["status"] == "ok").all()
+    np.testing.assert_allclose(rows["flux_linkage_Wb"], [pot_flux_linkage(i) for i in currents], rtol=1e-5)
+
+
+def test_inductance_and_coenergy_of_a_closed_core_are_derivative_and_integral_of_its_flux():
+    currents = (0.0, 0.1, 0.5, 4.0)
+    rows = rows_at(closed_pot(currents), settings=SMALL)
+    step = 1e-4
+    slope = [
+        (pot_flux_linkage(i * (1 + step)) - pot_flux_linkage(i * (1 - step))) / (2 * step * i) for i in currents[1:]
+    ]
+    np.testing.assert_allclose(
+        rows["inductance_H"][1:], slope, rtol=1e-4
+    )  # the points of the curve are kinks of its slope's slope
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    integral = [
+        0.5 * i * np.sum(weights * [pot_flux_linkage(0.5 * i * (x + 1.0)) for x in nodes]) for i in currents[1:]
+    ]
+    np.testing.assert_allclose(rows["coenergy_J"][1:] - rows["coenergy_J"][0], integral, rtol=2e-5)
+
+
+@pytest.mark.parametrize("permeability", [450.0, 1.0])
+def test_a_straight_magnetisation_curve_gives_the_linear_solvers_rows(permeability):
+    distances = (0.018, 0.02, 0.021)  # one group: from the reference distance, on a stretched mesh
+    actuator = rig_with_core(straight(permeability), distances)
+    linear = rig_with_core(LinearMaterial("linear", permeability), distances)
+    problem = LinearActuator(linear, distances, layout_of(linear, SolverSettings()), SolverSettings())
+    expected = problem.rows(0.018, linear.sweep.currents_A)
+    rows = rows_at(actuator, 0.018)
+    for column in ("force_N", "flux_linkage_Wb", "inductance_H", "coenergy_J", "hall_T"):
+        np.testing.assert_allclose(rows[column], expected[column], rtol=1e-8, atol=1e-12)
+
+
+def test_newtons_iteration_converges_quadratically():
+    problem = problem_at(bobbin(), 0.005)
+    system = problem.fine
+    system.move()
+    near = minimise(system, 4.0, np.zeros(system.space.ndof)).state
+    result = minimise(system, 5.0, near, contraction=0.0)
+    assert result.converged
+    # From one correction to the next r -> C r^2: close to the solution the digits double.
+    tail = [r for r in result.history if r < 3e-3]
+    orders = np.diff(np.log(tail))[1:] / np.diff(np.log(tail))[:-1]
+    assert len(tail) >= 3
+    assert max(orders) > 1.7
+
+
+def test_a_kept_derivative_leads_to_the_same_state_as_a_renewed_one():
+    problem = problem_at(bobbin(), 0.005)
+    system = problem.coarse
+    system.move()
+    start = np.zeros(system.space.ndof)
+    kept, renewed = (minimise(system, 8.0, start, contraction=share).state for share in (0.1, 0.0))
+    difference, scale = system.square(kept - renewed), system.square(renewed)
+    assert math.sqrt(difference / scale) < 10.0 * TOLERANCE
+
+
+def test_every_correction_lowers_the_energy_until_it_is_resolved():
+    system = problem_at(bobbin(), 0.005).coarse
+    energies = []
+    for limit in range(1, 8):
+        system.move()  # forgets the kept derivative, so that each run repeats the one before
+        state = minimise(system, 12.0, np.zeros(system.space.ndof), limit=limit).state
+        energies.append(system.energy(state, 12.0))
+    assert (np.diff(energies) < 0.0).all()
+
+
+STEP = 1e-4
+DISTANCES = tuple(round(0.004 + k * STEP, 6) for k in range(-1, 2))
+
+
+def magnet_with_steel_back():
+    """A magnet between the face and a disc of steel that it saturates in part: permanent and induced magnetisation."""
+    back = Region("back", rectangle(0.0, 0.0055, 0.003, 0.004), STEEL)
+    return [magnet(1.3, 0.0055, 0.003, permeability=1.05), back]
+
+
+@pytest.mark.parametrize("mover", [None, magnet_with_steel_back()], ids=["steel disc", "magnet with steel back"])
+def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
+    currents = (1.0, 1.1, 1.2, 7.9, 8.0, 8.1)
+    actuator = bobbin(distances=DISTANCES, currents=currents, mover=mover)
+    problem = problem_at(actuator, DISTANCES[1])
+    low, middle, high = (problem.rows(d, currents) for d in DISTANCES)
+    slope = -(np.array(high["coenergy_J"]) - low["coenergy_J"]) / (2.0 * STEP)
+    np.testing.assert_allclose(middle["force_N"], slope, rtol=2e-3)
+    by_flux = -(np.array(high["flux_linkage_Wb"]) - low["flux_linkage_Wb"]) / (2.0 * STEP)
+    force = np.array(middle["force_N"])
+    by_force = (force[[2, 5]] - force[[0, 3]]) / (np.array(currents)[[2, 5]] - np.array(currents)[[0, 3]])
+    np.testing.assert_allclose(by_force, by_flux[[1, 4]], rtol=5e-3)
+    flux, inductance = np.array(middle["flux_linkage_Wb"]), np.array(middle["inductance_H"])
+    np.testing.assert_allclose((flux[[2, 5]] - flux[[0, 3]]) / 0.2, inductance[[1, 4]], rtol=2e-3)
+
+
+@pytest.mark.parametrize("mover", [None, magnet_with_steel_back()], ids=["steel disc", "magnet with steel back"])
+def test_force_error_covers_the_error_against_a_finer_run(mover):
+    actuator = bobbin(distances=(0.003,), currents=(0.5, 2.0, 6.0, 10.0), mover=mover)
+    rows, finer = rows_at(actuator), rows_at(actuator, settings=SolverSettings().finer())
+    error = np.abs(rows["force_N"] - finer["force_N"])
+    assert (error < 1e-3 * np.abs(finer["force_N"])).all()
+    ratio = rows["force_error_N"] / error
+    assert np.median(ratio) > 1.0
+    assert np.median(ratio) < 10.0
+    assert (ratio > 0.5).all()
+
+
+def test_self_force_of_a_magnet_with_a_steel_back_is_the_error_of_the_plain_stress():
+    rough = SolverSettings(order=3, corner_fraction=0.5, grading=0.7)
+    actuator = bobbin(distances=(0.015,), currents=(0.5,), mover=magnet_with_steel_back())
+    problem = problem_at(actuator, 0.015, rough)
+    solution = problem.solve(0.015, (0.5,))[0].solution
+    fine = rows_at(actuator)["force_N"][0]
+    assert abs(solution.force + solution.self_force - fine) > 5.0 * abs(solution.force - fine)
+
+
+@needs_reference
+def test_forces_on_a_steel_disc_agree_with_the_peers_within_the_peers_error():
+    import pandas as pd
+
+    tables = [pd.read_csv(REFERENCE / name) for name in ("steel_xfemm.csv", "steel_xfemm_saturated.csv")]
+    peer = pd.concat(tables, ignore_index=True)
+    peer = peer[peer["current_A"].isin([1.0, 3.0, 6.0, 12.0]) & peer["distance_m"].round(6).isin([0.002, 0.005, 0.012])]
+    ours = {
+        d: rows_at(bobbin(distances=(d,), currents=(1.0, 3.0, 6.0, 12.0)))
+        for d in sorted(peer["distance_m"].round(6).unique())
+    }
+    for row in peer.itertuples():
+        rows, k = ours[round(row.distance_m, 6)], [1.0, 3.0, 6.0, 12.0].index(row.current_A)
+        # Its notes give 0.12 % for the flux; its boundary lies at a fifth of our distance.
+        assert row.flux_linkage_Wb == pytest.approx(rows["flux_linkage_Wb"][k], rel=3e-3)
+        # Its two bodies differ by 3 to 8 %, its self-force is not removed, and grows with the stray field of a
+        # saturated core: 0.5 % below saturation, 3.5 % at 12 A, where ours moves by 0.06 % with ten times the work.
+        assert row.force_N == pytest.approx(rows["force_N"][k], rel=6e-3 if row.current_A < 4.0 else 4e-2)
+    assert len(peer) == 12
