@@ -13,6 +13,7 @@ from femfit.actuator.decimals import scaled
 from femfit.actuator.load import actuator_from_toml
 from femfit.actuator.parts import Actuator
 from femfit.core.errors import FemFileError
+from femfit.importer.fem_curve import rising_part
 from femfit.importer.fem_faces import GRID, find_faces
 from femfit.importer.fem_frame import FemFrame, find_frame
 from femfit.importer.fem_limits import check_limits
@@ -195,6 +196,17 @@ def _say_assumptions(model: FemModel, bodies: FemBodies, options: FemOptions, fi
                 "Check the direction of magnetization in the actuator file.",
             )
         )
+    for material in dict.fromkeys(part.material for part in (*bodies.fixed, *bodies.moving)):
+        dropped = len(material.curve) - len(rising_part(material.curve))
+        if dropped:
+            findings.append(
+                Finding(
+                    "curve-end",
+                    "info",
+                    f"The B-H curve of {material.name!r} ends with a slope below mu_0; its last {dropped} of "
+                    f"{len(material.curve)} points are left out, and the curve goes on with mu_0.",
+                )
+            )
     if not (options.distances_mm or options.currents_A):
         findings.append(
             Finding(

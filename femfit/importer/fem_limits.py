@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from femfit.importer.fem_model import FemLabel, FemMaterial, FemModel
 
 ANGLE_TOLERANCE = 0.01
@@ -91,15 +93,12 @@ def _material_limits(material: FemMaterial) -> Iterable[str]:
             "LamFill = 1 and give an effective permeability."
         )
     if material.coercivity and material.curve:
+        flux, field = zip(*material.curve, strict=True)
+        remanence = float(np.interp(abs(material.coercivity), field, flux))
         yield (
             f"{name} is a permanent magnet with a B-H curve ({len(material.curve)} points); femfit's magnets have a "
-            "straight recoil line. Clear its curve and give Mu and H_c of the line at its working point "
-            "(B_r = mu_0 Mu H_c)."
-        )
-    elif material.curve:
-        yield (
-            f"{name} has a B-H curve ({len(material.curve)} points); actuator files hold linear materials. Clear its "
-            "curve and give the permeability B / (mu_0 H) at the flux density that it carries."
+            f"straight recoil line. Clear its curve, give Mu of the line (about 1.05 for NdFeB) and H_c = B_r / (mu_0 "
+            f"Mu); its curve has B_r = {remanence:.4g} T."
         )
     if material.current_density:
         yield (

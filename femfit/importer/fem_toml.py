@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 from itertools import pairwise
 
+from femfit.importer.fem_curve import rising_part
 from femfit.importer.fem_frame import FemFrame
 from femfit.importer.fem_model import FemModel
 from femfit.importer.fem_mover import FemBodies
@@ -110,6 +111,10 @@ def _signs(frame: FemFrame) -> str:
 def _materials(parts: Iterable[FemPart]) -> Iterator[str]:
     for material in dict.fromkeys(part.material for part in parts):
         yield from ("", f"[materials.{_string(material.name)}]")
+        if material.curve:
+            for key, values in zip(("B_T", "H_A_per_m"), zip(*rising_part(material.curve), strict=True), strict=True):
+                yield from _list(key, [_number(value, EXACT) for value in values], "")
+            continue
         yield f"relative_permeability = {_number(material.mu_y)}"
         if material.coercivity:
             yield f"remanence_T = {_number(material.remanence)} # mu_0 mu_r H_c of {abs(material.coercivity):.6g} A/m"
@@ -170,11 +175,15 @@ def _outline(corners: Sequence[tuple[float, float]], comment: str = "") -> Itera
         yield f"z_mm = [{_number(min(heights))}, {_number(max(heights))}]"
         return
     points = [f"[{_number(r)}, {_number(z)}]" for r, z in corners]
-    if len(points) <= 6:
-        yield f"polygon_mm = [{', '.join(points)}]{remark}"
+    yield from _list("polygon_mm", points, remark)
+
+
+def _list(key: str, items: Sequence[str], remark: str) -> Iterator[str]:
+    if len(items) <= 6:
+        yield f"{key} = [{', '.join(items)}]{remark}"
         return
-    yield f"polygon_mm = [{remark}"
-    yield from (f"  {', '.join(points[k : k + 6])}," for k in range(0, len(points), 6))
+    yield f"{key} = [{remark}"
+    yield from (f"  {', '.join(items[k : k + 6])}," for k in range(0, len(items), 6))
     yield "]"
 
 
@@ -215,4 +224,4 @@ def _plain(text: str) -> str:
 
 
 def _comment_of(model: FemModel) -> str:
-    return f" ({_plain(model.comment)})" if model.comment else ""
+    return f" ({_plain(model.comment)})" if model.comment not in {"", "Add comments here."} else ""

@@ -41,7 +41,7 @@ def test_problems_of_another_kind_are_refused(header, words):
 @pytest.mark.parametrize(
     ("name", "changes", "words"),
     [
-        (MAGNET, {"curve": CURVE}, ("'N40'", "permanent magnet with a B-H curve", "recoil line")),
+        (MAGNET, {"curve": CURVE, "H_c": 12000}, ("'N40'", "permanent magnet with a B-H curve", "B_r = 1.8 T")),
         (STEEL, {"Mu_y": 300}, ("'Pure Steel'", "anisotropic", "500", "300")),
         (STEEL, {"LamFill": 0.95}, ("'Pure Steel'", "laminated", "0.95")),
         (STEEL, {"Mu_x": -1, "Mu_y": -1}, ("'Pure Steel'", "must be > 0")),

@@ -12,7 +12,7 @@ from femfit.importer.fem_options import FemOptions, axis_option
 from support.fem_files import STEEL, suspension
 
 MODEL = suspension()
-MODEL.materials[STEEL]["curve"] = ()
+MODEL.materials[STEEL]["curve"] = ((0, 0), (1.1, 180.5), (1.6, 3000), (1.9, 16000), (2.2, 110000))
 TEXT = MODEL.text()
 LINES = TEXT.splitlines()
 NUMBERS = [match.span() for match in re.finditer(r"-?\d+\.?\d*(?:e-?\d+)?", TEXT)]
