@@ -14,9 +14,9 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.coil_block import CoilBlock
-from femfit.estimate.integrate.field_model import play_paths
 from femfit.estimate.integrate.lanes import Lanes, affine_lanes
 from femfit.estimate.integrate.uncertainty import PAPER_COIL, SensingCoil
+from femfit.model.field_of_current import play_paths
 
 PAPER_RAMP_RATES = (3.2, 32.0, 100.0)
 """A/s."""

@@ -1,11 +1,11 @@
 """A magnet's field from its current: polynomial, hysteresis by play operators, eddy lag. Linear in its coefficients.
 
-B = sum_n p_n x^n + sum_j (u_j (1 - x^2) + s_j x^2) (P_j - I) - sum_l c_l e_l,  x = I / I_max,
+B = sum_n p_n T_n(2 x - 1) + sum_j (u_j (1 - x^2) + s_j x^2) (P_j - I) - sum_l c_l e_l,  x = I / I_max,
 
-with the play operators P_j = max(I - r_j, min(I + r_j, P_j)), which lag behind the current by at most r_j and carry the
-hysteresis with its wiping-out; their strengths at zero and at full current, u_j and s_j, are apart because saturation
-narrows the loop; and the eddy lags e_l' = -e_l / tau_l + dI/dt. This is the nonlinear part f of (14) that the paper
-leaves open.
+with Chebyshev polynomials T_n, and the play operators P_j = max(I - r_j, min(I + r_j, P_j)), which lag behind the
+current by at most r_j and carry the hysteresis with its wiping-out; their strengths at zero and at full current, u_j
+and s_j, are apart because saturation narrows the loop; and the eddy lags e_l' = -e_l / tau_l + dI/dt. This is the
+nonlinear part f of (14) that the paper leaves open.
 
 References
 ----------
@@ -15,11 +15,16 @@ A. Visintin, Differential Models of Hysteresis (Springer, 1994), III.1 (play) an
 G. Moritz, Eddy currents in accelerator magnets, arXiv:1103.1800.
 """
 
-from dataclasses import dataclass, field
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import ModelFileError
+
+_KIND = "field of current"
 
 
 @dataclass(frozen=True)
@@ -85,16 +90,12 @@ class FieldModel:
     coefficients : array, shape (k,)
         In the order of ``terms.names``.
     rms_T : float
-        Of its error on the data that it was fitted to, T.
-    correlation_s : float
-        How long an error of it lasts, s.
+        Of its error, on runs that it was not fitted to where there are several.
     """
 
     terms: FieldTerms
     coefficients: FloatArray
-    rms_T: float = 1e-4
-    correlation_s: float = 10.0
-    provenance: dict[str, str] = field(default_factory=dict)
+    rms_T: float
 
     def start(self) -> MagnetState:
         """After cycling to the largest current and back to zero."""
@@ -148,7 +149,7 @@ def field_columns(
     behind = plays - current[:, None]
     columns = np.concatenate(
         [
-            x[:, None] ** np.arange(terms.degree + 1),
+            np.polynomial.chebyshev.chebvander(2.0 * x - 1.0, terms.degree),
             behind * (1.0 - x**2)[:, None],
             behind * (x**2)[:, None],
             -lags,
@@ -198,3 +199,62 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
         lag = keep[row] * lag + (1.0 - keep[row]) * times * rate[row]
         paths[row] = lag
     return paths
+
+
+def write_field_model(model: FieldModel, path: Path) -> None:
+    """Write a field model as JSON.
+
+    Parameters
+    ----------
+    model : FieldModel
+        Any.
+    path : Path
+        Of the file; its directory is made.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = {
+        "kind": _KIND,
+        "terms": asdict(model.terms),
+        "coefficients_T": dict(zip(model.terms.names, model.coefficients.tolist(), strict=True)),
+        "rms_T": model.rms_T,
+    }
+    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def read_field_model(path: Path) -> FieldModel:
+    """Read a field model.
+
+    Parameters
+    ----------
+    path : Path
+        Written by :func:`write_field_model`.
+
+    Returns
+    -------
+    FieldModel
+        The model.
+
+    Raises
+    ------
+    ModelFileError
+        If the file holds anything else.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["kind"] != _KIND:
+            raise ModelFileError(f"{path} must be a {_KIND}; instead received {data['kind']!r}.")
+        given = data["terms"]
+        terms = FieldTerms(
+            float(given["current_max_A"]),
+            int(given["degree"]),
+            tuple(map(float, given["play_radii_A"])),
+            tuple(map(float, given["lag_times_s"])),
+        )
+        coefficients = np.array([float(data["coefficients_T"][name]) for name in terms.names])
+        return FieldModel(terms, coefficients, float(data["rms_T"]))
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, ModelFileError):
+            raise
+        raise ModelFileError(
+            f"{path} cannot be read as a {_KIND}: {error!r}. Identify it again from a lab record."
+        ) from error

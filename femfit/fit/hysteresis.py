@@ -1,0 +1,122 @@
+"""Identify a magnet's field for its current from lab runs: the bounded QP over polynomial, play operators, eddy lags.
+
+Strengths of plays and lags are bounded below by zero: a loop runs in one direction, and an eddy current delays.
+
+References
+----------
+P. Arpaia et al., Sensors 22 (2022) 182, section 5 (the wish for a nonlinear current-to-field model).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FitError
+from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
+from femfit.model.field_of_current import FieldModel, FieldTerms, field_columns, precycled
+
+ROW_INTERVAL = 0.1
+"""Seconds of a lab run that are averaged to one row of the fit."""
+
+# Radii as fractions of the largest current: small ones for the loop's tips, large ones for its width.
+_RADII = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 3 / 8, 1 / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class LabRun:
+    """Currents and the field that a drift-free filter found, from a magnet cycled to its largest current before.
+
+    Parameters
+    ----------
+    time, current, field : array, shape (n,)
+        In s, A and T.
+    """
+
+    time: FloatArray
+    current: FloatArray
+    field: FloatArray
+
+    def thinned(self, interval: float = ROW_INTERVAL) -> "LabRun":
+        """Means over an interval, a row each."""
+        size = max(1, round(interval / float(np.median(np.diff(self.time)))))
+        rows = len(self.time) // size
+
+        def mean(column: FloatArray) -> FloatArray:
+            return np.asarray(column[: rows * size].reshape(rows, size).mean(axis=1))
+
+        return LabRun(mean(self.time), mean(self.current), mean(self.field))
+
+
+def usual_terms(current_max: float, lag_times: Sequence[float] = (3.0, 10.0, 30.0)) -> FieldTerms:
+    """Polynomial of degree 7, seven play operators, three lags.
+
+    Parameters
+    ----------
+    current_max : float
+        Largest current of the magnet's cycles, A.
+    lag_times : sequence of float
+        Time constants in s; the fit weighs them.
+
+    Returns
+    -------
+    FieldTerms
+        For :func:`identify_field`.
+    """
+    return FieldTerms(current_max, 7, tuple(current_max * fraction for fraction in _RADII), tuple(lag_times))
+
+
+def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> FieldModel:
+    """Fit the field to the current over lab runs.
+
+    Parameters
+    ----------
+    runs : sequence of LabRun
+        At least one, with ramps up and down; smaller amplitudes teach the minor loops.
+    terms : FieldTerms or None
+        The usual ones for the largest current of the runs where None.
+
+    Returns
+    -------
+    FieldModel
+        With its error: on each run in turn left out, where there are several.
+
+    Raises
+    ------
+    FitError
+        If there is no run, a value is not finite, or the runs do not move the current.
+    """
+    if not runs:
+        raise FitError("A field model needs at least one lab run; instead received none.")
+    rows = [run.thinned() for run in runs]
+    top = max(float(run.current.max()) for run in rows)
+    if terms is None:
+        if top <= 0.0:
+            raise FitError(f"A lab run must reach a current > 0 A; instead the largest is {top:g} A.")
+        terms = usual_terms(top)
+    matrices = [field_columns(terms, precycled(terms), run.time, run.current)[1] for run in rows]
+    used = np.flatnonzero(np.any(np.concatenate(matrices) != 0.0, axis=0))
+    matrices = [matrix[:, used] for matrix in matrices]
+    free = terms.degree + 1
+    lower = np.where(used < free, -np.inf, 0.0)
+    y = [run.field for run in rows]
+    whole, target = np.concatenate(matrices), np.concatenate(y)
+    names = [terms.names[k] for k in used]
+    solution = solve_bounded_qp(whole, target, np.ones(len(target)), lower, names=names)
+    errors = _left_out(matrices, y, lower) if len(runs) > 1 else [whole @ solution.x - target]
+    coefficients = np.zeros(len(terms.names))
+    coefficients[used] = solution.x
+    rms = float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
+    return FieldModel(terms, coefficients, rms)
+
+
+def _left_out(matrices: list[FloatArray], y: list[FloatArray], lower: FloatArray) -> list[FloatArray]:
+    """Error on each run of a fit to the others."""
+    errors = []
+    for place, (matrix, own) in enumerate(zip(matrices, y, strict=True)):
+        others = np.concatenate([m for k, m in enumerate(matrices) if k != place])
+        target = np.concatenate([values for k, values in enumerate(y) if k != place])
+        x = active_set_least_squares(others, target, np.ones(len(target)), lower)
+        errors.append(matrix @ x - own)
+    return errors

@@ -1,0 +1,109 @@
+"""The field of a current, identified: coefficients of its own kind come back, the bounds hold, the file round-trips."""
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import FitError, ModelFileError
+from femfit.fit.hysteresis import LabRun, identify_field, usual_terms
+from femfit.model.field_of_current import (
+    FieldModel,
+    FieldTerms,
+    field_columns,
+    play_paths,
+    precycled,
+    read_field_model,
+    write_field_model,
+)
+
+TERMS = FieldTerms(320.0, 3, (20.0, 80.0), (10.0,))
+TRUTH = np.array([0.6, 0.7, 0.1, 0.02, 1e-5, 4e-6, 5e-6, 2e-6, 4e-7])
+
+
+def triangle(peaks, rate=32.0, hold=20.0):
+    """Up to each peak and back to zero, with plateaus; 100 samples a second."""
+    knots, values = [0.0], [0.0]
+    for peak in peaks:
+        knots += (np.cumsum([peak / rate, hold, peak / rate, hold]) + knots[-1]).tolist()
+        values += [peak, peak, 0.0, 0.0]
+    time = np.arange(round(knots[-1] * 100)) / 100.0
+    return time, np.interp(time, knots, values)
+
+
+def lab_run(peaks, rng=None, coefficients=TRUTH):
+    time, current = triangle(peaks)
+    field = field_columns(TERMS, precycled(TERMS), time, current)[1] @ coefficients
+    return LabRun(time, current, field if rng is None else field + 1e-6 * rng.normal(size=len(field)))
+
+
+def test_a_play_operator_lags_by_its_radius_and_wipes_minor_loops_out():
+    path = np.array([0.0, 100.0, 60.0, 90.0, 100.0, 0.0, 50.0])
+    played = play_paths(np.array([10.0]), np.array([0.0]), path)[:, 0]
+    np.testing.assert_array_equal(played, [0.0, 90.0, 70.0, 80.0, 90.0, 10.0, 40.0])
+
+
+def test_a_cycled_magnet_repeats_its_loop():
+    time, current = triangle([320.0, 320.0])
+    field = field_columns(TERMS, precycled(TERMS), time, current)[1][:, : 4 + 4] @ TRUTH[:8]
+    half = len(time) // 2
+    np.testing.assert_allclose(field[half:], field[:half], atol=1e-14)
+
+
+def test_blocks_give_the_columns_of_the_whole():
+    time, current = triangle([320.0, 100.0])
+    whole = field_columns(TERMS, precycled(TERMS), time, current)[1]
+    state, pieces = precycled(TERMS), []
+    for rows in np.array_split(np.arange(len(time)), 7):
+        state, columns = field_columns(TERMS, state, time[rows], current[rows])
+        pieces.append(columns)
+    np.testing.assert_allclose(np.concatenate(pieces), whole, rtol=1e-12, atol=1e-12)
+
+
+def test_coefficients_of_its_own_kind_come_back():
+    rng = np.random.default_rng(1)
+    model = identify_field([lab_run([320.0, 240.0, 120.0, 60.0, 320.0], rng)], TERMS)
+    # 1 uT of white noise over 10 samples a row and 1300 rows; plays at full current act on few rows: 1 % uncertain.
+    np.testing.assert_allclose(model.coefficients[:4], TRUTH[:4], atol=2e-6)
+    np.testing.assert_allclose(model.coefficients[4:], TRUTH[4:], rtol=0.04)
+    assert model.rms_T == pytest.approx(1e-6 / np.sqrt(10.0), rel=0.1)
+
+
+def test_strengths_are_never_negative():
+    wrong_way = TRUTH * np.r_[np.ones(4), -np.ones(5)]
+    model = identify_field([lab_run([320.0, 120.0], coefficients=wrong_way)], TERMS)
+    assert np.all(model.coefficients[4:] >= 0.0)
+
+
+def test_the_error_is_that_on_runs_left_out():
+    rng = np.random.default_rng(2)
+    runs = [lab_run(peaks, rng) for peaks in ([320.0, 240.0], [320.0, 120.0], [320.0, 60.0])]
+    moved = LabRun(runs[2].time, runs[2].current, runs[2].field + 1e-3)
+    assert identify_field([*runs[:2], moved], TERMS).rms_T > 3e-4
+    assert identify_field(runs, TERMS).rms_T < 1e-5
+
+
+def test_a_field_model_reads_as_it_was_written(tmp_path):
+    model = FieldModel(TERMS, TRUTH, 4e-5)
+    write_field_model(model, tmp_path / "deep" / "field.json")
+    again = read_field_model(tmp_path / "deep" / "field.json")
+    assert again.terms == TERMS
+    np.testing.assert_array_equal(again.coefficients, TRUTH)
+    assert again.rms_T == 4e-5
+
+
+@pytest.mark.parametrize("text", ["{}", "[]", "no json", '{"kind": "sweep"}', '{"kind": "field of current"}'])
+def test_other_files_are_refused(text, tmp_path):
+    (tmp_path / "x.json").write_text(text)
+    with pytest.raises(ModelFileError, match=r"x\.json"):
+        read_field_model(tmp_path / "x.json")
+
+
+def test_a_run_without_current_is_refused():
+    time = np.arange(500) / 100.0
+    with pytest.raises(FitError, match="must reach a current"):
+        identify_field([LabRun(time, np.zeros(500), np.zeros(500))])
+    with pytest.raises(FitError, match="at least one lab run"):
+        identify_field([])
+
+
+def test_the_usual_terms_scale_with_the_magnet():
+    assert usual_terms(320.0).play_radii_A == tuple(10.0 * r for r in usual_terms(32.0).play_radii_A)
