@@ -134,7 +134,8 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
         raise FemFileError(source, problems)
     wire = find_wire(winding, options, findings)
     text = actuator_toml(model, bodies, winding, wire, frame, options, _actuator_name(source, options))
-    _say_assumptions(model, bodies, options, findings)
+    _say_changes(model, bodies, options, findings)
+    _say_missing(options, findings)
     return ImportedFem(
         toml=text,
         actuator=actuator_from_toml(text, f"the actuator file of {source}"),
@@ -166,7 +167,8 @@ def _place(
     return winding, bodies, find_frame(bodies, winding, options, problems, findings)
 
 
-def _say_assumptions(model: FemModel, bodies: FemBodies, options: FemOptions, findings: list[Finding]) -> None:
+def _say_changes(model: FemModel, bodies: FemBodies, options: FemOptions, findings: list[Finding]) -> None:
+    """What of the drawing and its materials is not as in the file."""
     outlines = shapely.union_all([part.polygon.boundary for part in (*bodies.fixed, *bodies.moving)])
     arcs = [line for line in model.lines if line.angle and all(_on(outlines, end) for end in (line.start, line.end))]
     if arcs:
@@ -207,6 +209,10 @@ def _say_assumptions(model: FemModel, bodies: FemBodies, options: FemOptions, fi
                     f"{len(material.curve)} points are left out, and the curve goes on with mu_0.",
                 )
             )
+
+
+def _say_missing(options: FemOptions, findings: list[Finding]) -> None:
+    """What the file does not hold and nobody gave."""
     if not (options.distances_mm or options.currents_A):
         findings.append(
             Finding(
@@ -216,7 +222,7 @@ def _say_assumptions(model: FemModel, bodies: FemBodies, options: FemOptions, fi
                 "For a table to fit give axes, such as --distance-mm 2:20:0.5 --current-A 0:2:0.5.",
             )
         )
-    if options.mass_g is None:
+    if options.mass_g is None and options.density_g_per_cm3 is None:
         findings.append(
             Finding(
                 "assumed-mass",
