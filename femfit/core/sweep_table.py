@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
@@ -146,7 +147,7 @@ def _check(rows: pd.DataFrame, file: Path) -> None:
     for name in REQUIRED:
         if not pd.api.types.is_numeric_dtype(usable[name]):
             raise TableError(f"Column {name} of {file} must be numeric; it holds {usable[name].iloc[0]!r}.")
-        if not usable[name].map(pd.notna).all():
-            raise TableError(f"Column {name} of {file} has rows with status ok but no number.")
+        if not np.isfinite(usable[name].to_numpy(dtype=float)).all():
+            raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")
     if (usable["distance_m"] <= 0).any():
         raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")

@@ -53,7 +53,8 @@ def test_a_failed_write_leaves_the_earlier_table(tmp_path, monkeypatch):
         (lambda rows: rows.iloc[:0], "no rows"),
         (lambda rows: rows.assign(status="failed: x"), "no row with status ok"),
         (lambda rows: rows.assign(force_N="many"), "force_N.*must be numeric"),
-        (lambda rows: rows.assign(force_N=np.nan), "no number"),
+        (lambda rows: rows.assign(force_N=np.nan), "no finite number"),
+        (lambda rows: rows.assign(force_N=[0.1, np.inf, 0.2, 0.3]), "no finite number"),
         (lambda rows: rows.assign(distance_m=-0.01), "must be > 0"),
     ],
 )
