@@ -1,1 +1,1 @@
-"""Tables of other programs to sweep tables, checked."""
+"""What users have elsewhere: tables and FEMM models, to sweep tables and actuator files."""

@@ -3,7 +3,7 @@
 import pytest
 
 from femfit.fem.sweep import run_sweep
-from femfit.importer.fem_import import import_fem, import_fem_file
+from femfit.importer.fem_file.read import import_fem, import_fem_file
 from support.fem_files import STEEL, suspension
 from support.reference import REFERENCE, needs_reference
 

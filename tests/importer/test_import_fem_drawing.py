@@ -8,8 +8,8 @@ import pytest
 import shapely
 
 from femfit.core.constants import MU_0
-from femfit.importer.fem_import import import_fem
-from femfit.importer.fem_options import FemOptions, axis_option
+from femfit.importer.fem_file.options import FemOptions, axis_option
+from femfit.importer.fem_file.read import import_fem
 from support.fem_files import AIR, COPPER, MAGNET, STEEL, UNIT_MM, FemDrawing, suspension
 
 NANOMETRE = 1e-9

@@ -5,8 +5,8 @@ import pickle
 import pytest
 
 from femfit.core.errors import ActuatorFileError, FemFileError, FemfitError
-from femfit.importer.fem_import import import_fem
-from femfit.importer.fem_options import FemOptions, axis_option
+from femfit.importer.fem_file.options import FemOptions, axis_option
+from femfit.importer.fem_file.read import import_fem
 from support.fem_files import AIR, COPPER, MAGNET, STEEL, FemDrawing, suspension
 
 CURVE = ((0, 0), (1, 200), (1.5, 2000), (1.8, 12000), (2.1, 60000))

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from femfit.actuator.load import actuator_from_toml
 from femfit.core.errors import FemfitError
-from femfit.importer.fem_import import import_fem
-from femfit.importer.fem_options import FemOptions, axis_option
+from femfit.importer.fem_file.options import FemOptions, axis_option
+from femfit.importer.fem_file.read import import_fem
 from support.fem_files import STEEL, suspension
 
 MODEL = suspension()

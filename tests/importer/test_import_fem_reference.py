@@ -6,7 +6,7 @@ import pytest
 
 from femfit.actuator.parts import HallElement
 from femfit.fem.sweep import run_sweep
-from femfit.importer.fem_import import import_fem_file
+from femfit.importer.fem_file.read import import_fem_file
 from support.reference import REFERENCE, needs_reference
 
 pytestmark = needs_reference

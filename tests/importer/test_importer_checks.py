@@ -5,8 +5,8 @@ import pytest
 
 from femfit.core.errors import TableError
 from femfit.core.sweep_table import read_sweep_table, write_sweep_table
-from femfit.importer.options import ImportOptions
-from femfit.importer.read import read_foreign_table
+from femfit.importer.table.options import ImportOptions
+from femfit.importer.table.read import read_foreign_table
 
 
 def write(path, table, header="current_A;distance_mm;force_N;flux_linkage_Wb"):

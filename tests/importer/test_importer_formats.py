@@ -6,8 +6,8 @@ import pytest
 
 from femfit.core.errors import TableError
 from femfit.core.sweep_table import read_sweep_table, write_sweep_table
-from femfit.importer.options import ImportOptions
-from femfit.importer.read import read_foreign_table
+from femfit.importer.table.options import ImportOptions
+from femfit.importer.table.read import read_foreign_table
 
 DIGITS = 3e-9  # tables below are printed with nine significant digits or more
 

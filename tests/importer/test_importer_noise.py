@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from femfit.importer.check_noise import NOISY, check_noise
-from femfit.importer.rival_forces import compare_forces
-from femfit.importer.roughness import MIN_DISTANCES, measure_roughness
+from femfit.importer.table.check_noise import NOISY, check_noise
+from femfit.importer.table.rival_forces import compare_forces
+from femfit.importer.table.roughness import MIN_DISTANCES, measure_roughness
 
 LAWS = {
     "F1e": lambda d: 6e-9 * d**-4.0,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from femfit.importer.check_reciprocity import check_reciprocity, flux_from_inductance
-from femfit.importer.force_sign import settle_force_sign
+from femfit.importer.table.check_reciprocity import check_reciprocity, flux_from_inductance
+from femfit.importer.table.force_sign import settle_force_sign
 
 GRIDS = {
     "fine": np.linspace(5e-3, 25e-3, 41),

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from femfit.importer.options import ImportOptions
-from femfit.importer.read import read_foreign_table
+from femfit.importer.table.options import ImportOptions
+from femfit.importer.table.read import read_foreign_table
 from support.reference import REFERENCE, needs_reference
 
 pytestmark = needs_reference

@@ -5,10 +5,10 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.importer.finding import Finding
-from femfit.importer.mapping import ColumnUse, choose_columns
-from femfit.importer.options import ImportOptions
-from femfit.importer.quantities import QUANTITIES, REQUIRED
-from femfit.importer.raw_table import RawTable
+from femfit.importer.table.mapping import ColumnUse, choose_columns
+from femfit.importer.table.options import ImportOptions
+from femfit.importer.table.quantities import QUANTITIES, REQUIRED
+from femfit.importer.table.raw_table import RawTable
 
 
 def long_points(

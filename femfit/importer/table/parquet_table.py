@@ -7,7 +7,7 @@ import pandas as pd
 import pyarrow as pa
 
 from femfit.core.errors import TableError
-from femfit.importer.raw_table import RawTable
+from femfit.importer.table.raw_table import RawTable
 
 MAGIC = b"PAR1"
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
-from femfit.importer.fem_faces import GRID, FemFace
-from femfit.importer.fem_model import FemBoundary, FemModel
+from femfit.importer.fem_file.faces import GRID, FemFace
+from femfit.importer.fem_file.model import FemBoundary, FemModel
 from femfit.importer.finding import Finding
 
 _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from femfit.importer.fem_model import FemLabel, FemMaterial, FemModel
+from femfit.importer.fem_file.model import FemLabel, FemMaterial, FemModel
 
 ANGLE_TOLERANCE = 0.01
 """Degrees off the axis that a magnetization may be: drawings give 90 or -90, rotated ones its rounding."""

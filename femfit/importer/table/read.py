@@ -12,23 +12,23 @@ import pandas as pd
 from femfit import __version__
 from femfit.core.errors import TableError
 from femfit.core.sweep_table import COLUMNS, SweepTable
-from femfit.importer.check_cells import check_cells, drop_incomplete
-from femfit.importer.check_grid import tidy_grid
-from femfit.importer.check_noise import check_noise
-from femfit.importer.check_reciprocity import check_reciprocity, flux_from_inductance
-from femfit.importer.check_units import check_units
-from femfit.importer.file_axis import value_in_name
 from femfit.importer.finding import Finding
-from femfit.importer.force_sign import settle_force_sign
-from femfit.importer.long_form import long_points
-from femfit.importer.mapping import ColumnUse
-from femfit.importer.matrix_form import is_matrix, matrix_points
-from femfit.importer.options import ImportOptions
-from femfit.importer.parquet_table import MAGIC, parse_parquet_table
-from femfit.importer.quantities import QUANTITIES, REQUIRED
-from femfit.importer.raw_table import RawTable
-from femfit.importer.rival_forces import compare_forces
-from femfit.importer.text_table import parse_text_table
+from femfit.importer.table.check_cells import check_cells, drop_incomplete
+from femfit.importer.table.check_grid import tidy_grid
+from femfit.importer.table.check_noise import check_noise
+from femfit.importer.table.check_reciprocity import check_reciprocity, flux_from_inductance
+from femfit.importer.table.check_units import check_units
+from femfit.importer.table.file_axis import value_in_name
+from femfit.importer.table.force_sign import settle_force_sign
+from femfit.importer.table.long_form import long_points
+from femfit.importer.table.mapping import ColumnUse
+from femfit.importer.table.matrix_form import is_matrix, matrix_points
+from femfit.importer.table.options import ImportOptions
+from femfit.importer.table.parquet_table import MAGIC, parse_parquet_table
+from femfit.importer.table.quantities import QUANTITIES, REQUIRED
+from femfit.importer.table.raw_table import RawTable
+from femfit.importer.table.rival_forces import compare_forces
+from femfit.importer.table.text_table import parse_text_table
 
 _SUFFIXES = frozenset((".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet"))
 _FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import shapely
 from shapely import Polygon
 
-from femfit.importer.fem_faces import GRID, FemFace
-from femfit.importer.fem_model import FemCircuit, FemMaterial
+from femfit.importer.fem_file.faces import GRID, FemFace
+from femfit.importer.fem_file.model import FemCircuit, FemMaterial
 from femfit.importer.finding import Finding
 
 DENSITY_TOLERANCE = 1e-3

@@ -15,7 +15,7 @@ class ImportOptions:
     Parameters
     ----------
     columns : mapping of str to str
-        Quantity (a key of :data:`femfit.importer.quantities.QUANTITIES`) to the header that holds it.
+        Quantity (a key of :data:`femfit.importer.table.quantities.QUANTITIES`) to the header that holds it.
     units : mapping of str to str
         Quantity to its unit in the file, or to a number that multiplies it to SI.
     column_names : tuple of str

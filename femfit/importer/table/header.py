@@ -4,8 +4,8 @@ import re
 import unicodedata
 from dataclasses import dataclass
 
-from femfit.importer.quantities import FOREIGN_WORDS, QUANTITIES
-from femfit.importer.units import is_unit, unit_factor
+from femfit.importer.table.quantities import FOREIGN_WORDS, QUANTITIES
+from femfit.importer.table.units import is_unit, unit_factor
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
 _TRAILING = re.compile(r"(?:\s*/\s*|\s*,\s*|\s+in\s+|\s+en\s+|\s+v\s+|[_\s]+)([^\s_/,]+)$")
@@ -90,7 +90,7 @@ def match_score(header: Header, quantity: str) -> int:
     header : Header
         From :func:`parse_header`.
     quantity : str
-        A key of :data:`femfit.importer.quantities.QUANTITIES`.
+        A key of :data:`femfit.importer.table.quantities.QUANTITIES`.
 
     Returns
     -------

@@ -5,7 +5,7 @@ from functools import partial
 from typing import TypeVar
 
 from femfit.core.errors import FemFileError
-from femfit.importer.fem_model import (
+from femfit.importer.fem_file.model import (
     FemBoundary,
     FemCircuit,
     FemLabel,
@@ -15,7 +15,7 @@ from femfit.importer.fem_model import (
     FemPoint,
     FemPointProperty,
 )
-from femfit.importer.fem_text import FemText, split_fem, unquoted
+from femfit.importer.fem_file.text import FemText, split_fem, unquoted
 
 UNITS_MM = {
     "inches": 25.4,

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
-from femfit.importer.check_noise import NoiseEstimate, estimate_noise
 from femfit.importer.finding import Finding
+from femfit.importer.table.check_noise import NoiseEstimate, estimate_noise
 
 
 def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:

@@ -5,9 +5,9 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from femfit.importer.check_cells import rows_of
 from femfit.importer.finding import Finding
-from femfit.importer.quantities import QUANTITIES
+from femfit.importer.table.check_cells import rows_of
+from femfit.importer.table.quantities import QUANTITIES
 
 # Largest plausible magnitude in SI and what the number usually is when it is larger. 0.5 m: no reluctance or magnet
 # actuator works over more; 3 T: above iron's saturation.

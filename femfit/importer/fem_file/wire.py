@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from femfit.actuator.winding import smallest_winding_area, wire_resistance
-from femfit.importer.fem_options import FemOptions
-from femfit.importer.fem_winding import FemWinding
+from femfit.importer.fem_file.options import FemOptions
+from femfit.importer.fem_file.winding import FemWinding
 from femfit.importer.finding import Finding
 
 COPPER_FILL = 0.5

@@ -14,8 +14,8 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 
-from femfit.importer.fem_model import FemLabel, FemLine, FemModel
-from femfit.importer.fem_parse import DIGITS
+from femfit.importer.fem_file.model import FemLabel, FemLine, FemModel
+from femfit.importer.fem_file.parse import DIGITS
 
 GRID = 10.0**-DIGITS
 """In mm; everything is snapped to it."""

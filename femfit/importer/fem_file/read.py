@@ -13,19 +13,19 @@ from femfit.actuator.decimals import scaled
 from femfit.actuator.load import actuator_from_toml
 from femfit.actuator.parts import Actuator
 from femfit.core.errors import FemFileError
-from femfit.importer.fem_curve import rising_part
-from femfit.importer.fem_faces import GRID, find_faces
-from femfit.importer.fem_frame import FemFrame, find_frame
-from femfit.importer.fem_limits import check_limits
-from femfit.importer.fem_model import FemModel, FemPoint
-from femfit.importer.fem_mover import FemBodies, divide
-from femfit.importer.fem_options import FemOptions
-from femfit.importer.fem_parse import parse_fem
-from femfit.importer.fem_parts import merge_parts
-from femfit.importer.fem_surroundings import drop_surroundings
-from femfit.importer.fem_toml import actuator_toml
-from femfit.importer.fem_winding import FemWinding, find_winding
-from femfit.importer.fem_wire import find_wire
+from femfit.importer.fem_file.curve import rising_part
+from femfit.importer.fem_file.faces import GRID, find_faces
+from femfit.importer.fem_file.frame import FemFrame, find_frame
+from femfit.importer.fem_file.limits import check_limits
+from femfit.importer.fem_file.model import FemModel, FemPoint
+from femfit.importer.fem_file.mover import FemBodies, divide
+from femfit.importer.fem_file.options import FemOptions
+from femfit.importer.fem_file.parse import parse_fem
+from femfit.importer.fem_file.parts import merge_parts
+from femfit.importer.fem_file.surroundings import drop_surroundings
+from femfit.importer.fem_file.toml import actuator_toml
+from femfit.importer.fem_file.winding import FemWinding, find_winding
+from femfit.importer.fem_file.wire import find_wire
 from femfit.importer.finding import Finding
 
 

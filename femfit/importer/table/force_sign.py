@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from femfit.importer.check_grid import complete_grid
 from femfit.importer.finding import Finding
-from femfit.importer.options import ForceSign
+from femfit.importer.table.check_grid import complete_grid
+from femfit.importer.table.options import ForceSign
 
 _AGREEMENT = 0.95  # of the force change that must have one sign before it is called obvious
 

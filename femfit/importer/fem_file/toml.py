@@ -7,14 +7,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 from itertools import pairwise
 
-from femfit.importer.fem_curve import rising_part
-from femfit.importer.fem_frame import FemFrame
-from femfit.importer.fem_model import FemModel
-from femfit.importer.fem_mover import FemBodies
-from femfit.importer.fem_options import FemOptions
-from femfit.importer.fem_parts import FemPart, simple_outlines
-from femfit.importer.fem_winding import FemWinding
-from femfit.importer.fem_wire import FemWire
+from femfit.importer.fem_file.curve import rising_part
+from femfit.importer.fem_file.frame import FemFrame
+from femfit.importer.fem_file.model import FemModel
+from femfit.importer.fem_file.mover import FemBodies
+from femfit.importer.fem_file.options import FemOptions
+from femfit.importer.fem_file.parts import FemPart, simple_outlines
+from femfit.importer.fem_file.winding import FemWinding
+from femfit.importer.fem_file.wire import FemWire
 
 MAGNET_DENSITY, STEEL_DENSITY = 7.5, 7.85
 """Sintered NdFeB and low-carbon steel in g/cm^3: makers' data sheets agree to 1 %."""

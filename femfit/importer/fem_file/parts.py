@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from shapely import Polygon, box
 
-from femfit.importer.fem_faces import GRID, MIN_AREA, FemFace
-from femfit.importer.fem_limits import axial_sign
-from femfit.importer.fem_model import FemLabel, FemMaterial
-from femfit.importer.fem_parse import DIGITS
+from femfit.importer.fem_file.faces import GRID, MIN_AREA, FemFace
+from femfit.importer.fem_file.limits import axial_sign
+from femfit.importer.fem_file.model import FemLabel, FemMaterial
+from femfit.importer.fem_file.parse import DIGITS
 
 
 @dataclass(frozen=True)

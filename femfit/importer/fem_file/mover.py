@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import shapely
 from shapely import Polygon
 
-from femfit.importer.fem_faces import GRID, FemFace
-from femfit.importer.fem_options import FemOptions
-from femfit.importer.fem_parts import FemPart
+from femfit.importer.fem_file.faces import GRID, FemFace
+from femfit.importer.fem_file.options import FemOptions
+from femfit.importer.fem_file.parts import FemPart
 from femfit.importer.finding import Finding, Severity
 
 HOW = "Say which blocks move with --moving-group N or --moving-block NAME."

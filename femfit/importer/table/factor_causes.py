@@ -35,7 +35,7 @@ def causes_of(factor: float, tolerance: float) -> list[str]:
     Parameters
     ----------
     factor : float
-        Flux side / force side of :mod:`femfit.importer.reciprocity`, positive.
+        Flux side / force side of :mod:`femfit.importer.table.reciprocity`, positive.
     tolerance : float
         Relative uncertainty of it.
 

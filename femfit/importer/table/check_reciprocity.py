@@ -7,10 +7,10 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 from femfit.core.arrays import FloatArray
-from femfit.importer.check_grid import complete_grid
-from femfit.importer.factor_causes import causes_of
 from femfit.importer.finding import Finding
-from femfit.importer.reciprocity import LoopComparison, compare_loops
+from femfit.importer.table.check_grid import complete_grid
+from femfit.importer.table.factor_causes import causes_of
+from femfit.importer.table.reciprocity import LoopComparison, compare_loops
 
 _AGREES = 0.02
 """First-order field solutions keep reciprocity within 1 %; coarse grids add as much by integration."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from femfit.core.errors import TableError
-from femfit.importer.header import Header, match_score, parse_header
-from femfit.importer.options import ImportOptions
-from femfit.importer.quantities import QUANTITIES, STEP_NAMES
-from femfit.importer.units import UNITS, unit_factor
+from femfit.importer.table.header import Header, match_score, parse_header
+from femfit.importer.table.options import ImportOptions
+from femfit.importer.table.quantities import QUANTITIES, STEP_NAMES
+from femfit.importer.table.units import UNITS, unit_factor
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class ColumnUse:
     Parameters
     ----------
     quantity : str
-        A key of :data:`femfit.importer.quantities.QUANTITIES`.
+        A key of :data:`femfit.importer.table.quantities.QUANTITIES`.
     header : str
         Column of the file, or where else the value came from.
     unit : str

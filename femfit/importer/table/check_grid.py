@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
-from femfit.importer.check_cells import rows_of
 from femfit.importer.finding import Finding, listing
+from femfit.importer.table.check_cells import rows_of
 
 _SAME_LEVEL = 1e-6  # of the axis' span: loops that add 0.1 ten times differ by 1e-16, units by rounding of 6 digits
 _SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve, not of another mesh

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
-from femfit.importer.check_grid import complete_grid
 from femfit.importer.finding import Finding
-from femfit.importer.roughness import MIN_DISTANCES, Roughness, contrast_field, measure_roughness
+from femfit.importer.table.check_grid import complete_grid
+from femfit.importer.table.roughness import MIN_DISTANCES, Roughness, contrast_field, measure_roughness
 
 NOISY = 0.005
 """Relative noise that is worth a warning: at the paper's rig 1 % of force moves a levitated magnet by 0.10 mm, so that

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.importer.finding import Finding, listing
-from femfit.importer.quantities import QUANTITIES, REQUIRED
+from femfit.importer.table.quantities import QUANTITIES, REQUIRED
 
 LARGEST = 1e100
 """A cell beyond it is no measured quantity, and its square would overflow."""

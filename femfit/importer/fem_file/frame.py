@@ -12,12 +12,12 @@ import numpy as np
 import shapely
 from shapely import Polygon, box
 
-from femfit.importer.fem_faces import GRID, MIN_AREA
-from femfit.importer.fem_mover import FemBodies
-from femfit.importer.fem_options import FemOptions
-from femfit.importer.fem_parse import DIGITS
-from femfit.importer.fem_parts import FemPart
-from femfit.importer.fem_winding import FemWinding
+from femfit.importer.fem_file.faces import GRID, MIN_AREA
+from femfit.importer.fem_file.mover import FemBodies
+from femfit.importer.fem_file.options import FemOptions
+from femfit.importer.fem_file.parse import DIGITS
+from femfit.importer.fem_file.parts import FemPart
+from femfit.importer.fem_file.winding import FemWinding
 from femfit.importer.finding import Finding
 
 

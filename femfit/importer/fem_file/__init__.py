@@ -1,0 +1,1 @@
+"""FEMM models to actuator files."""
