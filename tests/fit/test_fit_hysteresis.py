@@ -61,8 +61,9 @@ def test_blocks_give_the_columns_of_the_whole():
 def test_coefficients_of_its_own_kind_come_back():
     rng = np.random.default_rng(1)
     model = identify_field([lab_run([320.0, 240.0, 120.0, 60.0, 320.0], rng)], TERMS)
-    # 1 uT of white noise over 10 samples a row and 1300 rows; plays at full current act on few rows: 1 % uncertain.
-    np.testing.assert_allclose(model.coefficients[:4], TRUTH[:4], atol=2e-6)
+    # 1 uT of white noise over 10 samples a row and 1300 rows. Plays at full current act on few rows and look like the
+    # polynomial there: 1 % of them, 2e-8 T/A, over 100 A.
+    np.testing.assert_allclose(model.coefficients[:4], TRUTH[:4], atol=6e-6)
     np.testing.assert_allclose(model.coefficients[4:], TRUTH[4:], rtol=0.04)
     assert model.rms_T == pytest.approx(1e-6 / np.sqrt(10.0), rel=0.1)
 
