@@ -17,8 +17,11 @@ from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
 from femfit.model.field_of_current import FieldModel, FieldTerms, field_columns, precycled
 
-ROW_INTERVAL = 0.1
-"""Seconds of a lab run that are averaged to one row of the fit."""
+PATH_INTERVAL = 0.01
+"""Seconds of a lab run that are averaged to one step of the current's path."""
+
+ROW_STEPS = 10
+"""Steps of the path that are averaged, field and columns alike, to one row of the fit."""
 
 # Radii as fractions of the largest current: small ones for the loop's tips, large ones for its width.
 _RADII = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 3 / 8, 1 / 2)
@@ -37,16 +40,6 @@ class LabRun:
     time: FloatArray
     current: FloatArray
     field: FloatArray
-
-    def thinned(self, interval: float = ROW_INTERVAL) -> "LabRun":
-        """Means over an interval, a row each."""
-        size = max(1, round(interval / float(np.median(np.diff(self.time)))))
-        rows = len(self.time) // size
-
-        def mean(column: FloatArray) -> FloatArray:
-            return np.asarray(column[: rows * size].reshape(rows, size).mean(axis=1))
-
-        return LabRun(mean(self.time), mean(self.current), mean(self.field))
 
 
 def usual_terms(current_max: float, lag_times: Sequence[float] = (3.0, 10.0, 30.0)) -> FieldTerms:
@@ -89,18 +82,18 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     """
     if not runs:
         raise FitError("A field model needs at least one lab run; instead received none.")
-    rows = [run.thinned() for run in runs]
-    top = max(float(run.current.max()) for run in rows)
+    paths = [_path(run) for run in runs]
+    top = max(float(run.current.max()) for run in paths)
     if terms is None:
         if top <= 0.0:
             raise FitError(f"A lab run must reach a current > 0 A; instead the largest is {top:g} A.")
         terms = usual_terms(top)
-    matrices = [field_columns(terms, precycled(terms), run.time, run.current)[1] for run in rows]
+    matrices = [_means(field_columns(terms, precycled(terms), run.time, run.current)[1], ROW_STEPS) for run in paths]
     used = np.flatnonzero(np.any(np.concatenate(matrices) != 0.0, axis=0))
     matrices = [matrix[:, used] for matrix in matrices]
     free = terms.degree + 1
     lower = np.where(used < free, -np.inf, 0.0)
-    y = [run.field for run in rows]
+    y = [_means(run.field, ROW_STEPS) for run in paths]
     whole, target = np.concatenate(matrices), np.concatenate(y)
     names = [terms.names[k] for k in used]
     solution = solve_bounded_qp(whole, target, np.ones(len(target)), lower, names=names)
@@ -109,6 +102,18 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     coefficients[used] = solution.x
     rms = float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
     return FieldModel(terms, coefficients, rms)
+
+
+def _path(run: LabRun) -> LabRun:
+    """A run with a sample each :data:`PATH_INTERVAL`."""
+    size = max(1, round(PATH_INTERVAL / float(np.median(np.diff(run.time)))))
+    return LabRun(_means(run.time, size), _means(run.current, size), _means(run.field, size))
+
+
+def _means(values: FloatArray, size: int) -> FloatArray:
+    """Means of so many consecutive rows; the incomplete last ones are dropped."""
+    rows = len(values) // size
+    return np.asarray(values[: rows * size].reshape(rows, size, *values.shape[1:]).mean(axis=1))
 
 
 def _left_out(matrices: list[FloatArray], y: list[FloatArray], lower: FloatArray) -> list[FloatArray]:

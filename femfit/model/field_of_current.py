@@ -1,10 +1,10 @@
 """A magnet's field from its current: polynomial, hysteresis by play operators, eddy lag. Linear in its coefficients.
 
-B = sum_n p_n T_n(2 x - 1) + sum_j (u_j (1 - x^2) + s_j x^2) (P_j - I) - sum_l c_l e_l,  x = I / I_max,
+B = sum_n p_n T_n(2 x - 1) + sum_j (u_j (1 - x^2)^2 + 2 m_j x^2 (1 - x^2) + s_j x^4) (P_j - I) - sum_l c_l e_l,
 
-with Chebyshev polynomials T_n, and the play operators P_j = max(I - r_j, min(I + r_j, P_j)), which lag behind the
-current by at most r_j and carry the hysteresis with its wiping-out; their strengths at zero and at full current, u_j
-and s_j, are apart because saturation narrows the loop; and the eddy lags e_l' = -e_l / tau_l + dI/dt. This is the
+with x = I / I_max, Chebyshev polynomials T_n, and the play operators P_j = max(I - r_j, min(I + r_j, P_j)), which lag
+behind the current by at most r_j and carry the hysteresis with its wiping-out; their strengths at zero, medium and full
+current are apart because saturation narrows the loop; and the eddy lags e_l' = -e_l / tau_l + dI/dt. This is the
 nonlinear part f of (14) that the paper leaves open.
 
 References
@@ -25,6 +25,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError
 
 _KIND = "field of current"
+_PLACES = ("zero", "medium", "full")
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,7 @@ class FieldTerms:
         """Of the coefficients, in the order of the columns."""
         return (
             *(f"polynomial {n}" for n in range(self.degree + 1)),
-            *(f"play {radius:g} A at zero current" for radius in self.play_radii_A),
-            *(f"play {radius:g} A at full current" for radius in self.play_radii_A),
+            *(f"play {radius:g} A at {place} current" for place in _PLACES for radius in self.play_radii_A),
             *(f"eddy lag {time:g} s" for time in self.lag_times_s),
         )
 
@@ -146,12 +146,13 @@ def field_columns(
     x = current / terms.current_max_A
     plays = play_paths(np.array(terms.play_radii_A, dtype=np.float64), state.plays, current)
     lags = _lag_paths(terms, state, time, current)
-    behind = plays - current[:, None]
+    behind, square = plays - current[:, None], (x**2)[:, None]
     columns = np.concatenate(
         [
             np.polynomial.chebyshev.chebvander(2.0 * x - 1.0, terms.degree),
-            behind * (1.0 - x**2)[:, None],
-            behind * (x**2)[:, None],
+            behind * (1.0 - square) ** 2,
+            behind * (2.0 * square * (1.0 - square)),
+            behind * square**2,
             -lags,
         ],
         axis=1,

@@ -42,7 +42,10 @@ def plateau_rms(block, experiment, settling=30.0):
 def field_model():
     """Identified from two lab runs by the Hall probe's filter; no run has an amplitude of the tests."""
     runs = []
-    for seed, rate, peaks in ((10, 32.0, (320.0, 240.0, 160.0, 80.0)), (11, 100.0, (320.0, 120.0, 320.0, 200.0))):
+    for seed, rate, peaks in (
+        (10, 32.0, (320.0, 280.0, 240.0, 160.0, 80.0)),
+        (11, 100.0, (320.0, 120.0, 320.0, 200.0)),
+    ):
         lab = synthesise(ExperimentInputs(ramp_rate=rate, amplitudes=peaks), np.random.default_rng(seed))
         lab = lab.after_zero_reading()
         runs.append(LabRun(lab.record.time, lab.record.current, run(HALL, lab.record).field))
