@@ -17,6 +17,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import FieldSolverError
 from femfit.fem.layout import Layout
 from femfit.fem.moving_mesh import MovingMesh
+from femfit.fem.point_field import PointField
 from femfit.fem.settings import SolverSettings
 from femfit.fem.stress import LayerForce, weight
 from femfit.fem.superposition import DistanceSolution, superpose
@@ -99,6 +100,25 @@ class LinearActuator:
             )
         columns = superpose(np.array(currents), solution)
         return {name: values.tolist() for name, values in columns.items()}
+
+    def field(self, distance: float, current: float) -> PointField:
+        """The field at a point, with the mesh left stretched to it.
+
+        Parameters
+        ----------
+        distance, current : float
+            In m and A.
+
+        Returns
+        -------
+        PointField
+            Of the finer order.
+        """
+        solution = self.solve(distance)
+        magnet, coil = self.fields(distance)
+        magnet.vec.data += current * coil.vec
+        force = float(np.polynomial.polynomial.polyval(current, solution.force))
+        return PointField(magnet, force, solution.self_force)
 
     def fields(self, distance: float) -> tuple[ng.GridFunction, ng.GridFunction]:
         """Solutions (w_m, w_c) at a distance, with the mesh left stretched to it, for pictures."""

@@ -21,7 +21,7 @@ from scipy import sparse
 
 from femfit.actuator.bh_curve import BHCurve
 from femfit.actuator.parts import LinearMaterial, Material
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.constants import MU_0
 from femfit.fem.inner import inner
 from femfit.fem.weak_form import flux_density
@@ -51,8 +51,11 @@ class MaterialPoints:
         self.weight = self._weights()
         self._to_flux_density = self._flux_density_map()
         self._to_load = self._to_flux_density.T.tocsr()
-        self._laws = self._point_laws(named)
-        self._coercivity = self._coercive_field()
+        self._curves: list[tuple[IntArray, BHCurve]] = []
+        self._reluctivity = np.zeros(len(self.weight))
+        self.coercive_field = np.zeros((2, len(self.weight)))
+        for name, material in named.items():
+            self._take(np.flatnonzero(self._named_points(name)), material)
         self.moving = self._named_points("moving:.*")
         self._tensor = tuple(GridFunction(self._points) for _ in range(3))
         self.tangent_form = self._tangent_form()
@@ -61,36 +64,19 @@ class MaterialPoints:
         """(B_r, B_z) in T, shape (2, points), of a state of the unknowns."""
         return np.asarray((self._to_flux_density @ state).reshape(2, -1))
 
-    def soft_field(self, b: FloatArray) -> FloatArray:
-        """H in A/m without the remanence's part, shape (2, points), at B of that shape."""
-        h = np.empty_like(b)
-        for points, law in self._laws:
-            if isinstance(law, LinearMaterial):
-                h[:, points] = law.reluctivity * b[:, points]
-            else:
-                h[:, points] = law.reluctivity(np.hypot(*b[:, points])) * b[:, points]
-        return h
-
-    def field(self, b: FloatArray) -> FloatArray:
-        """H in A/m, shape (2, points), at B of that shape."""
-        h = self.soft_field(b)
-        h[1] -= self._coercivity
-        return h
+    def respond(self, b: FloatArray) -> tuple[FloatArray, float]:
+        """H in A/m, shape (2, points), and the integral of H dB from 0 in J, both without the remanence's part."""
+        size = np.hypot(*b)
+        reluctivity = self._reluctivity.copy()
+        density = 0.5 * reluctivity * size**2
+        for points, curve in self._curves:
+            reluctivity[points] = curve.reluctivity(size[points])
+            density[points] = curve.energy_density(size[points])
+        return reluctivity * b, inner(self.weight, density)
 
     def magnetisation(self, b: FloatArray) -> FloatArray:
-        """M = B / mu_0 - H in A/m at B of shape (2, points)."""
-        return b / MU_0 - self.field(b)
-
-    def energy(self, b: FloatArray) -> float:
-        """The integral of H dB from 0, over all parts, in J."""
-        total = 0.0
-        for points, law in self._laws:
-            if isinstance(law, LinearMaterial):
-                density = 0.5 * law.reluctivity * np.sum(b[:, points] ** 2, axis=0)
-            else:
-                density = law.energy_density(np.hypot(*b[:, points]))
-            total += inner(self.weight[points], density)
-        return total - inner(self.weight, self._coercivity * b[1])
+        """M = B / mu_0 - H in A/m, permanent and induced, at B of shape (2, points)."""
+        return b / MU_0 - self.respond(b)[0] + self.coercive_field
 
     def load(self, h: FloatArray) -> FloatArray:
         """The integral of h . B(v) over the parts, for all test functions v: the derivative of the energy for h = H."""
@@ -98,14 +84,11 @@ class MaterialPoints:
 
     def tensor(self, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The components rr, rz, zz of nu_d in m/H, each of shape (points), at B of shape (2, points)."""
-        along, across = np.empty(b.shape[1]), np.empty(b.shape[1])
         size = np.hypot(*b)
-        for points, law in self._laws:
-            if isinstance(law, LinearMaterial):
-                along[points] = across[points] = law.reluctivity
-            else:
-                along[points] = law.differential_reluctivity(size[points])
-                across[points] = law.reluctivity(size[points])
+        along, across = self._reluctivity.copy(), self._reluctivity.copy()
+        for points, curve in self._curves:
+            along[points] = curve.differential_reluctivity(size[points])
+            across[points] = curve.reluctivity(size[points])
         r, z = b / np.maximum(size, TINY_FLUX_DENSITY)
         extra = along - across
         return across + extra * r * r, extra * r * z, across + extra * z * z
@@ -137,36 +120,21 @@ class MaterialPoints:
         marks.Interpolate(self.space.mesh.MaterialCF({pattern: 1.0}, default=0.0))
         return np.asarray(marks.vec.FV().NumPy() > 0.5)
 
-    def _point_laws(self, named: Mapping[str, Material]) -> list[tuple[BoolArray, LinearMaterial | BHCurve]]:
-        laws: list[tuple[BoolArray, LinearMaterial | BHCurve]] = []
-        for material in dict.fromkeys(named.values()):
-            points = self._named_points("|".join(name for name, other in named.items() if other == material))
-            if isinstance(material, LinearMaterial):
-                laws.append((points, material))
-            else:
-                laws.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
-        return laws
-
-    def _coercive_field(self) -> FloatArray:
-        """Field nu B_r in A/m of the points in magnets, 0 elsewhere."""
-        coercive = np.zeros(len(self.weight))
-        for points, law in self._laws:
-            if isinstance(law, LinearMaterial):
-                coercive[points] = law.reluctivity * law.remanence_T
-        return coercive
+    def _take(self, points: IntArray, material: Material) -> None:
+        """Note the law of a region's points: nu and nu B_r of a linear one, or the curve."""
+        if isinstance(material, LinearMaterial):
+            self._reluctivity[points] = material.reluctivity
+            self.coercive_field[1, points] = material.reluctivity * material.remanence_T
+        else:
+            self._curves.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
 
     def _tangent_form(self) -> BilinearForm:
         w, v = self.space.TnT()
         b, c = flux_density(w), flux_density(v)
         rr, rz, zz = self._tensor
         form = BilinearForm(self.space, symmetric=True, condense=True)
-        form += (
-            InnerProduct(ng.CF((rr * b[0] + rz * b[1], rz * b[0] + zz * b[1])), c)
-            * 2.0
-            * math.pi
-            * ng.x
-            * (self._measure)
-        )
+        h = ng.CF((rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]))
+        form += InnerProduct(h, c) * 2.0 * math.pi * ng.x * self._measure
         return form
 
 

@@ -19,8 +19,8 @@ from typing import Protocol
 from femfit.core.arrays import FloatArray
 from femfit.fem.inner import inner
 
-TOLERANCE = 1e-9
-"""Of the relative correction that is still applied: energies are exact to its square, forces and fluxes to itself."""
+TOLERANCE = 1e-8
+"""Of the last correction, relative. It is applied, and what is left after it is at most a tenth of it."""
 
 LIMIT = 60
 CONTRACTION = 0.1
@@ -32,17 +32,30 @@ RESOLVED = 1e-6
 """Corrections below this change the energy by less than its rounding, so that the search has nothing to compare."""
 
 
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """The energy about a state.
+
+    Parameters
+    ----------
+    energy : float
+        E in J.
+    gradient : array, shape (unknowns,)
+        dE/dw.
+    square : float
+        w . K w of the state itself in J, the scale of corrections.
+    """
+
+    energy: float
+    gradient: FloatArray
+    square: float
+
+
 class MinimisationProblem(Protocol):
     """What is minimised, for one current."""
 
-    def energy(self, state: FloatArray, current: float) -> float:
-        """E in J."""
-
-    def gradient(self, state: FloatArray, current: float) -> FloatArray:
-        """dE/dw."""
-
-    def square(self, state: FloatArray) -> float:
-        """Product w . K w with the secant reluctivity, in J."""
+    def evaluate(self, state: FloatArray, current: float) -> Expansion:
+        """The energy about a state."""
 
     def renew(self, state: FloatArray) -> None:
         """Take K at a state."""
@@ -108,23 +121,22 @@ def minimise(
     NewtonResult
         Also when it did not converge.
     """
-    state, history = start, list[float]()
+    state, here, history = start, problem.evaluate(start, current), list[float]()
     stale = not problem.ready
     for _ in range(limit):
-        gradient = problem.gradient(state, current)
         if stale:
             problem.renew(state)
-        correction = problem.solve(-gradient)
-        decrease = -inner(gradient, correction)
-        residual = _relative(decrease, problem.square(state))
+        correction = problem.solve(-here.gradient)
+        decrease = -inner(here.gradient, correction)
+        residual = _relative(decrease, here.square)
         if not math.isfinite(residual):
             return NewtonResult(state, len(history), residual, False, tuple(history))
-        step = 1.0 if residual < RESOLVED else _step(problem, current, state, correction, decrease)
-        state = state + step * correction
         slow = bool(history) and residual > contraction * history[-1]
         history.append(residual)
         if residual <= TOLERANCE:
-            return NewtonResult(state, len(history), residual, True, tuple(history))
+            return NewtonResult(state + correction, len(history), residual, True, tuple(history))
+        least = 1.0 if residual < RESOLVED else SHORTEST_STEP
+        step, state, here = _search(problem, current, state, here, correction, least, SUFFICIENT * decrease)
         stale = contraction == 0.0 or step < 1.0 or slow
     return NewtonResult(state, limit, history[-1], False, tuple(history))
 
@@ -134,13 +146,20 @@ def _relative(decrease: float, square: float) -> float:
     return math.sqrt(max(decrease, 0.0) / scale) if scale != 0.0 else 0.0
 
 
-def _step(
-    problem: MinimisationProblem, current: float, state: FloatArray, correction: FloatArray, decrease: float
-) -> float:
-    """The first of 1, 1/2, 1/4 ... with a sufficient decrease of the energy."""
-    before, step = problem.energy(state, current), 1.0
-    while step > SHORTEST_STEP:
-        if problem.energy(state + step * correction, current) <= before - SUFFICIENT * step * decrease:
-            break
+def _search(
+    problem: MinimisationProblem,
+    current: float,
+    state: FloatArray,
+    here: Expansion,
+    correction: FloatArray,
+    least: float,
+    decrease: float,
+) -> tuple[float, FloatArray, Expansion]:
+    """The first step of 1, 1/2, 1/4 ... that lowers the energy enough, or the least one; and where it leads."""
+    step = 1.0
+    while True:
+        trial = state + step * correction
+        there = problem.evaluate(trial, current)
+        if step <= least or there.energy <= here.energy - step * decrease:
+            return step, trial, there
         step *= 0.5
-    return step

@@ -27,16 +27,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from ngsolve import ConvertOperator, GridFunction
+from ngsolve import ConvertOperator
 
 from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import FieldSolverError
 from femfit.fem.inner import inner
 from femfit.fem.layout import Layout
 from femfit.fem.material_points import csr
 from femfit.fem.moving_mesh import MovingMesh
 from femfit.fem.newton import TOLERANCE, NewtonResult, minimise
 from femfit.fem.nonlinear_system import NonlinearSystem
+from femfit.fem.point_field import PointField
 from femfit.fem.settings import SolverSettings
 from femfit.fem.stress import AROUND_FIXED, LayerForce, weight
 from femfit.fem.superposition import ERROR_SAFETY
@@ -62,6 +64,8 @@ class PointSolution:
         W' in J.
     hall : float or None
         B_z in T.
+    state : array, shape (unknowns,)
+        Of the finer order.
     """
 
     force: float
@@ -72,6 +76,7 @@ class PointSolution:
     inductance: float
     coenergy: float
     hall: float | None
+    state: FloatArray
 
     @property
     def force_error(self) -> float:
@@ -187,8 +192,8 @@ class NonlinearActuator:
                 points.append(NonlinearPoint(iterations, last.residual, _status(last), solution))
         return points
 
-    def field(self, distance: float, current: float) -> GridFunction:
-        """The solution w at a point, with the mesh left stretched to it, for pictures.
+    def field(self, distance: float, current: float) -> PointField:
+        """The field at a point, with the mesh left stretched to it.
 
         Parameters
         ----------
@@ -197,12 +202,20 @@ class NonlinearActuator:
 
         Returns
         -------
-        ngsolve.GridFunction
+        PointField
             Of the finer order.
+
+        Raises
+        ------
+        FieldSolverError
+            If the iteration did not converge.
         """
+        (point,) = self.solve(distance, (current,))
+        if point.solution is None:
+            raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {current:g} A: {point.status}.")
         self._moving.move_to(distance)
-        self.fine.move()
-        return self.fine.function(minimise(self.fine, current, np.zeros(self.fine.space.ndof)).state)
+        solution = point.solution
+        return PointField(self.fine.function(solution.state), solution.force, solution.self_force)
 
     def _reference_states(self) -> dict[float, FloatArray]:
         self.coarse.move()
@@ -227,8 +240,9 @@ class NonlinearActuator:
                 self_force=self_force,
                 flux_linkage=inner(self.fine.coil, fine),
                 inductance=self.fine.inductance(fine, response),
-                coenergy=-self.fine.energy(fine, current),
+                coenergy=-self.fine.evaluate(fine, current).energy,
                 hall=None if place is None else float(flux_density(total)[1](place)),
+                state=fine,
             )
 
         return evaluate

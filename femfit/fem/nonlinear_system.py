@@ -18,10 +18,11 @@ from femfit.core.constants import MU_0
 from femfit.fem.inner import inner
 from femfit.fem.layout import Layout
 from femfit.fem.material_points import MaterialPoints, csr
+from femfit.fem.newton import Expansion
 from femfit.fem.weak_form import coil_load, materials, solve_condensed, stiffness
 
 AIR = "air|coil|halo|layer"
-RESPONSE_TOLERANCE = 1e-4
+RESPONSE_TOLERANCE = 1e-3
 """Of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
 
 RESPONSE_LIMIT = 100
@@ -45,6 +46,7 @@ class NonlinearSystem:
     def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, order: int) -> None:
         self.space = H1(mesh, order=order)
         self.points = MaterialPoints(self.space, materials(actuator))
+        self._magnets = self.points.load(self.points.coercive_field)
         self.coil = np.array(coil_load(self.space, actuator).vec.FV().NumPy())
         nu_0, radius = ng.CF(1.0 / MU_0), layout.outer_radius
         whole = stiffness(self.space, nu_0, radius).Assemble()
@@ -62,21 +64,30 @@ class NonlinearSystem:
         self._free_inverse.renew()
         self.ready = False
 
-    def energy(self, state: FloatArray, current: float) -> float:
-        """Stored energy, without the constant of the magnets, minus current x flux linkage, in J."""
-        linear = inner(state, 0.5 * (self._stiffness @ state) - current * self.coil)
-        return linear + self.points.energy(self.points.flux_density(state))
+    def evaluate(self, state: FloatArray, current: float) -> Expansion:
+        """Energy without the constant of the magnets, its derivative and the state's square.
 
-    def gradient(self, state: FloatArray, current: float) -> FloatArray:
-        """Its derivative with respect to the state."""
-        field = self.points.field(self.points.flux_density(state))
-        return np.asarray(self._stiffness @ state + self.points.load(field) - current * self.coil)
+        Parameters
+        ----------
+        state : array, shape (unknowns,)
+            Any.
+        current : float
+            In A.
 
-    def square(self, state: FloatArray) -> float:
-        """State . K state with the secant reluctivity, in J; remanence left out."""
-        b = self.points.flux_density(state)
-        stored = inner(self.points.weight, np.sum(b * self.points.soft_field(b), axis=0))
-        return inner(state, self._stiffness @ state) + stored
+        Returns
+        -------
+        Expansion
+            With the secant reluctivity in the square.
+        """
+        h, stored = self.points.respond(self.points.flux_density(state))
+        of_air = self._stiffness @ state
+        of_all = of_air + self.points.load(h)
+        sources = self._magnets + current * self.coil
+        return Expansion(
+            energy=0.5 * inner(state, of_air) + stored - inner(state, sources),
+            gradient=of_all - sources,
+            square=inner(state, of_all),
+        )
 
     def renew(self, state: FloatArray) -> None:
         """Factorise the second derivative at a state."""

@@ -81,19 +81,18 @@ def sample_field(
         On the parts and the air around them.
     """
     from femfit.fem.layout import layout_of
-    from femfit.fem.linear_point import LinearActuator
+    from femfit.fem.problem import prepare
     from femfit.fem.weak_form import flux_density
 
     settings = settings or SolverSettings()
     # A mesh made at this very distance is not stretched: points are then found where they are
-    problem = LinearActuator(actuator, (distance,), layout_of(actuator, settings), settings)
-    solution = problem.solve(distance)
-    magnet, coil = problem.fields(distance)
+    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)
+    field = problem.field(distance, current)
     radius, height = _window(actuator, distance)
     r, z = np.meshgrid(radius, height)
     points = problem.mesh(r.ravel(), z.ravel())
-    density = flux_density(magnet)(points) + current * flux_density(coil)(points)
-    w = (magnet(points) + current * coil(points)).reshape(r.shape)
+    density = flux_density(field.w)(points)
+    w = field.w(points).reshape(r.shape)
     magnitude = np.hypot(*density.T).reshape(r.shape)
     return FieldSample(
         distance_m=distance,
@@ -102,8 +101,8 @@ def sample_field(
         height_m=height,
         flux_density_T=magnitude,
         flux_Wb=2.0 * np.pi * r**2 * w,
-        force_N=float(np.polynomial.polynomial.polyval(current, solution.force)),
-        self_force_N=solution.self_force,
+        force_N=field.force,
+        self_force_N=field.self_force,
         part_flux_density_T=_largest(actuator, distance, r, z, magnitude),
         unknowns=problem.unknowns,
     )

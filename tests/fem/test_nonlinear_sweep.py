@@ -34,7 +34,7 @@ def test_table_has_the_contracts_columns_with_iterations_and_residual(whole, act
     assert list(whole.rows.columns) == list(COLUMNS)
     assert (whole.rows["status"] == "ok").all()
     assert whole.rows["newton_iterations"].between(1, 40).all()
-    assert whole.rows["newton_residual"].between(0.0, 1e-9).all()
+    assert whole.rows["newton_residual"].between(0.0, 1e-8).all()
     assert len(whole.rows) == len(CURRENTS) * len(actuator.sweep.distances_m)
     assert not whole.rows.isna().any(axis=None)
 
@@ -85,7 +85,7 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(whole, act
 def test_currents_of_both_signs_start_from_the_weakest_and_do_not_change_the_result(actuator):
     alone = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, currents_A=(8.0,)))
     together = rows_at(actuator, 0.009)
-    # Both end within the iteration's tolerance of 1e-9 of the same minimum.
+    # Both end within a tenth of the iteration's tolerance of 1e-8 of the same minimum.
     for column in ("force_N", "flux_linkage_Wb", "hall_T"):
         assert together[column][3] == pytest.approx(rows_at(alone, 0.009)[column][0], rel=1e-7)
 

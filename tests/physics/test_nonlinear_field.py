@@ -110,8 +110,8 @@ def test_a_kept_derivative_leads_to_the_same_state_as_a_renewed_one():
     system.move()
     start = np.zeros(system.space.ndof)
     kept, renewed = (minimise(system, 8.0, start, contraction=share).state for share in (0.1, 0.0))
-    difference, scale = system.square(kept - renewed), system.square(renewed)
-    assert math.sqrt(difference / scale) < 10.0 * TOLERANCE
+    difference, scale = (system.evaluate(state, 0.0).square for state in (kept - renewed, renewed))
+    assert math.sqrt(difference / scale) < TOLERANCE
 
 
 def test_every_correction_lowers_the_energy_until_it_is_resolved():
@@ -120,7 +120,7 @@ def test_every_correction_lowers_the_energy_until_it_is_resolved():
     for limit in range(1, 8):
         system.move()  # forgets the kept derivative, so that each run repeats the one before
         state = minimise(system, 12.0, np.zeros(system.space.ndof), limit=limit).state
-        energies.append(system.energy(state, 12.0))
+        energies.append(system.evaluate(state, 12.0).energy)
     assert (np.diff(energies) < 0.0).all()
 
 
@@ -152,7 +152,7 @@ def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
 
 @pytest.mark.parametrize("mover", [None, magnet_with_steel_back()], ids=["steel disc", "magnet with steel back"])
 def test_force_error_covers_the_error_against_a_finer_run(mover):
-    actuator = bobbin(distances=(0.003,), currents=(0.5, 2.0, 6.0, 10.0), mover=mover)
+    actuator = bobbin(distances=(0.003,), currents=(2.0, 8.0), mover=mover)
     rows, finer = rows_at(actuator), rows_at(actuator, settings=SolverSettings().finer())
     error = np.abs(rows["force_N"] - finer["force_N"])
     assert (error < 1e-3 * np.abs(finer["force_N"])).all()
