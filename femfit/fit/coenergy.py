@@ -1,7 +1,7 @@
 """One co-energy W'(d, i) fitted to force and flux linkage together.
 
-W' is a tensor B-spline in u = d_0 / d and i; F = -dW'/dd and flux linkage = dW'/di are linear in its coefficients,
-so both columns of the sweep enter one bounded QP, and reciprocity holds exactly in the result.
+W' is a tensor B-spline in u = d_0 / (d + s) and i; F = -dW'/dd and flux linkage = dW'/di are linear in its
+coefficients, so both columns of the sweep enter one bounded QP, and reciprocity holds exactly in the result.
 """
 
 from collections.abc import Sequence
@@ -170,7 +170,7 @@ def _shape_inequalities(
     points = 2 if basis.current_degree == 2 else 4 * cells_i
     i = np.linspace(basis.current_knots[0], basis.current_knots[-1], points + 1)
     grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(u, i, indexing="ij"))
-    d = basis.reference_distance_m / grid_u
+    d = basis.reference_distance_m / grid_u - basis.distance_shift_m
     orders = {"inductance": (0, 2), "decreasing": (2, 0), "attracting": (1, 1)}
     signs = {"inductance": 1.0, "decreasing": 1.0, "attracting": -1.0}
     blocks, right, labels = [np.zeros((0, basis.shape[0] * basis.shape[1]))], [np.zeros(0)], []
@@ -192,7 +192,7 @@ def _square_of_current(basis: CoenergyBasis) -> FloatArray:
 def _gauged(basis: CoenergyBasis, table: FloatArray, rows: FitRows) -> CoenergySpline:
     def spline(coefficients: FloatArray) -> CoenergySpline:
         inner = TensorSpline(basis.u_knots, basis.current_knots, U_DEGREE, basis.current_degree, coefficients)
-        return CoenergySpline(basis.reference_distance_m, inner)
+        return CoenergySpline(basis.reference_distance_m, inner, basis.distance_shift_m)
 
     origin = np.clip(0.0, rows.currents[0], rows.currents[-1])
     return spline(table - spline(table).coenergy(rows.distances[-1:], np.array([origin])))

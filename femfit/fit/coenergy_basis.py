@@ -1,7 +1,9 @@
 """The B-splines that a co-energy is made of, and how many of them the sweep asks for."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
 
 import numpy as np
 
@@ -11,14 +13,19 @@ from femfit.fit.rows import FitRows
 from femfit.model.bspline import basis_matrix
 
 U_DEGREE = 4
-RELATIVE_SIGMA = 1e-4
-"""Rows are weighted for this error relative to the force, or to the flux linkage's change over the distance ..."""
+FEWEST_CURRENTS = 3
+ROUNDS = 2
+"""How often distance and current are searched in turn."""
 
-FLOOR = 0.01
-"""... and to this fraction of the largest force at the same distance, where the force itself vanishes."""
+RELATIVE_SIGMA = 1e-4
+"""Rows are weighted for this error relative to the force's scale, or to the flux linkage's change over the distance."""
 
 HELD_OUT_TARGET = 5e-5
 """The smallest basis whose held-out error is below this fraction is taken: below a good sweep's own error."""
+
+SHIFTS = (0.0, 0.1, 0.3, 1.0, 3.0)
+"""Shifts s of u = d_0 / (d + s) that are tried, as parts of the range of distances: none suits a magnet far from its
+electromagnet, large ones a plunger or a pole with a long gap of its own, where d_0 / d would crowd the distances."""
 
 NEARLY_BEST = 1.1
 """Where none reaches the target (noisy rows), the smallest within this factor of the least held-out error."""
@@ -30,8 +37,8 @@ class CoenergyBasis:
 
     Parameters
     ----------
-    reference_distance_m : float
-        d_0.
+    reference_distance_m, distance_shift_m : float
+        d_0 and s of u = d_0 / (d + s).
     u_knots, current_knots : array
         Clamped knot vectors.
     current_degree : int
@@ -39,6 +46,7 @@ class CoenergyBasis:
     """
 
     reference_distance_m: float
+    distance_shift_m: float
     u_knots: FloatArray
     current_knots: FloatArray
     current_degree: int
@@ -56,26 +64,27 @@ class CoenergyBasis:
     def columns(self, distance: FloatArray, current: FloatArray, order: tuple[int, int]) -> FloatArray:
         """d^(a+b) W' / dd^a di^b of each basis function, shape (n, functions); a up to 2."""
         a, b = order
-        u = self.reference_distance_m / distance
+        shifted = distance + self.distance_shift_m
+        u = self.reference_distance_m / shifted
         in_i = basis_matrix(current, self.current_knots, self.current_degree, b)
 
         def in_u(k: int) -> FloatArray:
             return basis_matrix(u, self.u_knots, U_DEGREE, k)
 
-        slope = (-u / distance)[:, None]
+        slope = (-u / shifted)[:, None]
         if a == 0:
             part = in_u(0)
         elif a == 1:
             part = slope * in_u(1)
         else:
-            part = slope**2 * in_u(2) + (2.0 * u / distance**2)[:, None] * in_u(1)
+            part = slope**2 * in_u(2) + (2.0 * u / shifted**2)[:, None] * in_u(1)
         return (part[:, :, None] * in_i[:, None, :]).reshape(len(u), -1)
 
 
 def choose_basis(rows: FitRows) -> tuple[CoenergyBasis, float]:
     """The smallest basis below :data:`HELD_OUT_TARGET` on held-out rows, or else the smallest that is nearly the best.
 
-    Force and flux linkage are judged apart, since noise of the one must not hide what the other still tells.
+    Distance and current are searched in turn, each with what was chosen for the other.
 
     Parameters
     ----------
@@ -92,40 +101,81 @@ def choose_basis(rows: FitRows) -> tuple[CoenergyBasis, float]:
     FitError
         If there are too few currents or distances.
     """
-    scored: list[tuple[FloatArray, CoenergyBasis]] = []
+    in_distance, in_current = _distance_trials(rows), _current_trials(rows)
+    if not in_distance or not in_current:
+        raise FitError(
+            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {_fewest_distances(rows)} distances; instead "
+            f"received {len(rows.currents)} currents and {len(rows.distances)} distances. Sweep more "
+            + ("currents." if len(rows.currents) < FEWEST_CURRENTS else "distances, or fit a law.")
+        )
     folds = held_out_masks(rows)
-    for basis in sorted(_candidate_bases(rows), key=lambda b: b.shape[0] * b.shape[1]):
-        errors = _held_out_errors(basis, rows, folds)
+    basis, error = CoenergyBasis(**in_distance[0], **in_current[0]), np.inf
+    for trials in (in_distance, in_current) * ROUNDS:
+        basis, error = _best([replace(basis, **trial) for trial in trials], rows, folds)
+        if error < HELD_OUT_TARGET:
+            break
+    if not np.isfinite(error):
+        raise FitError(
+            "The rows do not determine a co-energy: too many currents are missing at too many distances. Sweep every "
+            "current at every distance, or fit a law."
+        )
+    return basis, error
+
+
+def _best(bases: Sequence[CoenergyBasis], rows: FitRows, folds: Sequence[BoolArray]) -> tuple[CoenergyBasis, float]:
+    """The choice among bases, force and flux linkage apart: noise of the one must not hide what the other tells."""
+    scored: list[tuple[FloatArray, CoenergyBasis]] = []
+    for _, alike in groupby(sorted(bases, key=_size), key=_size):
+        tried = [(_held_out_errors(basis, rows, folds), basis) for basis in alike]
+        errors, basis = min(tried, key=lambda pair: float(np.max(pair[0])))
         if np.max(errors) < HELD_OUT_TARGET:
             return basis, float(np.max(errors))
         # A column that is good enough must not ask for more.
-        scored.append((np.maximum(errors, HELD_OUT_TARGET), basis))
-    best = np.min([errors for errors, _ in scored], axis=0) if scored else np.array([np.inf])
+        scored += [(np.maximum(trial, HELD_OUT_TARGET), basis) for trial, basis in tried]
+    best = np.min([errors for errors, _ in scored], axis=0)
     if not np.all(np.isfinite(best)):
-        raise FitError(
-            f"A co-energy needs at least 3 currents and {U_DEGREE + 3} distances; instead received "
-            f"{len(rows.currents)} currents and {len(rows.distances)} distances. Sweep more, or fit a law."
-        )
+        return scored[0][1], np.inf
     allowed = max(NEARLY_BEST, min(float(np.max(errors / best)) for errors, _ in scored))
     errors, basis = next(pair for pair in scored if np.max(pair[0] / best) <= allowed)
     return basis, float(np.max(errors))
 
 
-def _candidate_bases(rows: FitRows) -> list[CoenergyBasis]:
-    start, end = float(rows.distances[0]), float(rows.distances[-1])
-    low, high = float(rows.currents[0]), float(rows.currents[-1])
-    # In each direction a held-out fold must leave more points than functions.
-    in_current = [(2, 1)] if len(rows.currents) >= 3 else []
-    in_current += [(k, n) for k in (3, 4) for n in (1, 2, 3, 4, 6) if k + n + 2 <= len(rows.currents)]
-    cells = [n for n in (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20) if U_DEGREE + n + 2 <= len(rows.distances)]
-    breaks = [np.linspace(start / end, 1.0, n + 1) for n in cells]
-    # Breaks that follow the rows leave data in every cell, where uniform ones would not (steep forces at small d).
-    breaks += [start / np.quantile(rows.distances, np.linspace(1.0, 0.0, n + 1)) for n in cells if n > 1]
+def _size(basis: CoenergyBasis) -> int:
+    return basis.shape[0] * basis.shape[1]
+
+
+def _fewest_distances(rows: FitRows, cells: int = 1) -> int:
+    """Distances that so many cells need: flux linkage tells W' itself beside its slope, so that fewer will do."""
+    return U_DEGREE + cells + (2 if rows.flux_linkage is None else 0)
+
+
+def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
+    """Knots and degree in the current: a held-out fold must leave more points than functions."""
+    count = len(rows.currents)
+    forms = [(2, 1)] if count >= FEWEST_CURRENTS else []
+    forms += [(degree, n) for degree in (3, 4) for n in (1, 2, 3, 4, 6) if degree + n + 2 <= count]
+    ends = float(rows.currents[0]), float(rows.currents[-1])
     return [
-        CoenergyBasis(start, _clamped(u, U_DEGREE), _clamped(np.linspace(low, high, n + 1), degree), degree)
-        for degree, n in in_current
-        for u in breaks
+        {"current_knots": _clamped(np.linspace(*ends, n + 1), degree), "current_degree": degree} for degree, n in forms
     ]
+
+
+def _distance_trials(rows: FitRows) -> list[dict[str, Any]]:
+    """d_0, s and knots in u."""
+    trials = []
+    for part in SHIFTS:
+        shift = part * float(np.ptp(rows.distances))
+        d = rows.distances + shift
+        for n in (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20):
+            if _fewest_distances(rows, n) > len(d):
+                break
+            # Breaks that follow the rows leave data in every cell, where uniform ones would not.
+            even, following = np.linspace(d[0] / d[-1], 1.0, n + 1), d[0] / np.quantile(d, np.linspace(1.0, 0.0, n + 1))
+            trials += [
+                {"reference_distance_m": float(d[0]), "distance_shift_m": shift, "u_knots": _clamped(u, U_DEGREE)}
+                for u in ((even,) if n == 1 else (even, following))
+            ]
+    return trials
 
 
 def _clamped(breaks: FloatArray, degree: int) -> FloatArray:
@@ -134,10 +184,7 @@ def _clamped(breaks: FloatArray, degree: int) -> FloatArray:
 
 def _scales(rows: FitRows) -> list[FloatArray]:
     """What an error of each row is measured against: the force, and the flux linkage's change over the distance."""
-    size = np.abs(rows.force)
-    largest = np.array([np.max(size[rows.distance == d]) for d in rows.distances])
-    floor = FLOOR * np.maximum(largest, 1e-6 * np.max(size))[np.searchsorted(rows.distances, rows.distance)]
-    scales = [np.hypot(rows.force, floor)]
+    scales = [rows.force_scale]
     if rows.flux_linkage is not None:
         flux = rows.flux_linkage
         change = float(np.median([np.ptp(flux[rows.current == i]) for i in rows.currents]))

@@ -1,6 +1,6 @@
 """The Hall characteristic: magnet part and coil part of the field at the Hall element, fitted like the force.
 
-B(d, i) = MH(d) + CH(d) i (+ CH_2(d) i^2 where a held-out current asks for it), each a spline in u = d_0 / d.
+B(d, i) = MH(d) + CH(d) i (+ CH_2(d) i^2 where a held-out current asks for it), each a spline in u = d_0 / (d + s).
 
 References
 ----------
@@ -14,6 +14,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
+from femfit.fit.coenergy_basis import SHIFTS
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.hall import HallField
@@ -74,12 +75,14 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
         If there is only one current.
     """
     scale = float(np.ptp(hall)) or 1.0
-    knots_u, knots_i, held_out = _choose(rows, hall, scale)
-    degree = int(np.sum(knots_i == knots_i[0])) - 1
-    sigma = np.full_like(hall, 1e-4 * scale)
-    qp = solve_bounded_qp(_columns(rows.distance, rows.current, rows, knots_u, knots_i), hall, sigma)
-    shape = (len(knots_u) - U_DEGREE - 1, len(knots_i) - degree - 1)
-    field = HallField(float(rows.distances[0]), TensorSpline(knots_u, knots_i, U_DEGREE, degree, qp.x.reshape(shape)))
+    basis, held_out = _choose(rows, hall, scale)
+    qp = solve_bounded_qp(basis.columns(rows.distance, rows.current), hall, np.full_like(hall, 1e-4 * scale))
+    shape = (len(basis.knots_u) - basis.u_degree - 1, basis.degree + 1)
+    field = HallField(
+        basis.reference_distance,
+        TensorSpline(basis.knots_u, basis.knots_i, basis.u_degree, basis.degree, qp.x.reshape(shape)),
+        basis.shift,
+    )
     _, _, slope = field.derivatives(rows.distance, rows.current)
     ends = np.array([rows.distances[-1], rows.distances[0]])
     magnet = field.field(ends, np.zeros(2))
@@ -94,47 +97,64 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     )
 
 
-def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[FloatArray, FloatArray, float]:
-    low, high = float(rows.currents[0]), float(rows.currents[-1])
-    u_min = float(rows.distances[0] / rows.distances[-1])
+@dataclass(frozen=True, eq=False)
+class _Basis:
+    """Splines in u = d_0 / (d + s), times powers of the current up to a degree."""
+
+    reference_distance: float
+    shift: float
+    knots_u: FloatArray
+    knots_i: FloatArray
+    degree: int
+
+    @property
+    def u_degree(self) -> int:
+        return int(np.sum(self.knots_u == self.knots_u[0])) - 1
+
+    def columns(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """Value of each basis function, shape (n, functions)."""
+        in_u = basis_matrix(self.reference_distance / (distance + self.shift), self.knots_u, self.u_degree)
+        in_i = basis_matrix(current, self.knots_i, self.degree)
+        return np.asarray((in_u[:, :, None] * in_i[:, None, :]).reshape(len(distance), -1))
+
+
+def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, float]:
     if len(rows.currents) < 2:
         raise FitError(
             "The Hall field needs at least two currents, to tell the coil's part from the magnet's; instead received "
             f"{len(rows.currents)}. Sweep more currents."
         )
-    best = (np.inf, np.zeros(0), np.zeros(0))
+    ends = [float(rows.currents[0]), float(rows.currents[-1])]
+    chosen, least = _basis(rows, 0.0, 1, np.repeat(ends, 2)), np.inf
     for degree in range(1, min(3, len(rows.currents) - 1) + 1):
-        knots_i = np.repeat([low, high], degree + 1)
         for cells in (1, 2, 3, 4, 6, 8, 12):
             if cells > 1 and U_DEGREE + cells + 2 > len(rows.distances):
                 break
-            breaks = np.geomspace(u_min, 1.0, cells + 1)
-            knots_u = np.concatenate([np.repeat(breaks[0], U_DEGREE), breaks, np.repeat(breaks[-1], U_DEGREE)])
-            error = _held_out(rows, hall, knots_u, knots_i) / scale
+            alike = [_basis(rows, part, cells, np.repeat(ends, degree + 1)) for part in SHIFTS]
+            errors = [_held_out(basis, rows, hall) / scale for basis in alike]
+            basis, error = alike[int(np.argmin(errors))], min(errors)
             if error < HELD_OUT_TARGET:
-                return knots_u, knots_i, error
-            if error < 0.9 * best[0]:
-                best = (error, knots_u, knots_i)
-    return best[1], best[2], best[0]
+                return basis, error
+            if error < 0.9 * least:
+                chosen, least = basis, error
+    return chosen, least
 
 
-def _held_out(rows: FitRows, hall: FloatArray, knots_u: FloatArray, knots_i: FloatArray) -> float:
+def _basis(rows: FitRows, shift_part: float, cells: int, knots_i: FloatArray) -> _Basis:
+    shift = shift_part * float(np.ptp(rows.distances))
+    d = rows.distances + shift
+    breaks = np.geomspace(d[0] / d[-1], 1.0, cells + 1)
+    u_degree = min(U_DEGREE, len(d) - 2)  # one distance left out must leave as many as there are functions
+    knots_u = np.concatenate([np.repeat(breaks[0], u_degree), breaks, np.repeat(breaks[-1], u_degree)])
+    return _Basis(float(d[0]), shift, knots_u, knots_i, len(knots_i) // 2 - 1)
+
+
+def _held_out(basis: _Basis, rows: FitRows, hall: FloatArray) -> float:
     squares = []
     inner = rows.distances[1:-1]
+    columns = basis.columns(rows.distance, rows.current)
     for fold in range(min(4, len(inner))):
         out = np.isin(rows.distance, inner[fold::4])
-        fitted = np.linalg.lstsq(
-            _columns(rows.distance[~out], rows.current[~out], rows, knots_u, knots_i), hall[~out], rcond=1e-12
-        )[0]
-        predicted = _columns(rows.distance[out], rows.current[out], rows, knots_u, knots_i) @ fitted
-        squares.append((predicted - hall[out]) ** 2)
+        fitted = np.linalg.lstsq(columns[~out], hall[~out], rcond=1e-12)[0]
+        squares.append((columns[out] @ fitted - hall[out]) ** 2)
     return float(np.sqrt(np.mean(np.concatenate(squares))))
-
-
-def _columns(
-    distance: FloatArray, current: FloatArray, rows: FitRows, knots_u: FloatArray, knots_i: FloatArray
-) -> FloatArray:
-    degree = int(np.sum(knots_i == knots_i[0])) - 1
-    in_u = basis_matrix(rows.distances[0] / distance, knots_u, U_DEGREE)
-    in_i = basis_matrix(current, knots_i, degree)
-    return np.asarray((in_u[:, :, None] * in_i[:, None, :]).reshape(len(distance), -1))

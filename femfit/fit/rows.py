@@ -11,6 +11,9 @@ from femfit.core.sweep_table import SweepTable
 
 FEWEST_ROWS = 12
 FEWEST_DISTANCES = 4
+SMALL_FORCE = 0.01
+"""Forces below this part of the largest one at the same distance are passages through zero, whose relative error would
+say nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +49,32 @@ class FitRows:
     def distances(self) -> FloatArray:
         """Distinct distances, ascending."""
         return np.unique(self.distance)
+
+    @property
+    def hanging_weight(self) -> float | None:
+        """The weight, where the moving part can hang within the sweep: some force is below and some above it."""
+        if self.weight is None or not np.min(self.force) <= self.weight <= np.max(self.force):
+            return None
+        return self.weight
+
+    @property
+    def error_scale(self) -> tuple[float, str]:
+        """What a law's errors are a part of, in N, and its name: the weight where the part can hang, or the rms."""
+        weight = self.hanging_weight
+        return (weight, "weight") if weight else (float(np.sqrt(np.mean(self.force**2))), "rms force")
+
+    @property
+    def force_scale(self) -> FloatArray:
+        """What a relative error of each row's force is measured against, shape (n,).
+
+        The force itself, but at least :data:`SMALL_FORCE` of the largest one at the same distance, and of the largest
+        ones on both sides of a distance at which every force changes its sign.
+        """
+        size = np.abs(self.force)
+        largest = np.array([np.max(size[self.distance == d]) for d in self.distances])
+        nearer, farther = np.maximum.accumulate(largest), np.maximum.accumulate(largest[::-1])[::-1]
+        around = np.maximum(np.minimum(nearer, farther), 1e-4 * np.max(size) or 1.0)
+        return np.maximum(size, SMALL_FORCE * around[np.searchsorted(self.distances, self.distance)])
 
     def take(self, which: BoolArray) -> "FitRows":
         """The rows of a boolean mask."""

@@ -140,7 +140,7 @@ class Misfit:
     force_rms_relative : float
         Root mean square of (model - sweep) / sweep over the rows.
     force_rms_of_weight : float or None
-        ``force_rms_N`` over the moving part's weight, where the mass is known.
+        ``force_rms_N`` over the moving part's weight, where it can hang within the sweep.
     flux_linkage_rms_Wb, hall_rms_T : float or None
         The same for the other columns, where the sweep has them.
     rows : int

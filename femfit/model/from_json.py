@@ -176,7 +176,8 @@ def _coefficient_from(section: Section, basis: tuple[str, ...]) -> Coefficient:
     )
 
 
-def _spline_from(section: Section) -> tuple[float, TensorSpline]:
+def _spline_from(section: Section) -> tuple[float, TensorSpline, float]:
+    """d_0, spline and shift of a co-energy or a Hall field."""
     spline = TensorSpline(
         x_knots=section.array("u_knots", 1),
         y_knots=section.array("current_knots_A", 1),
@@ -193,4 +194,6 @@ def _spline_from(section: Section) -> tuple[float, TensorSpline]:
     needed = (len(spline.x_knots) - spline.x_degree - 1, len(spline.y_knots) - spline.y_degree - 1)
     if spline.coefficients.shape != needed:
         raise section.refusal("coefficients", f"{needed[0]} lists of {needed[1]} numbers, as the knots ask for")
-    return section.number("reference_distance_m", positive=True), spline
+    # Absent in files from before the shift: they have none.
+    shift = section.number("distance_shift_m", lower=0.0) if "distance_shift_m" in section.data else 0.0
+    return section.number("reference_distance_m", positive=True), spline, shift

@@ -105,7 +105,7 @@ class Magnetics(ABC):
 
 @dataclass(frozen=True, eq=False)
 class CoenergySpline(Magnetics):
-    """W'(d, i) as a tensor B-spline in u = d_0 / d and i.
+    """W'(d, i) as a tensor B-spline in u = d_0 / (d + s) and i.
 
     Parameters
     ----------
@@ -113,20 +113,24 @@ class CoenergySpline(Magnetics):
         d_0.
     spline : TensorSpline
         In (u, i), in J.
+    distance_shift_m : float
+        s >= 0: the part of the magnetic path that the distance does not close, so that a small one leaves W' finite.
     """
 
     reference_distance_m: float
     spline: TensorSpline
+    distance_shift_m: float = 0.0
 
     def _derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        u = self.reference_distance_m / distance
+        shifted = distance + self.distance_shift_m
+        u = self.reference_distance_m / shifted
         wanted = dict.fromkeys((a, b) for a, b in orders if a < 2)
         for _, b in (order for order in orders if order[0] == 2):
             wanted |= dict.fromkeys(((1, b), (2, b)))
         inner = dict(zip(wanted, self.spline.derivatives(u, current, tuple(wanted)), strict=True))
-        first, second = -u / distance, 2.0 * u / distance**2  # du/dd and d2u/dd2
+        first, second = -u / shifted, 2.0 * u / shifted**2  # du/dd and d2u/dd2
         result = []
         for a, b in orders:
             if a == 0:

@@ -6,7 +6,7 @@ from typing import Any
 
 from femfit.core.errors import ModelFileError
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.bspline import TensorSpline
+from femfit.model.hall import HallField
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
 
 SCHEMA_VERSION = 1
@@ -28,7 +28,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     sensor = None
     if model.sensor is not None:
         sensor = {key: value for key, value in vars(model.sensor).items() if key != "field"}
-        sensor["field"] = _spline_to_dict(model.sensor.field.reference_distance_m, model.sensor.field.spline)
+        sensor["field"] = _spline_to_dict(model.sensor.field)
     return {
         "schema": SCHEMA_VERSION,
         "name": model.name,
@@ -50,7 +50,7 @@ def _magnetics_to_dict(magnetics: Magnetics) -> dict[str, Any]:
     if isinstance(magnetics, CoenergySpline):
         return {
             "kind": "coenergy_spline",
-            **_spline_to_dict(magnetics.reference_distance_m, magnetics.spline),
+            **_spline_to_dict(magnetics),
         }
     if isinstance(magnetics, LawMagnetics):
         return {
@@ -74,9 +74,11 @@ def _coefficient_to_dict(c: Coefficient) -> dict[str, Any]:
     }
 
 
-def _spline_to_dict(reference_distance_m: float, spline: TensorSpline) -> dict[str, Any]:
+def _spline_to_dict(holder: CoenergySpline | HallField) -> dict[str, Any]:
+    spline = holder.spline
     return {
-        "reference_distance_m": reference_distance_m,
+        "reference_distance_m": holder.reference_distance_m,
+        "distance_shift_m": holder.distance_shift_m,
         "u_knots": spline.x_knots.tolist(),
         "current_knots_A": spline.y_knots.tolist(),
         "u_degree": spline.x_degree,

@@ -15,7 +15,7 @@ from femfit.model.dynamics import (
     state_derivative,
     state_jacobian,
 )
-from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 
 RANDOM = np.random.default_rng(5)
 DISTANCE, CURRENT = RANDOM.uniform(0.017, 0.043, 40), RANDOM.uniform(0.1, 1.3, 40)
@@ -32,10 +32,14 @@ def law_magnetics(law):
     return LawMagnetics(law.name, coefficients, shape, 0.016, 1e-3)
 
 
-@pytest.fixture(params=["spline", *(law.name for law in BUILT_IN)])
+@pytest.fixture(params=["spline", "shifted spline", *(law.name for law in BUILT_IN)])
 def magnetics(request, levitation_model):
     if request.param == "spline":
         return levitation_model.magnetics
+    if request.param == "shifted spline":
+        spline = levitation_model.magnetics.spline
+        # d_0 / (d + s) spans 1/3 .. 1 over 15 .. 45 mm for no other s than zero; here over 10 .. 50 mm.
+        return CoenergySpline(0.02, spline, 0.01)
     return law_magnetics(next(law for law in BUILT_IN if law.name == request.param))
 
 

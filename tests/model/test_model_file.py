@@ -112,6 +112,7 @@ def test_a_damaged_value_is_named_by_its_key_path(levitation_model, keys, value,
         ("u_degree", 0, r"magnetics\.u_degree must be a whole number in 1\.\.9"),
         ("coefficients", [[1.0]], r"magnetics\.coefficients must be 10 lists of 3 numbers"),
         ("reference_distance_m", 0.0, r"magnetics\.reference_distance_m must be a finite number > 0"),
+        ("distance_shift_m", -1e-3, r"magnetics\.distance_shift_m must be a finite number >= 0"),
     ],
 )
 def test_a_damaged_spline_is_named_by_its_key_path(levitation_model, key, value, message):
@@ -272,3 +273,17 @@ def test_a_model_kind_without_a_file_form_is_refused(levitation_model, tmp_path)
 
     with pytest.raises(ModelFileError, match="it is Other"):
         write_model(replace(levitation_model, magnetics=Other()), tmp_path / "m.json")
+
+
+def test_a_shifted_coordinate_survives_its_file_and_old_files_have_none(levitation_model):
+    sensor = levitation_model.sensor
+    shifted = replace(
+        levitation_model,
+        magnetics=replace(levitation_model.magnetics, distance_shift_m=2e-3),
+        sensor=replace(sensor, field=replace(sensor.field, distance_shift_m=3e-3)),
+    )
+    data = model_to_dict(shifted)
+    again = model_from_dict(data, "m.json")
+    assert (again.magnetics.distance_shift_m, again.sensor.field.distance_shift_m) == (2e-3, 3e-3)
+    del data["magnetics"]["distance_shift_m"]
+    assert model_from_dict(data, "m.json").magnetics.distance_shift_m == 0.0
