@@ -39,7 +39,7 @@ def fit(
         Bounds of one coefficient, for example "d^-4=0:1e-8"; repeat for more; either end may be empty.
     functions : str
         Coefficient functions of the current, one a column, for example constant,through-origin; default: by held-out
-        error among constant, through-origin, affine and quadratic.
+        error among constant, through-origin, square, affine and quadratic.
     stages : str
         Coefficients of the two-stage fit (two) or of the one-stage fit (joint) in the model.
     constraints : str

@@ -344,8 +344,15 @@ def _osqp(problem: _Scaled, objective: FloatArray, back: FloatArray, names: Sequ
 def _active_set(problem: _Scaled) -> FloatArray:
     if problem.inequalities is not None:
         return solve_least_distance(problem.triangle, problem.right, *problem.all_rows())
-    bounds = (problem.lower, problem.upper)
-    return np.asarray(lsq_linear(problem.triangle, problem.right, bounds, method="bvls", tol=1e-15).x)
+    fixed = (
+        problem.lower >= problem.upper
+    )  # bounds that coincide leave nothing to solve for, and lsq_linear refuses them
+    z = problem.lower.copy()
+    if not np.all(fixed):
+        right = problem.right - problem.triangle[:, fixed] @ z[fixed]
+        bounds = (problem.lower[~fixed], problem.upper[~fixed])
+        z[~fixed] = lsq_linear(problem.triangle[:, ~fixed], right, bounds, method="bvls", tol=1e-15).x
+    return z
 
 
 def _cross_check(problem: _Scaled, z: FloatArray, reference: FloatArray) -> None:

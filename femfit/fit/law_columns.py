@@ -5,31 +5,49 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.fit.bounded_qp import Inequalities, QPSolution
 from femfit.laws.law import ForceLaw
 
 FUNCTIONS: dict[str, tuple[int, ...]] = {
     "constant": (0,),
     "through-origin": (1,),
+    "square": (2,),
     "affine": (0, 1),
     "quadratic": (0, 1, 2),
 }
-"""Coefficient functions of the current: name and powers, simplest first."""
+"""Coefficient functions of the current: name and powers, simplest first; a coil alone pulls iron with its square."""
 
 
 @dataclass(frozen=True, eq=False)
 class CoefficientBounds:
-    """What each coefficient c_k(i) may be, at every current of the sweep.
+    """What each coefficient c_k(i) may be, at the currents of the sweep.
 
     Parameters
     ----------
     lower, upper : array, shape (k,)
         One entry a column of the law; infinite where nothing is bounded.
+    attracting : array of bool, shape (k,), or None
+        Columns whose bounds hold at currents >= 0 alone, in which the coil attracts: b(i) = m i changes its sign with
+        the current. None for none of them.
     """
 
     lower: FloatArray
     upper: FloatArray
+    attracting: BoolArray | None = None
+
+    def at(self, current: float) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds at a current in A."""
+        if self.attracting is None or current >= 0:
+            return self.lower, self.upper
+        return np.where(self.attracting, -np.inf, self.lower), np.where(self.attracting, np.inf, self.upper)
+
+    def of_column(self, k: int) -> "CoefficientBounds":
+        """The bounds of one column."""
+        own = slice(k, k + 1)
+        return CoefficientBounds(
+            self.lower[own], self.upper[own], None if self.attracting is None else self.attracting[own]
+        )
 
 
 def term_names(law: ForceLaw, functions: Sequence[str]) -> tuple[tuple[str, int], ...]:
@@ -120,7 +138,7 @@ class TermBounds:
 def term_bounds(
     functions: Sequence[str], labels: Sequence[str], currents: FloatArray, bounds: CoefficientBounds
 ) -> TermBounds:
-    """Bounds on c_k(i) at every current: a box where one term makes it up, inequalities where it has more.
+    """Bounds on c_k(i) where they hold: a box where one term makes it up, inequalities where it has more.
 
     Parameters
     ----------
@@ -151,7 +169,8 @@ def term_bounds(
             row = np.zeros(total)
             row[start : start + len(powers)] = i**powers
             only = np.flatnonzero(row)
-            for limit, sign, word in ((bounds.lower[k], 1.0, "lower"), (bounds.upper[k], -1.0, "upper")):
+            low, high = bounds.at(float(i))
+            for limit, sign, word in ((low[k], 1.0, "lower"), (high[k], -1.0, "upper")):
                 if not np.isfinite(limit) or len(only) == 0:
                     continue
                 if len(only) == 1:

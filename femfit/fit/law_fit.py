@@ -105,14 +105,16 @@ def law_sigma(rows: FitRows) -> FloatArray:
     Returns
     -------
     array, shape (n,)
-        N. A thousandth of the weight, or of the largest force: with an equal sigma the weighted sum is J of the paper.
+        N. A thousandth of the weight, or of the rms force: with an equal sigma the weighted sum is J of the paper.
     """
-    scale = rows.weight or float(np.max(np.abs(rows.force)))
-    return np.hypot(1e-3 * scale, rows.force_error)
+    return np.hypot(1e-3 * rows.error_scale[0], rows.force_error)
 
 
 def default_bounds(law: ForceLaw) -> CoefficientBounds:
-    """The law's own: coefficients that it calls non-negative, per current, as in the paper.
+    """The law's own: coefficients that it calls non-negative, at each current in which the coil attracts.
+
+    The paper bounds them at its currents, all of which attract (0 to 1.4 A). At negative ones the coil's part of the
+    force, b(i) = m i, repels, and a bound there would leave only b = 0.
 
     Parameters
     ----------
@@ -122,10 +124,12 @@ def default_bounds(law: ForceLaw) -> CoefficientBounds:
     Returns
     -------
     CoefficientBounds
-        Zero or minus infinity below, infinity above.
+        Zero or minus infinity below, infinity above, at currents >= 0.
     """
     nonnegative = law.nonnegative or (False,) * len(law.basis)
-    return CoefficientBounds(np.where(nonnegative, 0.0, -np.inf), np.full(len(law.basis), np.inf))
+    return CoefficientBounds(
+        np.where(nonnegative, 0.0, -np.inf), np.full(len(law.basis), np.inf), np.array(nonnegative)
+    )
 
 
 def fit_law(
@@ -163,7 +167,7 @@ def fit_law(
     sigma = law_sigma(rows)
     shape = fit_shape(law, rows, sigma)
     stage_one = fit_each_current(law, shape, rows, sigma, bounds)
-    scale = rows.weight or float(np.sqrt(np.mean(rows.force**2)))
+    scale, _ = rows.error_scale
     typical = np.sqrt(np.mean(law.columns(rows.distance, shape) ** 2, axis=0))
     stage_two = fit_functions(law, stage_one, bounds, functions, NEGLIGIBLE * scale / typical)
     chosen = tuple(function.name for function in stage_two)
@@ -225,7 +229,7 @@ def fit_joint(
 def fit_shape(
     law: ForceLaw, rows: FitRows, sigma: FloatArray, start: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """The law's nonlinear parameters, by variable projection with affine coefficient functions.
+    """The law's nonlinear parameters, by variable projection with quadratic coefficient functions.
 
     Parameters
     ----------
@@ -256,7 +260,8 @@ def fit_shape(
         return {}
     names = [p.name for p in law.shape]
     lower, upper = np.array([p.lower for p in law.shape]), np.array([p.upper for p in law.shape])
-    functions = ("affine",) * len(law.basis) if len(rows.currents) > 1 else ("constant",) * len(law.basis)
+    # As free in the current as the table allows, since stage two chooses the functions only afterwards.
+    functions = ({1: "constant", 2: "affine"}.get(len(rows.currents), "quadratic"),) * len(law.basis)
 
     def misfit(unit: FloatArray) -> FloatArray:
         shape = dict(zip(names, lower * (upper / lower) ** unit, strict=True))

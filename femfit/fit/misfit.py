@@ -63,31 +63,13 @@ def _misfit(
     return Misfit(
         force_rms_N=_rms(error),
         force_max_N=float(np.max(np.abs(error))),
-        force_rms_relative=relative_rms(error, rows.force),
-        force_rms_of_weight=None if rows.weight is None else _rms(error) / rows.weight,
+        force_rms_relative=_rms(error / rows.force_scale),
+        force_rms_of_weight=None if rows.hanging_weight is None else _rms(error) / rows.hanging_weight,
         flux_linkage_rms_Wb=flux,
         hall_rms_T=hall,
         rows=len(error),
         against=against,
     )
-
-
-def relative_rms(error: FloatArray, truth: FloatArray) -> float:
-    """Rms of error / truth over the rows whose truth is not zero.
-
-    Parameters
-    ----------
-    error, truth : array
-        Of the same shape.
-
-    Returns
-    -------
-    float
-        A fraction; rows without force (a plunger without current) have no relative error and are left out; zero where
-        no row has a force.
-    """
-    known = np.abs(truth) > 1e-9 * np.max(np.abs(truth))
-    return _rms(error[known] / truth[known]) if np.any(known) else 0.0
 
 
 def _rms(values: FloatArray) -> float:

@@ -25,7 +25,7 @@ PAPER_BOUND = 1e-7
 """Upper bound of every variable in eq. (10), in each variable's own SI unit."""
 
 BOUNDS: dict[str, str] = {
-    "law": "what the law says: coefficients that must attract are >= 0 at every current",
+    "law": "what the law says: coefficients that must attract are >= 0 at every current >= 0",
     "none": "no bounds",
     "paper": "eq. (10) literally: 0..1e-7 on every variable, the slack of each row included",
     "paper-coefficients": "0..1e-7 on the coefficients alone",
@@ -76,7 +76,10 @@ def bounds_by_name(
         if basis not in law.basis:
             raise FitError(f"Law {law.name} has the coefficients of {', '.join(law.basis)}; none of {basis!r}.")
         lower[law.basis.index(basis)], upper[law.basis.index(basis)] = ends
-    box = CoefficientBounds(lower, upper)
+    attracting = None
+    if box.attracting is not None:  # bounds given by hand hold at every current
+        attracting = box.attracting & ~np.isin(law.basis, list(single or {}))
+    box = CoefficientBounds(lower, upper, attracting)
     if name == "paper":
         require_slack_box(law, rows, box)
     return box

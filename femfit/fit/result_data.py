@@ -8,7 +8,6 @@ from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
 from femfit.fit.linearity import LinearityTest
-from femfit.fit.misfit import relative_rms
 from femfit.fit.ranking import TARGET, Ranking
 from femfit.fit.rows import FitRows
 
@@ -26,8 +25,8 @@ def stage_one_data(fit: LawFit, rows: FitRows) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        J in N^2 of stage one and of the two-stage law, rms residual as a part of force and weight, active bounds and
-        condition numbers.
+        J in N^2 of stage one and of the two-stage law, rms residual as a part of the force (its scale where it passes
+        through zero) and of the weight (None where the part cannot hang), active bounds and condition numbers.
     """
     entries = []
     for i, coefficients, solution in zip(
@@ -41,8 +40,8 @@ def stage_one_data(fit: LawFit, rows: FitRows) -> list[dict[str, Any]]:
                 "coefficients": dict(zip(fit.law.basis, map(float, coefficients), strict=True)),
                 "J_N2": float(np.sum(solution.residual**2)),
                 "J_final_N2": float(np.sum(final**2)),
-                "rms_of_force": relative_rms(solution.residual, rows.force[at]),
-                "rms_of_weight": None if rows.weight is None else _rms(solution.residual) / rows.weight,
+                "rms_of_force": _rms(solution.residual / rows.force_scale[at]),
+                "rms_of_weight": None if rows.hanging_weight is None else _rms(solution.residual) / rows.hanging_weight,
                 "active": {b: side for b, side in zip(fit.law.basis, solution.active, strict=True) if side},
                 "condition": solution.condition,
                 "condition_scaled": solution.condition_scaled,
@@ -120,6 +119,7 @@ def ranking_data(ranking: Ranking) -> dict[str, Any]:
     """
     return {
         "of": ranking.of,
+        "why_of": ranking.why_of or None,
         "target": TARGET,
         "recommended": ranking.recommended.law.name,
         "reached": ranking.reached,

@@ -91,6 +91,8 @@ def ranking_lines(ranking: Ranking) -> list[str]:
     best = ranking.recommended
     reason = "the cheapest within" if ranking.reached else "the best; none is within"
     operations = best.fit.operations if best.fit else 0
+    if ranking.why_of:
+        lines.append(f"errors are parts of the {ranking.of}, because {ranking.why_of}")
     lines.append(
         f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the {ranking.of}"
     )
@@ -184,7 +186,8 @@ def _law_lines(fit: LawFit, rows: FitRows) -> list[str]:
         )
     difference = fit.force(fit.two_stage - fit.joint.x, rows.distance, rows.current)
     rms = float(np.sqrt(np.mean(difference**2)))
-    part = "" if rows.weight is None else f", {100 * rms / rows.weight:.2g} % of the weight"
+    scale, name = rows.error_scale
+    part = f", {100 * rms / scale:.2g} % of the {name}"
     lines.append(f"two-stage minus one-stage force: {1e3 * rms:.3g} mN rms{part}")
     lines.append(f"one-stage fit, active bounds: {'; '.join(fit.limits.active(fit.joint)) or 'none'}")
     lines.append(f"condition number {fit.joint.condition:.2e}, columns scaled {fit.joint.condition_scaled:.2e}")

@@ -1,8 +1,8 @@
 """The paper's two stages: a law at each current, then each coefficient as a function of the current.
 
 Stage one minimises J_1 = sum_j (F_j - sum_k c_k phi_k(d_j))^2 at each current by itself; stage two fits the values
-c_k(i) with a constant, a line through the origin, a line or a parabola, and J_3 is its sum of squares. Which of
-them is taken is decided by leaving each current out in turn, not by eye.
+c_k(i) with a constant, a line through the origin, a square, a line or a parabola, and J_3 is its sum of squares. Which
+of them is taken is decided by leaving each current out in turn, not by eye.
 
 References
 ----------
@@ -119,7 +119,7 @@ def fit_each_current(
         at = rows.current == i
         columns = law.columns(rows.distance[at], shape)
         names = [f"{basis} at {i:g} A" for basis in law.basis]
-        solution = solve_bounded_qp(columns, rows.force[at], sigma[at], bounds.lower, bounds.upper, names=names)
+        solution = solve_bounded_qp(columns, rows.force[at], sigma[at], *bounds.at(float(i)), names=names)
         solutions.append(solution)
         sums.append(float(np.sum(solution.residual**2)))
     return StageOne(currents, np.array([s.x for s in solutions]), np.array(sums), tuple(solutions))
@@ -129,8 +129,7 @@ def fit_coefficient_function(
     currents: FloatArray,
     values: FloatArray,
     label: str,
-    lower: float = -np.inf,
-    upper: float = np.inf,
+    bounds: CoefficientBounds | None = None,
     name: str | None = None,
     negligible: float = 0.0,
 ) -> CoefficientFunction:
@@ -145,8 +144,8 @@ def fit_coefficient_function(
         c at each current.
     label : str
         Name of the coefficient.
-    lower, upper : float
-        Bounds of c at every current.
+    bounds : CoefficientBounds or None
+        Of c, one column; None for none.
     name : str or None
         A function of :data:`FUNCTIONS` to take without choosing.
     negligible : float
@@ -166,11 +165,12 @@ def fit_coefficient_function(
     ----------
     L. Breiman et al., Classification and Regression Trees (Wadsworth, 1984), section 3.4.3 (one standard error).
     """
-    bounds = CoefficientBounds(np.array([lower]), np.array([upper]))
+    bounds = bounds or CoefficientBounds(np.array([-np.inf]), np.array([np.inf]))
     squares = _held_out_squares(currents, values, bounds)
     if name is None and not squares:
         raise InfeasibleFitError(
-            f"No coefficient function of {label} is feasible within {lower:g}..{upper:g} at every current. Widen them."
+            f"No coefficient function of {label} is feasible within {bounds.lower[0]:g}..{bounds.upper[0]:g}. "
+            "Widen these bounds."
         )
     solver_noise = 1e-7 * float(np.sqrt(np.mean(values**2)))
     chosen = name or _simplest(squares, max(negligible, solver_noise))
@@ -196,7 +196,7 @@ def fit_coefficient_function(
 
 def _testable(currents: FloatArray) -> list[str]:
     """Functions that a table with one current left out still determines, with one point to spare in all."""
-    return [name for name, powers in FUNCTIONS.items() if len(currents) > len(powers) + 1 or len(powers) == 1]
+    return [name for name, powers in FUNCTIONS.items() if len(currents) > len(powers)]
 
 
 def _monomials(name: str, currents: FloatArray) -> FloatArray:
@@ -266,8 +266,7 @@ def fit_functions(
             stage_one.currents,
             stage_one.coefficients[:, k],
             basis,
-            float(bounds.lower[k]),
-            float(bounds.upper[k]),
+            bounds.of_column(k),
             None if functions is None else functions[k],
             0.0 if negligible is None else float(negligible[k]),
         )

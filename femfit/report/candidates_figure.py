@@ -186,13 +186,13 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
     Returns
     -------
     Figure
-        A panel a model, each with its own scale, in per cent of the weight (or of the largest force).
+        A panel a model, each with its own scale, in per cent of the weight (or of the rms force).
     """
     from matplotlib.ticker import MaxNLocator
 
     figure = new_figure(2.9)
     panels = figure.subplots(1, len(forces), sharey=True, squeeze=False)[0]
-    scale = rows.weight or float(np.max(np.abs(rows.force)))
+    scale, of = rows.error_scale
     order = np.lexsort((rows.distance, rows.current))
     for ax, (name, force) in zip(panels, forces, strict=True):
         residual = 100.0 * ((force - rows.force) / scale)[order].reshape(len(rows.currents), len(rows.distances))
@@ -212,7 +212,7 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
         bar = figure.colorbar(image, ax=ax, location="bottom", pad=0.03, aspect=22)
         bar.locator = MaxNLocator(4)
         bar.ax.tick_params(labelsize=8)
-        bar.set_label(f"(% of the {'weight' if rows.weight else 'largest force'})", fontsize=8.5)
+        bar.set_label(f"(% of the {of})", fontsize=8.5)
     panels[0].set_ylabel("current i (A)")
     return figure
 

@@ -80,6 +80,8 @@ def _recommendation(ranking: Ranking, *, has_coenergy: bool) -> Block:
         "{} laws were ranked by their error on held-out rows (blocks of neighbouring distances, single currents). ",
         len(fitted),
     )
+    if ranking.why_of:
+        sentence += text("Their errors are parts of the {}, because {}. ", ranking.of, ranking.why_of)
     if best.fit is None:
         return sentence
     if ranking.reached:

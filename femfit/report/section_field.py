@@ -30,7 +30,7 @@ def field_section(content: ReportContent, sample: FieldSample, no_cutaway: str |
         To print.
     """
     where = text("d = {} mm and i = {} A", plain(MM * sample.distance_m, 4), plain(sample.current_A, 3))
-    weight = content.weight
+    weight = content.fit.rows.hanging_weight
     share = "" if weight is None else f", {percent(sample.force_N / weight, 3)} of the weight"
     parts = ", ".join(f"{name.replace('_', ' ')} {quantity(b, 'T')}" for name, b in sample.part_flux_density_T.items())
     levels = flux_levels(sample.flux_Wb)

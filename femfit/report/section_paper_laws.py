@@ -175,4 +175,4 @@ def _why(content: ReportContent, fit: LawFit) -> list[Block]:
 def _worst(content: ReportContent, fit: LawFit) -> float:
     rows = content.fit.rows
     error = law_force(fit, rows) - rows.force
-    return float(np.sqrt(np.mean(error**2)) / (rows.weight or np.sqrt(np.mean(rows.force**2))))
+    return float(np.sqrt(np.mean(error**2)) / rows.error_scale[0])

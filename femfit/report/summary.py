@@ -29,12 +29,9 @@ def summary(content: ReportContent) -> tuple[Markup, ...]:
 
 def _sweep(content: ReportContent) -> Markup:
     rows = content.fit.rows
-    known = (rows.force != 0.0) & (rows.force_error > 0.0)
     error = ""
-    if np.any(known):
-        error = (
-            f"; estimated error at most {percent(float(np.max(rows.force_error[known] / np.abs(rows.force[known]))))}"
-        )
+    if np.any(rows.force_error > 0.0):
+        error = f"; estimated error at most {percent(float(np.max(rows.force_error / rows.force_scale)))}"
     return text(
         "<strong>Field.</strong> {} points solved, forces of {} to {}{}.",
         len(rows.force),

@@ -181,3 +181,21 @@ def test_rows_weigh_by_their_standard_deviation():
     y = np.array([0.0, 1.0])
     solution = solve_bounded_qp(np.ones((2, 1)), y, np.array([1.0, 0.5]))
     assert solution.x[0] == pytest.approx(0.8, rel=1e-12)
+
+
+def test_a_coefficient_whose_bounds_coincide_is_fixed_there():
+    y = noisy()
+    solution = solve_bounded_qp(F1E, y, ONES, np.array([0.0, 5e-6]), np.array([np.inf, 5e-6]))
+    a = np.sum(F1E[:, 0] * (y - 5e-6 * F1E[:, 1])) / np.sum(F1E[:, 0] ** 2)
+    np.testing.assert_allclose(solution.x, [a, 5e-6], rtol=1e-8)
+    assert solution.active == ("", "lower")
+    assert solution.degrees_of_freedom == 60
+    assert solution.covariance[1, 1] == 0.0
+
+
+def test_all_coefficients_may_be_fixed_and_inequalities_may_stand_beside_them():
+    fixed = np.array([6e-9, 5e-6])
+    np.testing.assert_array_equal(solve_bounded_qp(F1E, noisy(), ONES, fixed, fixed).x, fixed)
+    given = Inequalities(np.array([[1.0, 0.0]]), np.array([7e-9]), ("a at least 7e-9",))
+    x = solve_bounded_qp(F1E, noisy(), ONES, np.array([-np.inf, 5e-6]), np.array([np.inf, 5e-6]), given).x
+    np.testing.assert_allclose(x, [7e-9, 5e-6], rtol=1e-8)

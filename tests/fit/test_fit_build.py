@@ -162,7 +162,7 @@ def test_force_alone_needs_a_declared_inductance_for_a_circuit():
 
 
 def test_a_table_too_small_for_a_coenergy_still_gives_a_law():
-    small = full_table(distances=np.linspace(0.015, 0.045, 6), currents=[0.0, 0.7, 1.4])
+    small = full_table(distances=np.linspace(0.015, 0.045, 4), currents=[0.0, 0.7, 1.4])
     result = fit_model(small, FitOptions(model="F1e"))
     assert result.coenergy is None
     assert [m.against for m in result.misfits] == ["sweep"]
@@ -215,7 +215,9 @@ def test_options_that_mean_nothing_are_refused(options, message):
 
 
 def test_functions_must_be_known_and_one_a_column(table):
-    with pytest.raises(FitError, match="one of constant, through-origin, affine, quadratic for each of 2 columns"):
+    with pytest.raises(
+        FitError, match="one of constant, through-origin, square, affine, quadratic for each of 2 columns"
+    ):
         fit_model(table, FitOptions(model="F1e", functions=("constant",)))
     with pytest.raises(FitError, match="one of constant"):
         fit_model(table, FitOptions(model="F1e", functions=("constant", "cubic")))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError, InfeasibleFitError
-from femfit.fit.law_fit import fit_law, law_sigma
+from femfit.fit.law_fit import default_bounds, fit_law, law_sigma
 from femfit.fit.named_bounds import bounds_by_name
 from femfit.fit.ranking import TARGET, rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
@@ -195,3 +195,74 @@ def test_folds_leave_out_every_inner_row_and_keep_the_ends(paper_rows):
     inner = (paper_rows.distance > distances[0]) & (paper_rows.distance < distances[-1])
     np.testing.assert_array_equal(blocks, inner)
     assert len(folds) == 8 + len(currents) - 2
+
+
+def both_signs():
+    return rows_of_table(force_table(paper_force, currents=np.linspace(-0.3, 0.3, 7)), MASS, G)
+
+
+def test_a_laws_attracting_bound_leaves_the_coil_free_to_repel_at_negative_currents():
+    fit = fit_law(F1E, both_signs())
+    assert fit.functions == ("constant", "through-origin")
+    # The data are of the law itself; 1e-6 is what OSQP's tolerance leaves of its coefficients.
+    np.testing.assert_allclose(fit.joint.x, [5.996e-9, 4.509e-6], rtol=1e-6)
+    assert fit.limits.active(fit.joint) == ()
+    assert fit.stage_one.coefficients[0, 1] < 0
+
+
+def test_a_laws_attracting_bound_still_holds_at_positive_currents():
+    repelling = rows_of_table(force_table(lambda d, i: paper_force(d, -i), currents=np.linspace(0.0, 0.3, 7)), MASS, G)
+    fit = fit_law(F1E, repelling)
+    assert np.all(fit.stage_one.coefficients[:, 1] >= 0)
+    assert fit.limits.active(fit.joint)
+
+
+def test_bounds_given_by_hand_hold_at_every_current():
+    box = bounds_by_name("law", F1E, both_signs(), {"d^-2": (0.0, np.inf)})
+    assert box.at(-0.1)[0].tolist() == [-np.inf, 0.0]
+    assert box.at(0.1)[0].tolist() == [0.0, 0.0]
+    assert default_bounds(F1E).at(-0.1)[0].tolist() == [-np.inf, -np.inf]
+
+
+def test_iron_drawn_by_a_coil_alone_takes_the_square_of_the_current():
+    rows = rows_of_table(force_table(lambda d, i: 4e-6 * i**2 * d**-2, currents=[0.0, 0.5, 1.0, 1.5]), None, G)
+    fit = fit_law(F1E, rows)
+    assert fit.functions[1] == "square"
+    np.testing.assert_allclose(
+        fit.force(fit.joint.x, rows.distance, rows.current), rows.force, atol=1e-6 * rows.force.max()
+    )
+
+
+def test_errors_are_parts_of_the_rms_force_where_the_part_cannot_hang():
+    # A plunger of 40 g under 2 to 20 N: in parts of its weight of 0.39 N every law would look useless.
+    rows = rows_of_table(force_table(lambda d, i: 2.0 * (1.0 + i) * (0.045 / d) ** 2), 0.04, G)
+    assert rows.hanging_weight is None
+    ranking = rank_laws((F1E, F2E), rows)
+    assert ranking.of == "rms force"
+    assert ranking.why_of == "the weight, 0.392 N, is not among the sweep's forces, 2 to 43.2 N"
+    assert ranking.reached
+    rms = np.sqrt(np.mean(rows.force**2))
+    f2e = next(c for c in ranking.candidates if c.law is F2E)
+    assert f2e.rms == pytest.approx(np.sqrt(np.mean(f2e.fit.joint.residual**2)) / rms)
+
+
+def test_a_law_of_another_package_that_fails_is_a_row_with_its_reason(paper_rows):
+    def columns(distance, _shape):
+        raise ValueError("distances above 40 mm are not supported")
+
+    def nothing(distance, _shape):
+        return np.stack([1.0 / (distance - distance[0]), distance], axis=-1)
+
+    broken = replace(F1E, name="broken", columns=columns)
+    with np.errstate(divide="ignore"):
+        ranking = rank_laws((broken, replace(F1E, name="pole", columns=nothing), F1E), paper_rows)
+    assert ranking.recommended.law is F1E
+    reasons = {c.law.name: c.failure for c in ranking.candidates}
+    assert reasons["broken"] == "distances above 40 mm are not supported"
+    assert "finite" in reasons["pole"]
+
+
+def test_what_is_wrong_with_the_table_is_said_once_for_all_laws():
+    rows = rows_of_table(force_table(paper_force, currents=[0.5]), MASS, G)
+    with pytest.raises(FitError, match=r"^No law could be fitted\. Two stages need at least 3 currents[^:]*$"):
+        rank_laws((F1E, F2E), rows)

@@ -18,6 +18,7 @@ from support.sweeps import CURRENTS, DISTANCES, force_table
 TABLE_3 = pd.read_csv(Path(__file__).parents[2] / "data" / "paper_table3.csv", comment="#")
 I = TABLE_3["current_A"].to_numpy()  # noqa: E741 - the paper's symbol
 NONNEGATIVE = CoefficientBounds(np.zeros(2), np.full(2, np.inf))
+ABOVE_ZERO = NONNEGATIVE.of_column(0)
 
 
 def paper_force(d, i):
@@ -26,8 +27,8 @@ def paper_force(d, i):
 
 
 def test_table_4_comes_out_of_table_3():
-    a = fit_coefficient_function(I, TABLE_3["a_N_m4"].to_numpy(), "a", 0.0, name="constant")
-    b = fit_coefficient_function(I, TABLE_3["b_N_m2"].to_numpy(), "b", 0.0, name="through-origin")
+    a = fit_coefficient_function(I, TABLE_3["a_N_m4"].to_numpy(), "a", ABOVE_ZERO, name="constant")
+    b = fit_coefficient_function(I, TABLE_3["b_N_m2"].to_numpy(), "b", ABOVE_ZERO, name="through-origin")
     # Digits as printed in Table 4, except J_3: the paper's 2.0486e-14 does not follow from its own Table 3.
     assert float(a.at(0.0)) == pytest.approx(5.996e-9, abs=0.5e-12)
     assert float(b.at(1.0)) == pytest.approx(4.510e-6, abs=0.5e-9)
@@ -35,7 +36,7 @@ def test_table_4_comes_out_of_table_3():
 
 
 def test_held_out_currents_choose_a_constant_for_the_papers_a():
-    a = fit_coefficient_function(I, TABLE_3["a_N_m4"].to_numpy(), "a", 0.0)
+    a = fit_coefficient_function(I, TABLE_3["a_N_m4"].to_numpy(), "a", ABOVE_ZERO)
     assert a.name == "constant"
     assert min(a.held_out, key=a.held_out.get) == "constant"
 
@@ -45,15 +46,15 @@ def test_the_papers_b_is_not_quite_linear_in_the_current():
     f_value, p_value = quadratic_f_test(I, b, through_origin=True)
     assert f_value == pytest.approx(11.4, abs=0.05)
     assert p_value == pytest.approx(0.015, abs=5e-4)
-    assert fit_coefficient_function(I, b, "b", 0.0).name == "quadratic"
+    assert fit_coefficient_function(I, b, "b", ABOVE_ZERO).name == "quadratic"
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_a_constant_and_a_line_through_the_origin_are_recognised_in_scattered_coefficients(seed):
     # Table 3 as it would be if (13) were exact, with the scatter that Table 3 has about it.
     rng = np.random.default_rng(seed)
-    a = fit_coefficient_function(I, 5.996e-9 + 1.1e-11 * rng.standard_normal(8), "a", 0.0)
-    b = fit_coefficient_function(I, 4.51e-6 * I + 2e-8 * rng.standard_normal(8), "b", 0.0)
+    a = fit_coefficient_function(I, 5.996e-9 + 1.1e-11 * rng.standard_normal(8), "a", ABOVE_ZERO)
+    b = fit_coefficient_function(I, 4.51e-6 * I + 2e-8 * rng.standard_normal(8), "b", ABOVE_ZERO)
     assert (a.name, b.name) == ("constant", "through-origin")
 
 
