@@ -107,7 +107,9 @@ def _materials(tables: Mapping[str, Any], directory: Path, problems: list[str]) 
             continue
         entry = read_table(MaterialEntry, table, path, problems)
         materials[name] = (
-            None if entry is None else LinearMaterial(name, entry.relative_permeability, entry.remanence_T)
+            None
+            if entry is None
+            else LinearMaterial(name, entry.relative_permeability, entry.remanence_T, entry.remanence_coefficient_per_K)
         )
     return materials
 
@@ -184,9 +186,26 @@ def _region_material(
             "Remove it, or name a magnet or give the material a remanence_T."
         )
         return None
-    if isinstance(material, LinearMaterial) and entry.magnetization == "-z":
-        return replace(material, remanence_T=-material.remanence_T)
-    return material
+    return _magnet(entry, path, material, problems) if isinstance(material, LinearMaterial) else material
+
+
+def _magnet(entry: RegionEntry, path: str, material: LinearMaterial, problems: list[str]) -> LinearMaterial | None:
+    """The material at the region's temperature, turned as the region says."""
+    if entry.temperature_C is not None:
+        if not material.remanence_coefficient_per_K or not material.remanence_T:
+            problems.append(
+                f"{path}.temperature_C must be left out; {material.name} has no remanence_coefficient_per_K. "
+                "Remove it, or give the material one (-0.0012 is usual for NdFeB)."
+            )
+            return None
+        material = material.at_temperature(entry.temperature_C)
+        if material.remanence_T <= 0:
+            problems.append(
+                f"{path}.temperature_C must leave a remanence; at {entry.temperature_C:g} degC there is none. "
+                "Change it, or the material's remanence_coefficient_per_K."
+            )
+            return None
+    return replace(material, remanence_T=-material.remanence_T) if entry.magnetization == "-z" else material
 
 
 def _winding(data: Mapping[str, Any], problems: list[str]) -> DrawnPart | None:

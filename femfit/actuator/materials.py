@@ -7,6 +7,9 @@ from femfit.actuator.bh_table import read_bh_csv
 from femfit.actuator.parts import LinearMaterial, Material, NonlinearMaterial
 from femfit.core.errors import ActuatorFileError
 
+NDFEB_COEFFICIENT = -1.2e-3
+"""Relative change of B_r per kelvin of the N grades, 20 to 80 degC (Arnold Magnetic Technologies, data sheet N42)."""
+
 _MATLIB = "FEMM material library matlib.dat (D. Meeker), entry {}"
 
 
@@ -28,9 +31,10 @@ class LibraryMaterial:
 
 def _magnet(grade: str, remanence_T: float) -> LibraryMaterial:
     return LibraryMaterial(
-        LinearMaterial(grade.lower(), relative_permeability=1.05, remanence_T=remanence_T),
+        LinearMaterial(grade.lower(), 1.05, remanence_T, NDFEB_COEFFICIENT),
         f"{_MATLIB.format(grade)}: B_r = mu_0 mu_r H_c, for N48 and above the end of its demagnetisation curve. "
-        "A straight recoil line; makers guarantee B_r to about 2 %.",
+        "A straight recoil line; makers guarantee B_r to about 2 %. Temperature coefficient: Arnold Magnetic "
+        "Technologies, data sheets of sintered NdFeB, N grades.",
     )
 
 

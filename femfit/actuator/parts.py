@@ -5,9 +5,12 @@ z = 0; the moving part is drawn with its own nearest face at z = 0 and extends t
 distance d it stands shifted by +d.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from femfit.core.constants import MU_0
+
+REFERENCE_TEMPERATURE = 20.0
+"""In degC, of all material values."""
 
 
 @dataclass(frozen=True)
@@ -22,16 +25,39 @@ class LinearMaterial:
         mu_r; the recoil permeability of a magnet.
     remanence_T : float
         B_r along +z (negative: magnetised along -z); zero for everything but magnets.
+    remanence_coefficient_per_K : float
+        Relative change of B_r per kelvin from 20 degC, where B_r is given; zero where it is unknown.
     """
 
     name: str
     relative_permeability: float = 1.0
     remanence_T: float = 0.0
+    remanence_coefficient_per_K: float = 0.0
 
     @property
     def reluctivity(self) -> float:
         """1 / (mu_0 mu_r) in m/H."""
         return 1.0 / (MU_0 * self.relative_permeability)
+
+    def at_temperature(self, temperature_C: float) -> "LinearMaterial":
+        """The material at a temperature, B_r (1 + alpha (T - 20 degC)); its permeability is kept.
+
+        Parameters
+        ----------
+        temperature_C : float
+            Of the magnet.
+
+        Returns
+        -------
+        LinearMaterial
+            With the remanence there.
+
+        References
+        ----------
+        IEC 60404-8-1: temperature coefficient of the remanent flux density, reversible part.
+        """
+        factor = 1.0 + self.remanence_coefficient_per_K * (temperature_C - REFERENCE_TEMPERATURE)
+        return replace(self, remanence_T=self.remanence_T * factor)
 
 
 @dataclass(frozen=True)

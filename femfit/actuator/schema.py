@@ -50,6 +50,9 @@ class MaterialEntry(Entry):
     remanence_T: float = Field(
         0.0, ge=0, le=3, description="Give B_r in tesla (1 T = 10 kG); the direction is the region's magnetization."
     )
+    remanence_coefficient_per_K: float = Field(
+        0.0, ge=-0.02, le=0.02, description="Give the relative change of B_r per kelvin: -0.0012 for -0.12 %/K."
+    )
 
 
 CurveValues = Annotated[list[float], Field(max_length=1000)]
@@ -81,6 +84,9 @@ class RegionEntry(OutlineEntry):
     material: str = Field(description="Name a material of [materials] or of the library.")
     magnetization: Literal["+z", "-z"] | None = Field(
         None, description='Give "+z" or "-z" for a magnet; leave it out otherwise.'
+    )
+    temperature_C: float | None = Field(
+        None, ge=-273, le=500, description="Give a magnet's temperature in degC; values are those of 20 degC otherwise."
     )
 
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from femfit.actuator.load import actuator_from_toml
 from femfit.core.errors import ActuatorFileError
 
-FILES = [path.read_text(encoding="utf-8") for path in sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))]
+PATHS = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
+FILES = [path.read_text(encoding="utf-8") for path in PATHS]
 TOKENS = [
     *("nan", "inf", "-inf", "0", "-1", "2.5", "1e308", "-1e308", "1e-320", "1" * 400),
     *("true", '"text"', "'+z'", "1979-05-27", "[]", "{}", "[[]]", "[0, 5.5]", "[[0, 0]]", "[[0, 0], [1, 0], [0, 1]]"),
@@ -82,7 +83,7 @@ def test_a_range_is_the_decimals_counted_by_hand(start, count, step, digits):
 
 
 @pytest.mark.parametrize("token", TOKENS)
-@pytest.mark.parametrize("text", FILES, ids=["emaws-rig", "emaws", "plunger"])
+@pytest.mark.parametrize("text", FILES, ids=[path.stem for path in PATHS])
 def test_each_odd_value_at_each_key_loads_or_is_refused(text, token):
     lines = text.splitlines()
     for n, line in enumerate(lines):
