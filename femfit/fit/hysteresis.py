@@ -23,6 +23,9 @@ PATH_INTERVAL = 0.01
 ROW_STEPS = 10
 """Steps of the path that are averaged, field and columns alike, to one row of the fit."""
 
+FOLDS = 6
+"""Stretches that are left out in turn to find the model's error."""
+
 # Radii as fractions of the largest current: small ones for the loop's tips, large ones for its width.
 _RADII = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 3 / 8, 1 / 2)
 
@@ -73,7 +76,7 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     Returns
     -------
     FieldModel
-        With its error: on each run in turn left out, where there are several.
+        With its error on stretches of the runs that it was not fitted to.
 
     Raises
     ------
@@ -89,19 +92,17 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
             raise FitError(f"A lab run must reach a current > 0 A; instead the largest is {top:g} A.")
         terms = usual_terms(top)
     matrices = [_means(field_columns(terms, precycled(terms), run.time, run.current)[1], ROW_STEPS) for run in paths]
-    used = np.flatnonzero(np.any(np.concatenate(matrices) != 0.0, axis=0))
-    matrices = [matrix[:, used] for matrix in matrices]
+    whole, target = np.concatenate(matrices), np.concatenate([_means(run.field, ROW_STEPS) for run in paths])
+    used = np.flatnonzero(np.any(whole != 0.0, axis=0))
+    whole = whole[:, used]
     free = terms.degree + 1
     lower = np.where(used < free, -np.inf, 0.0)
-    y = [_means(run.field, ROW_STEPS) for run in paths]
-    whole, target = np.concatenate(matrices), np.concatenate(y)
     names = [terms.names[k] for k in used]
     solution = solve_bounded_qp(whole, target, np.ones(len(target)), lower, names=names)
-    errors = _left_out(matrices, y, lower) if len(runs) > 1 else [whole @ solution.x - target]
     coefficients = np.zeros(len(terms.names))
     coefficients[used] = solution.x
-    rms = float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
-    return FieldModel(terms, coefficients, rms)
+    current = np.concatenate([_means(run.current, ROW_STEPS) for run in paths])
+    return FieldModel(terms, coefficients, _left_out_rms(whole, target, lower, current))
 
 
 def _path(run: LabRun) -> LabRun:
@@ -116,12 +117,14 @@ def _means(values: FloatArray, size: int) -> FloatArray:
     return np.asarray(values[: rows * size].reshape(rows, size, *values.shape[1:]).mean(axis=1))
 
 
-def _left_out(matrices: list[FloatArray], y: list[FloatArray], lower: FloatArray) -> list[FloatArray]:
-    """Error on each run of a fit to the others."""
-    errors = []
-    for place, (matrix, own) in enumerate(zip(matrices, y, strict=True)):
-        others = np.concatenate([m for k, m in enumerate(matrices) if k != place])
-        target = np.concatenate([values for k, values in enumerate(y) if k != place])
-        x = active_set_least_squares(others, target, np.ones(len(target)), lower)
-        errors.append(matrix @ x - own)
-    return errors
+def _left_out_rms(matrix: FloatArray, target: FloatArray, lower: FloatArray, current: FloatArray) -> float:
+    """Rms error on each stretch of the runs when fitted to the others, at currents that the others reach."""
+    squares = []
+    for rows in np.array_split(np.arange(len(target)), FOLDS):
+        others = np.ones(len(target), dtype=np.bool_)
+        others[rows] = False
+        reached = rows[(current[rows] <= current[others].max()) & (current[rows] >= current[others].min())]
+        live = np.any(matrix[others] != 0.0, axis=0)
+        x = active_set_least_squares(matrix[others][:, live], target[others], np.ones(int(others.sum())), lower[live])
+        squares.append(np.square(matrix[reached][:, live] @ x - target[reached]))
+    return float(np.sqrt(np.mean(np.concatenate(squares))))

@@ -90,7 +90,7 @@ class FieldModel:
     coefficients : array, shape (k,)
         In the order of ``terms.names``.
     rms_T : float
-        Of its error, on runs that it was not fitted to where there are several.
+        Of its error, on stretches that it was not fitted to.
     """
 
     terms: FieldTerms
