@@ -19,14 +19,20 @@ def child_imports(monkeypatch, tmp_path, source):
 
 
 @pytest.mark.parametrize(
-    ("source", "reason"),
-    [(DYING, "killed by signal 11"), (RAISING, "ended with code 1"), (HANGING, r"no picture within 4 s")],
+    ("source", "reason", "timeout"),
+    [
+        (DYING, "killed by signal 11", 60.0),
+        (RAISING, "ended with code 1", 60.0),
+        (HANGING, r"no picture within 2 s", 2.0),
+    ],
     ids=["segmentation fault", "import error", "endless"],
 )
-def test_a_child_that_fails_leaves_a_reason_and_this_process_alive(rig_content, monkeypatch, tmp_path, source, reason):
+def test_a_child_that_fails_leaves_a_reason_and_this_process_alive(
+    rig_content, monkeypatch, tmp_path, source, reason, timeout
+):
     child_imports(monkeypatch, tmp_path, source)
     monkeypatch.setenv(VARIABLE, "vtkEGLRenderWindow")
-    result = draw_off_screen(rig_content.actuator, rig_content.field, timeout=4.0)
+    result = draw_off_screen(rig_content.actuator, rig_content.field, timeout=timeout)
     assert result.image is None
     assert re.search(reason, result.how)
 
