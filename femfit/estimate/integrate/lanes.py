@@ -76,21 +76,22 @@ def affine_lanes(a: FloatArray, b: Sequence[FloatArray], starts: Sequence[float]
     tuple of arrays, shape (length, count)
         x, one for each right side.
     """
-    product = np.multiply.accumulate(a, axis=0)
+    product = np.empty_like(a)
+    product[0] = a[0]
+    for row in range(1, len(a)):
+        np.multiply(product[row - 1], a[row], out=product[row])
     ends = product[-1].tolist()
-    results = []
+    carry, scratch, results = np.empty(a.shape[1]), np.empty_like(a), []
     for right, start in zip(b, starts, strict=True):
         x = right.copy()
-        carry = np.empty(a.shape[1])
         for row in range(1, len(a)):
-            carry[:] = a[row]
-            carry *= x[row - 1]
+            np.multiply(a[row], x[row - 1], out=carry)
             x[row] += carry
         value = start
         for lane, (end, own) in enumerate(zip(ends, x[-1].tolist(), strict=True)):
             carry[lane] = value
             value = end * value + own
-        x += product * carry
+        x += np.multiply(product, carry, out=scratch)
         results.append(x)
     return tuple(results)
 
