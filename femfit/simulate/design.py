@@ -6,10 +6,11 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, section 5; Table 6 for the n
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError
 from femfit.estimate.direct import hall_inverse
 from femfit.estimate.extended import ExtendedFilter
@@ -22,7 +23,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.simulate.backstepping import Backstepping, design_backstepping
 from femfit.simulate.controller import Controller
 from femfit.simulate.observer import DirectObserver, FilterObserver, Observer
-from femfit.simulate.operating_point import OperatingPoint, current_range, operating_point
+from femfit.simulate.operating_point import OperatingPoint, current_for_force, current_range, operating_point
 from femfit.simulate.pid import Pid, design_pid
 from femfit.simulate.reference import reference_rate
 
@@ -150,7 +151,8 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
     MissingPartError
         If the model has no circuit, motion or sensor.
     DomainError
-        If the body cannot be held at the reference distances, or hangs there without being unstable.
+        If the body cannot be held at the reference distances, or hangs there without being unstable, or the Hall
+        element is saturated there.
     """
     model.require_circuit()
     model.require_motion()
@@ -164,6 +166,7 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
             f"{1e3 * stable[0]:g} mm it grows, so that the body needs no controller there. Choose other reference "
             "distances."
         )
+    _require_sensed(model, np.array([p.distance_m for p in points]), np.array([p.current_A for p in points]))
     return LoopDesign(
         model=model,
         targets_m=targets,
@@ -176,7 +179,7 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
 
 
 def _derived_targets(model: ActuatorModel) -> tuple[float, ...]:
-    """Steps over the middle 40 % of the distances at which the driver can hold the body."""
+    """Steps over the middle 40 % of the distances at which the driver holds the body and the Hall element sees it."""
     box, motion = model.validity, model.require_motion()
     low, high = current_range(model)
     d = np.linspace(box.distance_min_m, box.distance_max_m, 301)
@@ -184,11 +187,51 @@ def _derived_targets(model: ActuatorModel) -> tuple[float, ...]:
     weakest, strongest = model.magnetics.force(d, np.asarray(low)), model.magnetics.force(d, np.asarray(high))
     holdable = d[(weakest <= weight) & (strongest >= weight)]
     if holdable.size < 3:
-        raise DomainError(
-            f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in "
-            f"{1e3 * box.distance_min_m:g}..{1e3 * box.distance_max_m:g} mm: the weight is {1e3 * weight:.4g} mN, and "
-            f"with {low:.3g}..{high:.3g} A the force is {1e3 * weakest.min():.4g}..{1e3 * strongest.max():.4g} mN. It "
-            "is not an actuator that levitates this body; change mass or supply to simulate one that is."
-        )
-    near, far = float(holdable[0]), float(holdable[-1])
+        _refuse_to_hold(model, d, weakest, strongest)
+    current = current_for_force(model, holdable, np.full_like(holdable, weight))
+    seen = holdable[_sensed(model, holdable, current)]
+    if seen.size < 3:
+        _require_sensed(model, holdable, current)
+    near, far = float(seen[0]), float(seen[-1])
     return near + 0.3 * (far - near), near + 0.7 * (far - near), near + 0.3 * (far - near)
+
+
+def _refuse_to_hold(model: ActuatorModel, d: FloatArray, weakest: FloatArray, strongest: FloatArray) -> NoReturn:
+    motion, (low, high) = model.require_motion(), current_range(model)
+    weight = motion.mass_kg * motion.gravity_m_s2
+    repelled = d[(weakest >= weight) & (strongest <= weight)]
+    if repelled.size:
+        raise DomainError(
+            f"A positive current must attract the body of model {model.name!r}; at {1e3 * repelled[0]:.4g} mm its "
+            f"force falls as the current grows from {low:.3g} to {high:.3g} A. Turn the magnet's magnetization around "
+            "in the actuator file, which is the same as reversing the coil's leads."
+        )
+    forces = np.concatenate([weakest, strongest])
+    raise DomainError(
+        f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in {1e3 * d[0]:g}.."
+        f"{1e3 * d[-1]:g} mm: the weight is {1e3 * weight:.4g} mN, and with {low:.3g}..{high:.3g} A the force is "
+        f"{1e3 * forces.min():.4g}..{1e3 * forces.max():.4g} mN. It is not an actuator that levitates this body; "
+        "change mass or supply to simulate one that is."
+    )
+
+
+def _sensed(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
+    sensor = model.require_sensor()
+    voltage = sensor.voltage(distance, current)
+    return np.asarray((voltage > sensor.output_min_V) & (voltage < sensor.output_max_V))
+
+
+def _require_sensed(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> None:
+    """Refuse points of rest at which the Hall element gives the end of its range, whatever the distance."""
+    blind = ~_sensed(model, distance, current)
+    if np.any(blind):
+        sensor = model.require_sensor()
+        field = sensor.field.field(distance[blind], current[blind])
+        strongest = int(np.argmax(np.abs(field)))
+        raise DomainError(
+            f"The Hall element of model {model.name!r} must stay within its output range of {sensor.output_min_V:g}.."
+            f"{sensor.output_max_V:g} V where the body is held; {1e3 * field[strongest]:.4g} mT at "
+            f"{1e3 * distance[blind][strongest]:.4g} mm and {sensor.sensitivity_V_per_T:g} V/T ask for "
+            f"{sensor.quiescent_V + sensor.sensitivity_V_per_T * field[strongest]:.4g} V. Give [hall] a smaller "
+            "sensitivity_V_per_T, or move the element."
+        )

@@ -107,3 +107,45 @@ def test_the_currents_of_the_clamp_never_leave_the_model(levitation_model):
     small = replace(levitation_model, validity=ValidityBox(0.015, 0.045, 0.25, 0.9))
     ends = current_for_force(small, np.full(2, 0.025), np.array([-1.0, 1.0]))
     np.testing.assert_allclose(ends, [0.25, 0.9])
+
+
+def reversed_magnetics(model):
+    """The model's co-energy with its current reversed: a coil whose leads are the wrong way round."""
+    spline = model.magnetics.spline
+    ends = spline.y_knots
+    return replace(
+        model.magnetics, spline=replace(spline, y_knots=-ends[::-1], coefficients=spline.coefficients[:, ::-1])
+    )
+
+
+def test_a_coil_that_repels_is_refused_with_its_polarity(levitation_model):
+    circuit = replace(levitation_model.circuit, voltage_min_V=-3.0, voltage_max_V=-0.5)
+    box = replace(levitation_model.validity, current_min_A=-1.4, current_max_A=0.0)
+    repelling = replace(
+        levitation_model,
+        magnetics=reversed_magnetics(levitation_model),
+        circuit=circuit,
+        validity=box,
+        reference_distances_m=(),
+    )
+    with pytest.raises(
+        DomainError, match=r"positive current must attract.*falls as the current grows from -1\.12 to -0"
+    ):
+        design_loop(repelling)
+
+
+def test_targets_are_derived_where_the_hall_element_is_not_saturated(levitation_model):
+    free = replace(levitation_model, reference_distances_m=())
+    # 8.3 mT fill the range above the quiescent output at 300 V/T; the magnet alone has 8.7 mT at 20 mm.
+    sensitive = replace(free, sensor=replace(free.sensor, sensitivity_V_per_T=300.0))
+    design = design_loop(sensitive)
+    assert min(design.targets_m) > min(design_loop(free).targets_m)
+    for point in design.points:
+        assert 0.0 < sensitive.sensor.voltage(np.array([point.distance_m]), np.array([point.current_A]))[0] < 5.0
+
+
+@pytest.mark.parametrize("targets", [(), (0.022, 0.030)])
+def test_a_hall_element_that_is_saturated_throughout_is_refused_with_the_remedy(levitation_model, targets):
+    blind = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=2000.0))
+    with pytest.raises(DomainError, match=r"within its output range of 0\.\.5 V .* smaller sensitivity_V_per_T"):
+        design_loop(replace(blind, reference_distances_m=targets))
