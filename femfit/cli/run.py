@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from femfit.simulate.study import ClosedLoopStudy
 
 STEP_WIDTH = 15  # of the steps' names on the terminal
+NO_HALL = "the actuator has no Hall element to tell an estimator the distance."
 
 
 def run(
@@ -76,7 +77,9 @@ def run(
         steps.say(exported)
         with steps.timed("close the loop"):
             study, no_study = loop.result()
-    steps.say(no_study or _loop_line(study))
+    steps.say(
+        _loop_line(study) if study else "none, for the same reason" if no_study == NO_HALL else f"none: {no_study}"
+    )
     with steps.timed("report"):
         report = _report(parts, table, ranked, (study, no_study), steps.times, directory)
     steps.say(f"{report}, {report.stat().st_size / 1e6:.1f} MB")
@@ -125,6 +128,8 @@ def _fit(table: "SweepTable", model: str, path: Path) -> "FitResult":
 
 def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | None, str]":
     """The study, or why there is none: an actuator that cannot levitate is no failure of the run."""
+    if model.sensor is None:
+        return None, NO_HALL
     from femfit.core.errors import DomainError, FilterError, MissingPartError
     from femfit.simulate.study import closed_loop_study
 
@@ -135,19 +140,15 @@ def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | N
 
 
 def _export(model: "ActuatorModel", directory: Path) -> str:
-    from femfit.core.errors import MissingPartError
     from femfit.export.estimator import export_estimator
 
-    try:
-        files = export_estimator(model, directory)
-    except MissingPartError as error:
-        return f"none: {error}"
+    if model.sensor is None:
+        return f"none: {NO_HALL} Describe one by [hall] in the actuator file."
+    files = export_estimator(model, directory)
     return f"{directory}, {len(files)} files that need numpy alone"
 
 
-def _loop_line(study: "ClosedLoopStudy | None") -> str:
-    if study is None:
-        return ""
+def _loop_line(study: "ClosedLoopStudy") -> str:
     rows = [row for row in study.holds if row.filter == "ukf" and row.held]
     if not rows:
         return "every run was lost; the report says how"
