@@ -4,7 +4,8 @@ The folds are fixed: blocks of neighbouring distances between the outermost ones
 inner currents, all distances together. A law's shape parameters are found again without the rows left out; its
 coefficient functions are those that stage two chose. The recommendation is the cheapest law, in floating-point
 operations, whose held-out error stays within 0.5 % of the weight; of the rms force, where the moving part cannot hang
-within the sweep (a plunger may pull a hundred times its own weight) or its mass is unknown.
+within the sweep, its mass is unknown or the forces are far above it (a holding magnet's are a thousand times its
+armature's weight).
 """
 
 from collections.abc import Sequence
@@ -121,6 +122,8 @@ def _why_of(rows: FitRows) -> str:
     if rows.weight is None:
         return "the mass is unknown"
     low, high = float(np.min(rows.force)), float(np.max(rows.force))
+    if low <= rows.weight <= high:
+        return f"the forces, {rows.rms_force:.3g} N rms, are far above the weight, {rows.weight:.3g} N"
     return f"the weight, {rows.weight:.3g} N, is not among the sweep's forces, {low:.3g} to {high:.3g} N"
 
 

@@ -11,6 +11,7 @@ from femfit.core.sweep_table import SweepTable
 
 FEWEST_ROWS = 12
 FEWEST_DISTANCES = 4
+FAR_ABOVE_WEIGHT = 10.0
 SMALL_FORCE = 0.01
 """Forces below this part of the largest one at the same distance are passages through zero, whose relative error would
 say nothing."""
@@ -52,16 +53,26 @@ class FitRows:
 
     @property
     def hanging_weight(self) -> float | None:
-        """The weight, where the moving part can hang within the sweep: some force is below and some above it."""
+        """The weight, where the moving part can hang within the sweep and its forces are of that order.
+
+        Some force is below and some above it, and the rms force is at most :data:`FAR_ABOVE_WEIGHT` times as large: a
+        holding magnet that pulls a thousand times its armature's weight passes it near zero current, where nobody
+        uses it.
+        """
         if self.weight is None or not np.min(self.force) <= self.weight <= np.max(self.force):
             return None
-        return self.weight
+        return None if self.rms_force > FAR_ABOVE_WEIGHT * self.weight else self.weight
+
+    @property
+    def rms_force(self) -> float:
+        """Root mean square of the force, N."""
+        return float(np.sqrt(np.mean(self.force**2)))
 
     @property
     def error_scale(self) -> tuple[float, str]:
         """What a law's errors are a part of, in N, and its name: the weight where the part can hang, or the rms."""
         weight = self.hanging_weight
-        return (weight, "weight") if weight else (float(np.sqrt(np.mean(self.force**2))), "rms force")
+        return (weight, "weight") if weight else (self.rms_force, "rms force")
 
     @property
     def force_scale(self) -> FloatArray:

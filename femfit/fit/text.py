@@ -40,8 +40,8 @@ def fit_lines(result: FitResult) -> list[str]:
     lines.append(_derived_line(result))
     if isinstance(model.magnetics, LawMagnetics) and result.rows.flux_linkage is not None:
         lines.append(
-            f"from the flux linkage: constant inductance {1e3 * model.magnetics.constant_inductance_H:.4g} mH, "
-            f"constant flux linkage {1e3 * model.magnetics.constant_flux_linkage_Wb:.4g} mWb"
+            f"from the flux linkage: constant inductance {_si(model.magnetics.constant_inductance_H, 'H')}, "
+            f"constant flux linkage {_si(model.magnetics.constant_flux_linkage_Wb, 'Wb')}"
         )
     if result.hall is not None:
         lines += _hall_lines(result.hall, model)
@@ -56,7 +56,7 @@ def _derived_line(result: FitResult) -> str:
     text = f"k_m = dF/di {state.motional_constant.min():.4g} to {state.motional_constant.max():.4g} N/A"
     if result.model.circuit is None and result.rows.flux_linkage is None:
         return f"{text}; inductance unknown (no flux linkage in the table)"
-    return f"{text}; inductance {1e3 * state.inductance.min():.5g} to {1e3 * state.inductance.max():.5g} mH"
+    return f"{text}; inductance {_si(state.inductance.min(), 'H', 5)} to {_si(state.inductance.max(), 'H', 5)}"
 
 
 def ranking_lines(ranking: Ranking) -> list[str]:
@@ -118,7 +118,7 @@ def _hall_lines(hall: HallFit, model: ActuatorModel) -> list[str]:
     far, near = hall.magnet_field_T
     lines = [
         "Hall field, coil part CH and magnet part MH:",
-        f"  CH {1e3 * low:.4g} to {1e3 * high:.4g} mT/A, MH {1e3 * far:.4g} to {1e3 * near:.4g} mT",
+        f"  CH {_si(low, 'T/A')} to {_si(high, 'T/A')}, MH {_si(far, 'T')} to {_si(near, 'T')}",
     ]
     if model.sensor is not None:
         volt = model.sensor.sensitivity_V_per_T
@@ -126,8 +126,15 @@ def _hall_lines(hall: HallFit, model: ActuatorModel) -> list[str]:
             f"  at the sensor's output: CH {volt * low:.4g} to {volt * high:.4g} V/A, MH {volt * far:.4g} to "
             f"{volt * near:.4g} V above {model.sensor.quiescent_V:g} V"
         )
-    lines.append(f"  misfit {1e6 * hall.rms_T:.3g} uT rms, {1e6 * hall.max_T:.3g} uT max")
+    lines.append(f"  misfit {_si(hall.rms_T, 'T', 3)} rms, {_si(hall.max_T, 'T', 3)} max")
     return lines
+
+
+def _si(value: float, unit: str, digits: int = 4) -> str:
+    """A number with an SI prefix, from micro to kilo: actuators pull from micronewtons to hundreds of kilonewtons."""
+    sizes = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"))
+    scale, prefix = next((pair for pair in sizes if abs(value) >= pair[0]), sizes[-1] if value else (1.0, ""))
+    return f"{value / scale:.{digits}g} {prefix}{unit}"
 
 
 def misfit_line(misfit: Misfit) -> str:
@@ -145,11 +152,11 @@ def misfit_line(misfit: Misfit) -> str:
     """
     weight = "" if misfit.force_rms_of_weight is None else f", {100 * misfit.force_rms_of_weight:.3g} % of the weight"
     flux = (
-        "" if misfit.flux_linkage_rms_Wb is None else f"; flux linkage {1e6 * misfit.flux_linkage_rms_Wb:.3g} uWb rms"
+        "" if misfit.flux_linkage_rms_Wb is None else f"; flux linkage {_si(misfit.flux_linkage_rms_Wb, 'Wb', 3)} rms"
     )
     return (
-        f"misfit against {misfit.against}: {1e3 * misfit.force_rms_N:.4g} mN rms "
-        f"({100 * misfit.force_rms_relative:.3g} % of force{weight}), {1e3 * misfit.force_max_N:.4g} mN max{flux}"
+        f"misfit against {misfit.against}: {_si(misfit.force_rms_N, 'N')} rms "
+        f"({100 * misfit.force_rms_relative:.3g} % of force{weight}), {_si(misfit.force_max_N, 'N')} max{flux}"
     )
 
 
@@ -188,7 +195,7 @@ def _law_lines(fit: LawFit, rows: FitRows) -> list[str]:
     rms = float(np.sqrt(np.mean(difference**2)))
     scale, name = rows.error_scale
     part = f", {100 * rms / scale:.2g} % of the {name}"
-    lines.append(f"two-stage minus one-stage force: {1e3 * rms:.3g} mN rms{part}")
+    lines.append(f"two-stage minus one-stage force: {_si(rms, 'N', 3)} rms{part}")
     lines.append(f"one-stage fit, active bounds: {'; '.join(fit.limits.active(fit.joint)) or 'none'}")
     lines.append(f"condition number {fit.joint.condition:.2e}, columns scaled {fit.joint.condition_scaled:.2e}")
     return lines
@@ -213,7 +220,7 @@ def linearity_lines(test: LinearityTest) -> list[str]:
     """
     lines = ["linearity in the current (differences of adjacent currents, over the distances):"]
     for pair, mean, sd in zip(test.pairs_A, test.mean_N, test.sd_N, strict=True):
-        lines.append(f"  {pair[0]:.4g} to {pair[1]:.4g} A: mean {1e3 * mean:.5g} mN, sd {1e3 * sd:.5g} mN")
+        lines.append(f"  {pair[0]:.4g} to {pair[1]:.4g} A: mean {_si(mean, 'N', 5)}, sd {_si(sd, 'N', 5)}")
     lines.append(
         f"  i^2 part: {100 * test.quadratic_share:.2g} % of the dependence on current, at most "
         f"{100 * test.quadratic_of_force:.2g} % of the largest force"

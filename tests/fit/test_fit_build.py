@@ -8,7 +8,8 @@ import pytest
 from femfit.core.errors import FitError, TableError
 from femfit.core.sweep_table import SweepTable
 from femfit.fit.build import FitOptions, fit_model
-from femfit.fit.text import fit_lines
+from femfit.fit.text import fit_lines, misfit_line
+from femfit.model.actuator_model import Misfit
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics
 from support.sweeps import ACTUATOR, MASS, ClosedForm, force_table, full_table
@@ -221,3 +222,19 @@ def test_functions_must_be_known_and_one_a_column(table):
         fit_model(table, FitOptions(model="F1e", functions=("constant",)))
     with pytest.raises(FitError, match="one of constant"):
         fit_model(table, FitOptions(model="F1e", functions=("constant", "cubic")))
+
+
+@pytest.mark.parametrize(
+    ("newtons", "words"),
+    [
+        (2.706e-6, "2.706 uN rms"),
+        (0.0125, "12.5 mN rms"),
+        (2.99, "2.99 N rms"),
+        (3659.0, "3.659 kN rms"),
+        (0.0, "0 N rms"),
+    ],
+)
+def test_forces_are_printed_in_the_unit_of_their_size(newtons, words):
+    line = misfit_line(Misfit(newtons, newtons, 1e-3, None, None, None, 36, "sweep"))
+    assert words in line
+    assert "weight" not in line

@@ -266,3 +266,11 @@ def test_what_is_wrong_with_the_table_is_said_once_for_all_laws():
     rows = rows_of_table(force_table(paper_force, currents=[0.5]), MASS, G)
     with pytest.raises(FitError, match=r"^No law could be fitted\. Two stages need at least 3 currents[^:]*$"):
         rank_laws((F1E, F2E), rows)
+
+
+def test_errors_are_parts_of_the_rms_force_where_the_weight_is_next_to_nothing():
+    # A holding magnet: without current it pulls nothing, with current a thousand times the weight of its disc.
+    table = force_table(lambda d, i: 500.0 * i**2 * (0.015 / d) ** 2, currents=[0.0, 0.5, 1.0])
+    ranking = rank_laws((F1E,), rows_of_table(table, 0.05, G))
+    assert ranking.of == "rms force"
+    assert ranking.why_of == "the forces, 121 N rms, are far above the weight, 0.49 N"
