@@ -2,10 +2,11 @@ r"""What solving a nonlinear point gives, and its rows of the table with the for
 
 No single body is always safe, so the force is also had from the reaction on the fixed parts: the stress in all air down
 to their surfaces, less that of the field without the moving part's own, which integrates to zero in the same way as the
-moving part's own does (:mod:`femfit.fem.nonlinear_point`). Weighted by a function g, the stress is the derivative of the discrete energy when the mesh moves by g (virtual work), so this is at once a second
-evaluation by virtual work, with another motion of the mesh. The estimate is the larger of the change from one order
-lower, with its factor, and of the disagreement of the two bodies. With both self-forces removed the two mostly differ
-by far less than the orders do: what is left is the error of the magnetisation, which both share.
+moving part's own does (:mod:`femfit.fem.nonlinear_point`). Weighted by a function g, the stress is the derivative of
+the discrete energy when the mesh moves by g (virtual work), so this is at once a second evaluation by virtual work,
+with another motion of the mesh. The estimate is the larger of the change from one order lower, with its factor, and of
+the disagreement of the two bodies. With both self-forces removed the two mostly differ by far less than the orders do:
+what is left is the error of the magnetisation, which both share.
 
 References
 ----------
