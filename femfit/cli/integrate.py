@@ -94,8 +94,7 @@ def integrate(
     chosen = method or ("cs1-offset" if coil_area is not None and "hall_T" in source.columns else "ffa2")
     if coil_area is None and chosen not in {"trapezoid", "ffa1", "ffa2"}:
         raise TableError(f"{chosen} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
-    if output.resolve() == record.resolve():
-        raise TableError(f"The output {output} would replace the record; give another --output.")
+    _require_free(record, output, json)
     coil = SensingCoil(1.0 if coil_area is None else coil_area, coil_area_sigma)
     model = _field_model(coil, lab, field_model) if chosen == "cs2-identified" else None
     left = {"trapezoid": 20.0, "cs1": 20.0, "cs2": 20.0, "ffa1": 5.0, "ffa2": 5.0}.get(chosen, 0.0)
@@ -115,6 +114,25 @@ def integrate(
     result, findings = _stream(source, options, output, "flux_linkage_Wb" if coil_area is None else "field_T", coverage)
     print("\n".join(_lines(result, findings)))
     write_json(json, result)
+
+
+def _require_free(record: Path, output: Path, json: Path | None) -> None:
+    """Refuse an output that would replace the record, its sidecar, or the result in JSON."""
+    from femfit.core.coil_record import RAW_SUFFIXES
+    from femfit.core.errors import TableError
+
+    written = {output.resolve()}
+    if output.suffix in RAW_SUFFIXES:
+        written.add(output.with_suffix(".json").resolve())
+    read = {record.resolve(), *(record.with_suffix(suffix).resolve() for suffix in (".toml", ".json"))}
+    if written & read:
+        raise TableError(
+            f"The output {output} would replace the record {record} or its sidecar; give another --output."
+        )
+    if json is not None and json.resolve() in written | read:
+        raise TableError(
+            f"--json {json} would replace the record, the output or a sidecar of theirs; give another name."
+        )
 
 
 def _field_model(coil: Any, lab: Path | None, path: Path | None) -> "FieldModel":

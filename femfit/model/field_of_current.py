@@ -23,6 +23,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError
+from femfit.model.hall import HallField
 
 _KIND = "field of current"
 _PLACES = ("zero", "medium", "full")
@@ -200,6 +201,36 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
         lag = keep[row] * lag + (1.0 - keep[row]) * times * rate[row]
         paths[row] = lag
     return paths
+
+
+def field_model_of_sweep(
+    hall: HallField, distance: float, current_max: float, rms_T: float, degree: int = 3
+) -> FieldModel:
+    """A field model from a swept one, which has no hysteresis and no eddy currents.
+
+    Parameters
+    ----------
+    hall : HallField
+        Field at the sensor over distance and current.
+    distance : float
+        At which the moving part is held, m.
+    current_max : float
+        Up to which the model is asked, A.
+    rms_T : float
+        What the model is believed to be off by: remanence and eddy currents of the real magnet included.
+    degree : int
+        Of the polynomial; a linear material needs 1.
+
+    Returns
+    -------
+    FieldModel
+        A polynomial alone.
+    """
+    terms = FieldTerms(current_max, degree)
+    points = np.polynomial.chebyshev.chebpts1(4 * (degree + 1))
+    field = hall.field(np.full(len(points), distance), 0.5 * current_max * (points + 1.0))
+    coefficients = np.asarray(np.polynomial.chebyshev.chebfit(points, field, degree), dtype=np.float64)
+    return FieldModel(terms, coefficients, rms_T)
 
 
 def write_field_model(model: FieldModel, path: Path) -> None:

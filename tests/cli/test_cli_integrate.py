@@ -136,4 +136,8 @@ def test_the_record_is_never_replaced_and_outputs_have_a_format(record, tmp_path
     before = record.read_bytes()
     assert "would replace the record" in integrate(record, "-o", record).stderr
     assert record.read_bytes() == before
+    assert "or its sidecar" in integrate(record, "-o", record.with_suffix(".bin")).stderr
+    clash = integrate(record, "-o", tmp_path / "o.bin", "--json", tmp_path / "o.json")
+    assert "--json" in clash.stderr
+    assert clash.returncode == 1
     assert "is written as .csv" in integrate(record, "-o", tmp_path / "o.xlsx").stderr

@@ -9,6 +9,7 @@ from femfit.model.field_of_current import (
     FieldModel,
     FieldTerms,
     field_columns,
+    field_model_of_sweep,
     play_paths,
     precycled,
     read_field_model,
@@ -104,6 +105,15 @@ def test_a_run_without_current_is_refused():
         identify_field([LabRun(time, np.zeros(500), np.zeros(500))])
     with pytest.raises(FitError, match="at least one lab run"):
         identify_field([])
+
+
+def test_a_swept_field_becomes_a_field_model(levitation_model):
+    hall = levitation_model.sensor.field
+    model = field_model_of_sweep(hall, 0.022, 1.4, 1e-4)
+    current = np.linspace(0.0, 1.4, 15)
+    _, field = model.advance(model.start(), np.arange(15.0), current)
+    # The swept field is linear in the current: a cubic holds it to rounding.
+    np.testing.assert_allclose(field, hall.field(np.full(15, 0.022), current), rtol=1e-10)
 
 
 def test_the_usual_terms_scale_with_the_magnet():
