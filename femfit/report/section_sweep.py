@@ -9,7 +9,7 @@ from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
 from femfit.report.numbers import force_scale, percent, plain, quantity
 from femfit.report.section import Block, Picture, Section, text
-from femfit.report.sweep_figures import accuracy_figure, force_curves_figure, force_map_figure
+from femfit.report.sweep_figures import accuracy_figure, changes_sign, force_curves_figure, force_map_figure
 from femfit.report.sweep_grid import Reciprocity, SweepGrid, reciprocity, sweep_grid
 
 MM = 1e3
@@ -73,12 +73,13 @@ def sweep_section(content: ReportContent) -> Section:
 def _pictures(content: ReportContent, grid: SweepGrid) -> tuple[Picture, Picture]:
     weight = content.weight
     holds = weight is not None and grid.force.min() < weight < grid.force.max()
+    axes = "" if changes_sign(grid) else ", on linear and logarithmic axes"
     return (
         Picture(
             "force-curves",
             svg_uri(force_curves_figure(grid, weight), "force-curves"),
-            "Force over distance for each current, linear and logarithmic.",
-            Markup("Force over distance, a curve a current (Figure 7 of the paper), on linear and logarithmic axes."),
+            f"Force over distance for each current{axes}.",
+            text("Force over distance, a curve a current (Figure 7 of the paper){}.", axes),
         ),
         Picture(
             "force-map",
@@ -122,10 +123,10 @@ def _linearity(content: ReportContent) -> Block:
 
 
 def _accuracy(content: ReportContent, grid: SweepGrid) -> Block:
-    known = (grid.force != 0.0) & (grid.force_error > 0.0)
+    known = grid.force_error > 0.0
     if not np.any(known):
         return Markup("The table gives no estimate of its discretisation error.")
-    relative = grid.force_error[known] / np.abs(grid.force[known])
+    relative = grid.force_error[known] / grid.force_scale[known]
     sentence = text(
         "Each force carries an estimate of its discretisation error, from two polynomial orders on one mesh: at most "
         "{} of the force, {} in the median.",

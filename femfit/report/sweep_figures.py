@@ -33,9 +33,10 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
     Returns
     -------
     Figure
-        Force in colour (rasterised), contour lines in mN.
+        Force in colour (rasterised), contour lines in mN; blue and red where it changes its sign.
     """
     from matplotlib.colors import LogNorm, Normalize
+    from matplotlib.ticker import MaxNLocator
 
     figure = new_figure(3.6)
     axes = figure.subplots()
@@ -43,17 +44,22 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
     x, force = MM * grid.distances, factor * grid.force
     top = float(force.max())
     floor = max(float(force.min()), top / 300.0)
-    norm = LogNorm(floor, top) if top > 5.0 * floor else Normalize(float(force.min()), top)
-    image = axes.pcolormesh(
-        x, grid.currents, np.maximum(force, floor), norm=norm, cmap="cividis", shading="gouraud", rasterized=True
-    )
-    steps = np.array([1.0, 2.0, 5.0])
-    levels = np.concatenate([steps * 10.0**k for k in range(-6, 9)])
-    levels = levels[(levels > floor) & (levels < top)]
+    both = changes_sign(grid)
+    if both:
+        largest = float(np.max(np.abs(force)))
+        norm, colours, lines_colour = Normalize(-largest, largest), "RdBu_r", "black"
+        levels = np.asarray(MaxNLocator(8).tick_values(float(force.min()), top))
+    else:
+        norm = LogNorm(floor, top) if top > 5.0 * floor else Normalize(float(force.min()), top)
+        colours, lines_colour = "cividis", "white"
+        levels = np.concatenate([np.array([1.0, 2.0, 5.0]) * 10.0**k for k in range(-6, 9)])
+        levels = levels[(levels > floor) & (levels < top)]
+    shown = force if both else np.maximum(force, floor)
+    image = axes.pcolormesh(x, grid.currents, shown, norm=norm, cmap=colours, shading="gouraud", rasterized=True)
     if weight is not None:
-        levels = levels[np.abs(np.log(levels / (factor * weight))) > CROWDED]
+        levels = levels[np.abs(levels - factor * weight) > CROWDED * factor * weight]
     if levels.size:
-        lines = axes.contour(x, grid.currents, force, levels=levels, colors="white", linewidths=0.8)
+        lines = axes.contour(x, grid.currents, force, levels=levels, colors=lines_colour, linewidths=0.8)
         axes.clabel(lines, fmt=lambda value: f"{value:g}", fontsize=8)
     if weight is not None and force.min() < factor * weight < top:
         held = axes.contour(x, grid.currents, force, levels=[factor * weight], colors=[VERMILION], linewidths=2.2)
@@ -62,6 +68,23 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
     axes.grid(visible=False)
     figure.colorbar(image, ax=axes, pad=0.02).set_label(f"force F ({unit})")
     return figure
+
+
+def changes_sign(grid: SweepGrid) -> bool:
+    """Whether the force both attracts and repels, so that logarithms would hide a part of it.
+
+    Parameters
+    ----------
+    grid : SweepGrid
+        The sweep.
+
+    Returns
+    -------
+    bool
+        True where the one is at least a twentieth of the other.
+    """
+    low, high = float(grid.force.min()), float(grid.force.max())
+    return min(-low, high) > 0.05 * max(-low, high)
 
 
 @styled
@@ -78,12 +101,13 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
     Returns
     -------
     Figure
-        On linear and on logarithmic axes.
+        On linear and on logarithmic axes; on linear ones alone where the force changes its sign.
     """
     figure = new_figure(3.3)
-    axes = figure.subplots(1, 2)
+    scales = ("linear",) if changes_sign(grid) else ("linear", "log")
+    axes = figure.subplots(1, len(scales), squeeze=False)[0]
     factor, unit = force_scale(grid.force)
-    for ax, scale in zip(axes, ("linear", "log"), strict=True):
+    for ax, scale in zip(axes, scales, strict=True):
         for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
             if scale == "log" and not np.all(force > 0):
                 continue
@@ -91,8 +115,9 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
         if weight is not None:
             ax.axhline(factor * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label="weight m g")
         ax.set(xlabel="distance d (mm)", ylabel=f"force F ({unit})", xscale=scale, yscale=scale)
-    for axis in (axes[1].xaxis, axes[1].yaxis):
-        _plain_decades(axis)
+        if scale == "log":
+            _plain_decades(ax.xaxis)
+            _plain_decades(ax.yaxis)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", title="current i")
     return figure
 
@@ -116,14 +141,11 @@ def accuracy_figure(grid: SweepGrid, table: Reciprocity | None) -> "Figure":
     figure = new_figure(3.1)
     panels = figure.subplots(1, 1 if table is None else 2, squeeze=False)[0]
     x = MM * grid.distances
-    for colour, current, force, error in zip(
-        ordered_colours(len(grid.currents)), grid.currents, grid.force, grid.force_error, strict=True
+    for colour, current, scale, error in zip(
+        ordered_colours(len(grid.currents)), grid.currents, grid.force_scale, grid.force_error, strict=True
     ):
-        known = force != 0.0
-        if np.any(known) and np.any(error[known] > 0.0):
-            panels[0].semilogy(
-                x[known], 100.0 * error[known] / np.abs(force[known]), color=colour, label=f"{current:g} A"
-            )
+        if np.any(error > 0.0):
+            panels[0].semilogy(x, 100.0 * error / scale, color=colour, label=f"{current:g} A")
     panels[0].set(xlabel="distance d (mm)", ylabel="estimated error / force (%)", title="discretisation error")
     if len(grid.currents) > 4:
         _ends_only(panels[0])

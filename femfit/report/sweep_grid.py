@@ -21,8 +21,8 @@ class SweepGrid:
         A.
     distances : array, shape (n,)
         m.
-    force, force_error : array, shape (m, n)
-        N.
+    force, force_error, force_scale : array, shape (m, n)
+        N; the last is what an error is a part of: the force, but for its passages through zero.
     flux_linkage : array, shape (m, n), or None
         Wb.
     """
@@ -31,6 +31,7 @@ class SweepGrid:
     distances: FloatArray
     force: FloatArray
     force_error: FloatArray
+    force_scale: FloatArray
     flux_linkage: FloatArray | None
 
 
@@ -82,8 +83,9 @@ def sweep_grid(rows: FitRows) -> SweepGrid | None:
         return None
     order = np.lexsort((rows.distance, rows.current))
     flux = None if rows.flux_linkage is None else rows.flux_linkage[order].reshape(shape)
-    force, error = (values[order].reshape(shape) for values in (rows.force, rows.force_error))
-    return SweepGrid(currents, distances, force, error, flux)
+    columns = (rows.force, rows.force_error, rows.force_scale)
+    force, error, scale = (values[order].reshape(shape) for values in columns)
+    return SweepGrid(currents, distances, force, error, scale, flux)
 
 
 def reciprocity(grid: SweepGrid) -> Reciprocity | None:

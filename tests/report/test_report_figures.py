@@ -26,7 +26,7 @@ from femfit.report.field_figure import colour_range, field_figure, flux_levels
 from femfit.report.hall_figure import hall_figure
 from femfit.report.loop_figures import filters_figure, spectrum_figure, steps_figure
 from femfit.report.style import new_figure
-from femfit.report.sweep_figures import accuracy_figure, force_curves_figure, force_map_figure
+from femfit.report.sweep_figures import accuracy_figure, changes_sign, force_curves_figure, force_map_figure
 from femfit.report.sweep_grid import reciprocity, sweep_grid
 from femfit.report.two_stage_figures import coefficient_figure, curve_fit_figure, residual_sums_figure, shown_currents
 
@@ -163,3 +163,25 @@ def test_a_reciprocal_table_agrees_and_a_wrong_flux_does_not(rig_content):
 def test_points_that_do_not_fill_a_grid_are_not_arranged(rig_content):
     rows = rig_content.fit.rows
     assert sweep_grid(rows.take(np.arange(len(rows.force)) != 3)) is None
+
+
+def through_a_coil(rows):
+    """The rows with the force of a magnet that is drawn into a coil and out of it, with both signs of the current."""
+    middle = np.median(rows.distance)
+    current = rows.current - np.median(rows.current)
+    return replace(rows, current=current, force=3.0 * current * (rows.distance - middle), force_error=rows.force_error)
+
+
+def test_a_force_of_both_signs_is_drawn_on_linear_axes_and_its_error_stays_finite(rig_content):
+    grid = sweep_grid(through_a_coil(rig_content.fit.rows))
+    assert changes_sign(grid)
+    assert not changes_sign(sweep_grid(rig_content.fit.rows))
+    curves = force_curves_figure(grid, 0.02)
+    assert [axes.get_yscale() for axes in curves.axes] == ["linear"]
+    assert len(curves.axes[0].get_lines()) == len(grid.currents) + 1
+    image = force_map_figure(grid, 0.02).axes[0].collections[0]
+    # White is no force: the scale is as long for repulsion as for attraction.
+    assert image.norm.vmin == -image.norm.vmax == -np.abs(1e3 * grid.force).max()
+    drawn = [line.get_ydata() for line in accuracy_figure(grid, None).axes[0].get_lines()]
+    assert drawn
+    assert all(np.all(np.isfinite(y)) for y in drawn)
