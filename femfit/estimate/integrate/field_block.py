@@ -63,6 +63,46 @@ class Integrator(Protocol[State]):
         ...
 
 
+def unknown_block(time: FloatArray) -> FieldBlock:
+    """A field block of which nothing is known yet: NaN throughout.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Of its samples, s.
+
+    Returns
+    -------
+    FieldBlock
+        With responses.
+    """
+    field, variance, offset, innovation, innovation_variance = (np.full(len(time), np.nan) for _ in range(5))
+    coil, reference, reference_unit, voltage_unit = (np.full(len(time), np.nan) for _ in range(4))
+    responses = Responses(coil, reference, reference_unit, voltage_unit)
+    return FieldBlock(time, field, variance, offset, innovation, innovation_variance, responses)
+
+
+def leading_unknown(field: float, readings: FloatArray) -> int:
+    """How many samples pass before a filter without an initial field knows one.
+
+    Parameters
+    ----------
+    field : float
+        Its state; NaN before the first reading.
+    readings : array, shape (n,)
+        Of its reference, NaN where there is none.
+
+    Returns
+    -------
+    int
+        0 for a filter that has a field.
+    """
+    if not np.isnan(field):
+        return 0
+    known = np.flatnonzero(np.isfinite(readings))
+    return int(known[0]) if len(known) else len(readings)
+
+
 def joined(blocks: list[FieldBlock]) -> FieldBlock:
     """Consecutive field blocks as one.
 

@@ -17,7 +17,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.coil_block import CoilBlock
 from femfit.core.errors import TableError
-from femfit.estimate.integrate.field_block import FieldBlock
+from femfit.estimate.integrate.field_block import FieldBlock, joined, leading_unknown, unknown_block
 from femfit.estimate.integrate.increments import Increments, LastSample, increments
 from femfit.estimate.integrate.lanes import Lanes, affine_lanes, riccati_lanes
 from femfit.estimate.integrate.uncertainty import Noise, Responses, SensingCoil
@@ -94,12 +94,16 @@ class KalmanIntegrator:
 
     def advance(self, state: KalmanState, block: CoilBlock) -> tuple[KalmanState, FieldBlock]:
         """Filter a block."""
-        last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
         z = self.reference(block)
-        field = state.field
-        if np.isnan(field):
-            known = np.flatnonzero(np.isfinite(z))
-            field = float(z[known[0]]) if len(known) else 0.0
+        unknown = leading_unknown(state.field, z)
+        if unknown:
+            before = unknown_block(block.time[:unknown])
+            if unknown == len(block):
+                return state, before
+            state, after = self.advance(state, block[unknown:])
+            return state, joined([before, after])
+        last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
+        field = float(z[0]) if np.isnan(state.field) else state.field
         return self._filter(state, field, last, steps, z, block.time)
 
     def _filter(

@@ -20,9 +20,9 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.coil_block import CoilBlock
 from femfit.core.errors import TableError
-from femfit.estimate.integrate.field_block import FieldBlock
+from femfit.estimate.integrate.field_block import FieldBlock, joined, leading_unknown, unknown_block
 from femfit.estimate.integrate.increments import Increments, LastSample, increments
-from femfit.estimate.integrate.uncertainty import Noise, Responses, SensingCoil
+from femfit.estimate.integrate.uncertainty import Noise, SensingCoil
 from femfit.model.field_of_current import FieldModel, MagnetState
 
 UPDATE_INTERVAL = 0.02
@@ -153,10 +153,19 @@ class OffsetFilter:
     ) -> tuple[OffsetState, FieldBlock]:
         """Filter a block; ``trace`` collects the corrections for the smoother."""
         raw = self._raw(block)
+        unknown = leading_unknown(float(state.mean[0, 0]), raw)
+        if unknown:
+            before = unknown_block(block.time[:unknown])
+            if unknown == len(block):
+                return state, before
+            state, after = self.advance(state, block[unknown:], trace)
+            if trace is not None:
+                trace[:] = [replace(correction, row=correction.row + unknown) for correction in trace]
+            return state, joined([before, after])
         last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
         state = replace(self._acquired(state, block.time, raw), last=last)
         size = len(block)
-        out = _empty_block(block.time)
+        out = unknown_block(block.time)
         window = max(1, round(self.interval / self.sample_time))
         begin = 0
         while begin < size:
@@ -178,13 +187,9 @@ class OffsetFilter:
         """With a field to start from."""
         if not np.isnan(state.mean[0, 0]):
             return state
-        known = np.flatnonzero(np.isfinite(raw))
-        first = 0.0
-        if len(known) and self.field_model is None:
-            first = float(raw[known[0]])
-        elif len(known) and self.field_model is not None and state.magnet is not None:
-            rows = known[:1]
-            first = float(self.field_model.advance(state.magnet, time[rows], raw[rows])[1][0])
+        first = float(raw[0])
+        if self.field_model is not None and state.magnet is not None:
+            first = float(self.field_model.advance(state.magnet, time[:1], raw[:1])[1][0])
         mean = state.mean.copy()
         mean[0, 0] = first
         return replace(state, mean=mean)
@@ -269,13 +274,6 @@ class OffsetFilter:
         if self.field_model is None:
             return p.noise / p.readings**2
         return self.field_model.rms_T**2 * max(1.0, MODEL_ERROR_TIME / max(p.elapsed, self.sample_time))
-
-
-def _empty_block(time: FloatArray) -> FieldBlock:
-    field, variance, offset, innovation, innovation_variance = (np.full(len(time), np.nan) for _ in range(5))
-    coil, reference, reference_unit, voltage_unit = (np.empty(len(time)) for _ in range(4))
-    responses = Responses(coil, reference, reference_unit, voltage_unit)
-    return FieldBlock(time, field, variance, offset, innovation, innovation_variance, responses)
 
 
 def _write_responses(out: FieldBlock, part: slice, rows: FloatArray, late: FloatArray) -> None:

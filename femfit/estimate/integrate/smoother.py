@@ -85,7 +85,7 @@ def _smooth_two_states(integrator: OffsetFilter, record: CoilBlock) -> FieldBloc
         field[rows] = path + (means[place + 1, 0] - path[-1]) * share
         offset[rows] = means[place, 1] + (means[place + 1, 1] - means[place, 1]) * share
         variance[rows] = variances[place] + (variances[place + 1] - variances[place]) * share
-    first = slice(0, trace[0].row)
+    first = slice(int(np.flatnonzero(np.isfinite(field))[0]), trace[0].row)
     late = time[first] - time[trace[0].row]
     field[first] = means[0, 0] + integral[first] - integral[trace[0].row] - means[0, 1] * late / integrator.coil.area_m2
     offset[first], variance[first] = means[0, 1], variances[0]

@@ -9,6 +9,7 @@ from femfit.core.coil_block import CoilBlock
 from femfit.core.errors import TableError
 from femfit.estimate.integrate.experiment import ExperimentInputs, synthesise
 from femfit.estimate.integrate.field_block import joined
+from femfit.estimate.integrate.kalman import KalmanIntegrator
 from femfit.estimate.integrate.offset_filter import OffsetFilter
 from femfit.estimate.integrate.uncertainty import PAPER_COIL, LinearSigma, Noise
 from femfit.fit.hysteresis import LabRun, identify_field
@@ -119,6 +120,18 @@ def test_an_identified_field_holds_on_other_amplitudes(rate, peaks, field_model)
     block = run(replace(HALL, field_model=field_model), other.record)
     # The figure; the ratio I / g alone is off by 0.2 to 5 mT there.
     assert max(plateau_rms(block, other)) < 100e-6
+
+
+@pytest.mark.parametrize("cuts", [(), (100, 500, 900)], ids=["whole", "blocks"])
+@pytest.mark.parametrize("one_state", [False, True], ids=["cs1-offset", "cs1"])
+def test_nothing_is_known_before_the_first_reading(one_state, cuts, experiment):
+    stretch = experiment.record[60_000:62_000]
+    hall = stretch.hall.copy()
+    hall[:700] = np.nan
+    integrator = KalmanIntegrator(PAPER_COIL, NOISE, DT, sensitivities=True) if one_state else HALL
+    late = run(integrator, CoilBlock(stretch.time, stretch.voltage, hall), cuts)
+    assert np.all(np.isnan(late.field[:700]))
+    np.testing.assert_allclose(late.field[700:], run(integrator, stretch[700:]).field, rtol=1e-12)
 
 
 def test_a_filter_without_its_reference_says_which_column_it_needs(field_model):
