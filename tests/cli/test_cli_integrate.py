@@ -1,7 +1,6 @@
 """``femfit integrate`` as users type it."""
 
 import json
-import subprocess
 
 import numpy as np
 import pandas as pd
@@ -10,6 +9,7 @@ import pytest
 from femfit.estimate.integrate.experiment import ExperimentInputs, synthesise
 
 AREA = "0.059394"
+from support.command import femfit
 
 
 def table(experiment):
@@ -26,7 +26,7 @@ def table(experiment):
 
 @pytest.fixture(scope="module")
 def experiment():
-    inputs = ExperimentInputs(amplitudes=(320.0,), plateau=32.0, zero_reading=20.0)
+    inputs = ExperimentInputs(amplitudes=(320.0, 200.0), plateau=32.0, zero_reading=20.0)
     return synthesise(inputs, np.random.default_rng(1))
 
 
@@ -38,7 +38,7 @@ def record(experiment, tmp_path_factory):
 
 
 def integrate(*arguments):
-    return subprocess.run(["femfit", "integrate", *map(str, arguments)], capture_output=True, text=True, check=False)
+    return femfit("integrate", *arguments)
 
 
 # What each may be off by on the last plateau: lags and drifts of 7 uV, and of cs2 the error of I / g.
