@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from femfit.estimate.integrate.experiment import ExperimentInputs, synthesise
+from support.command import femfit
 
 AREA = "0.059394"
-from support.command import femfit
 
 
 def table(experiment):
