@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
 from femfit.model.field_of_current import FieldModel, FieldTerms, field_columns, precycled
@@ -22,6 +22,13 @@ PATH_INTERVAL = 0.01
 
 ROW_STEPS = 10
 """Steps of the path that are averaged, field and columns alike, to one row of the fit."""
+
+ROW_SIGMA = 1e-5
+"""Believed error of a row, relative to the largest field."""
+
+STRENGTH_SIGMA = 1e-2
+"""Believed size of a play's or a lag's strength, relative to largest field over largest current: it decides between
+columns that the runs do not tell apart."""
 
 FOLDS = 6
 """Stretches that are left out in turn to find the model's error."""
@@ -98,11 +105,12 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     free = terms.degree + 1
     lower = np.where(used < free, -np.inf, 0.0)
     names = [terms.names[k] for k in used]
-    solution = solve_bounded_qp(whole, target, np.ones(len(target)), lower, names=names)
+    problem = _Problem(whole, target, lower, float(np.abs(target).max()), top)
+    solution = solve_bounded_qp(*problem.rows(np.ones(len(target), dtype=np.bool_)), lower, names=names)
     coefficients = np.zeros(len(terms.names))
     coefficients[used] = solution.x
     current = np.concatenate([_means(run.current, ROW_STEPS) for run in paths])
-    return FieldModel(terms, coefficients, _left_out_rms(whole, target, lower, current))
+    return FieldModel(terms, coefficients, _left_out_rms(problem, current))
 
 
 def _path(run: LabRun) -> LabRun:
@@ -117,14 +125,34 @@ def _means(values: FloatArray, size: int) -> FloatArray:
     return np.asarray(values[: rows * size].reshape(rows, size, *values.shape[1:]).mean(axis=1))
 
 
-def _left_out_rms(matrix: FloatArray, target: FloatArray, lower: FloatArray, current: FloatArray) -> float:
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Rows of the fit, and what is believed of the strengths without them."""
+
+    matrix: FloatArray
+    target: FloatArray
+    lower: FloatArray
+    field_max: float
+    current_max: float
+
+    def rows(self, kept: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Matrix, target and sigma of the kept rows, and one prior row for each bounded strength."""
+        bounded = np.flatnonzero(np.isfinite(self.lower))
+        prior = np.zeros((len(bounded), len(self.lower)))
+        prior[np.arange(len(bounded)), bounded] = 1.0
+        strength = STRENGTH_SIGMA * self.field_max / self.current_max
+        sigma = np.r_[np.full(int(kept.sum()), ROW_SIGMA * self.field_max), np.full(len(bounded), strength)]
+        target = np.r_[self.target[kept], np.zeros(len(bounded))]
+        return np.concatenate([self.matrix[kept], prior]), target, sigma
+
+
+def _left_out_rms(problem: _Problem, current: FloatArray) -> float:
     """Rms error on each stretch of the runs when fitted to the others, at currents that the others reach."""
     squares = []
-    for rows in np.array_split(np.arange(len(target)), FOLDS):
-        others = np.ones(len(target), dtype=np.bool_)
+    for rows in np.array_split(np.arange(len(current)), FOLDS):
+        others = np.ones(len(current), dtype=np.bool_)
         others[rows] = False
         reached = rows[(current[rows] <= current[others].max()) & (current[rows] >= current[others].min())]
-        live = np.any(matrix[others] != 0.0, axis=0)
-        x = active_set_least_squares(matrix[others][:, live], target[others], np.ones(int(others.sum())), lower[live])
-        squares.append(np.square(matrix[reached][:, live] @ x - target[reached]))
+        x = active_set_least_squares(*problem.rows(others), problem.lower)
+        squares.append(np.square(problem.matrix[reached] @ x - problem.target[reached]))
     return float(np.sqrt(np.mean(np.concatenate(squares))))
