@@ -25,6 +25,10 @@ from femfit.model.dynamics import euler_jacobian, euler_step, runge_kutta_jacobi
 Measurement = Literal["hall_voltage", "distance"]
 Integrator = Literal["euler", "rk4"]
 
+_LARGEST_STEP = {"euler": 2.0, "rk4": 2.785}
+"""Largest stable step times R/L of a decaying current (E. Hairer and G. Wanner, Solving Ordinary Differential
+Equations II (Springer, 1996), section IV.2)."""
+
 STATE_NAMES = ("distance_m", "velocity_m_s", "current_A", "hall_bias_V")
 
 Step = Callable[[ActuatorModel, FloatArray, FloatArray, float], FloatArray]
@@ -71,7 +75,8 @@ def levitation_process(
     MissingPartError
         If the model lacks circuit, motion, sensor or inductance.
     FilterError
-        If the Hall bias is asked for together with the distance as measurement.
+        If the Hall bias is asked for together with the distance as measurement, or the coil is too fast for the
+        sample time.
     """
     model.require_dynamics()
     sensor = model.require_sensor()
@@ -81,6 +86,7 @@ def levitation_process(
             "hall_bias=True, or leave the bias out."
         )
     distance = operating_distance(model) if distance is None else distance
+    _require_slow_coil(model, distance, integrator)
     noise = default_noise(model, distance) if noise is None else noise
     advance, jacobian = _STEPS[integrator]
     measure: Measure
@@ -102,6 +108,21 @@ def levitation_process(
         measurement_jacobian=slope,
         plausible=partial(_plausible, model),
     )
+
+
+def _require_slow_coil(model: ActuatorModel, distance: float, integrator: Integrator) -> None:
+    """Refuse a coil whose current one explicit step a sample cannot follow: its error would grow at every sample."""
+    circuit, box = model.require_circuit(), model.validity
+    currents = np.linspace(box.current_min_A, box.current_max_A, 5)
+    inductance = float(model.magnetics.inductance(np.full(5, distance), currents).min())
+    longest = _LARGEST_STEP[integrator] * inductance / circuit.resistance_ohm
+    if model.sample_time_s > longest:
+        raise FilterError(
+            f"The filter of model {model.name!r} must take steps of at most {1e3 * longest:.3g} ms, because its coil "
+            f"has L/R = {1e3 * inductance / circuit.resistance_ohm:.3g} ms; the sample time is "
+            f"{1e3 * model.sample_time_s:g} ms. Give [supply] a shorter sample_time_ms, or drive the coil by a current "
+            "loop with a larger resistance_ohm."
+        )
 
 
 def _transition(model: ActuatorModel, advance: Step, states: FloatArray, voltage: FloatArray) -> FloatArray:

@@ -13,7 +13,8 @@ The current follows i* with the pole p = (R + K_i)/L. Linearised, with lambda^2 
 
 so a velocity gain below (lambda^2 + k_p)/p leaves the loop unstable. The poles sum up to -p; the slowest of them is
 fastest as the triple pole w = p/3: k_p = w^2/3, k_v = w + lambda^2/(3 w). Without current feedback p = R/L. K_i = 0
-(the paper's form) is kept as long as w is faster than lambda; otherwise K_i raises p to 3 lambda.
+(the paper's form) is kept as long as w is faster than lambda; otherwise K_i raises p to 3 lambda. A coil that is
+faster than the samples is taken as slow as they can follow.
 
 References
 ----------
@@ -29,7 +30,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulate.controller import Controller, Reference
-from femfit.simulate.operating_point import OperatingPoint, current_for_acceleration
+from femfit.simulate.operating_point import OperatingPoint, current_for_acceleration, usable_coil_pole
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +91,12 @@ def design_backstepping(model: ActuatorModel, points: Sequence[OperatingPoint]) 
     """
     unstable = max(point.mechanical_pole_rad_s for point in points)
     slowest = min(points, key=lambda point: point.coil_pole_rad_s)
-    current_pole = max(slowest.coil_pole_rad_s, 3.0 * unstable)
+    usable = usable_coil_pole(slowest, model.sample_time_s)
+    current_pole = max(usable, 3.0 * unstable)
     triple = current_pole / 3.0
     return Backstepping(
         model=model,
         position_gain=triple**2 / 3.0,
         velocity_gain=triple + unstable**2 / (3.0 * triple),
-        current_gain_ohm=(current_pole - slowest.coil_pole_rad_s) * slowest.inductance_H,
+        current_gain_ohm=max(current_pole - slowest.coil_pole_rad_s, 0.0) * slowest.inductance_H,
     )

@@ -5,7 +5,7 @@ References
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, section 5; Table 6 for the noise of the direct measurement.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NoReturn
 
 import numpy as np
@@ -19,7 +19,7 @@ from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import default_noise, initial_covariance
 from femfit.estimate.square_root import SquareRootUnscentedFilter
 from femfit.estimate.unscented import UnscentedFilter
-from femfit.model.actuator_model import ActuatorModel
+from femfit.model.actuator_model import ActuatorModel, Circuit
 from femfit.simulate.backstepping import Backstepping, design_backstepping
 from femfit.simulate.controller import Controller
 from femfit.simulate.observer import DirectObserver, FilterObserver, Observer
@@ -47,6 +47,9 @@ SUPPORT_TIME_CONSTANTS = 5.0
 
 DESIGN_POINTS = 9
 
+COVERED_PART = 0.95
+"""Of the swept currents: what the driver's voltage may ask for at rest, with room for what back-EMF adds in motion."""
+
 
 @dataclass(frozen=True, eq=False)
 class LoopDesign:
@@ -55,7 +58,7 @@ class LoopDesign:
     Parameters
     ----------
     model : ActuatorModel
-        With circuit, motion and sensor.
+        With circuit, motion and sensor; the driver's voltages within what the swept currents cover.
     targets_m : tuple of float
         Reference distances in turn.
     points : tuple of OperatingPoint
@@ -154,9 +157,9 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
         If the body cannot be held at the reference distances, or hangs there without being unstable, or the Hall
         element is saturated there.
     """
-    model.require_circuit()
     model.require_motion()
     sensor = model.require_sensor()
+    model = replace(model, circuit=_covered(model))
     targets = model.reference_distances_m or _derived_targets(model)
     points = tuple(operating_point(model, float(d)) for d in np.linspace(min(targets), max(targets), DESIGN_POINTS))
     stable = [point.distance_m for point in points if point.mechanical_pole_rad_s == 0.0]
@@ -175,6 +178,20 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
         pid=design_pid(model, points[len(points) // 2]),
         reference_rate_rad_s=reference_rate(model, targets),
         noise_V=(sensor.noise_V or PAPER_HALL_NOISE_V) if noise_V is None else noise_V,
+    )
+
+
+def _covered(model: ActuatorModel) -> Circuit:
+    """The circuit with voltages whose currents the model covers: a stronger driver would leave it at once."""
+    circuit, box = model.require_circuit(), model.validity
+    lowest, highest = (COVERED_PART * circuit.resistance_ohm * i for i in (box.current_min_A, box.current_max_A))
+    # A driver that cannot give negative currents is not limited by a sweep that begins at zero.
+    lowest = lowest if lowest < 0.0 else -np.inf
+    highest = highest if highest > 0.0 else np.inf
+    return replace(
+        circuit,
+        voltage_min_V=max(circuit.voltage_min_V, lowest),
+        voltage_max_V=min(circuit.voltage_max_V, highest),
     )
 
 

@@ -21,6 +21,9 @@ from femfit.core.errors import DomainError
 from femfit.estimate.theory import holding_current
 from femfit.model.actuator_model import ActuatorModel
 
+USABLE_PART = 0.3
+"""Fastest pole that a loop is designed with, times the sample time: a third of it turns by 0.1 rad a sample."""
+
 _NEWTON_STEPS = 40
 
 
@@ -113,6 +116,26 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
         A=A,
         B=np.array([0.0, 0.0, 1.0 / inductance]),
     )
+
+
+def usable_coil_pole(point: OperatingPoint, step: float) -> float:
+    """The coil's pole that a controller may count on: its own, but slow enough for the samples.
+
+    An air coil's R/L is beyond what a sampled loop can use: gains made for it would act within one sample.
+
+    Parameters
+    ----------
+    point : OperatingPoint
+        Any.
+    step : float
+        Sample time, s.
+
+    Returns
+    -------
+    float
+        In rad/s, at most :data:`USABLE_PART` over the step.
+    """
+    return min(point.coil_pole_rad_s, USABLE_PART / step)
 
 
 def current_range(model: ActuatorModel) -> tuple[float, float]:

@@ -35,7 +35,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulate.controller import Controller, Reference
-from femfit.simulate.operating_point import OperatingPoint, current_for_acceleration
+from femfit.simulate.operating_point import OperatingPoint, current_for_acceleration, usable_coil_pole
 
 DERIVATIVE_FILTER_RATIO = 3.0
 """N / p_c."""
@@ -98,7 +98,7 @@ def design_pid(model: ActuatorModel, point: OperatingPoint) -> Pid:
         If the coil is so slow that w would not be positive.
     """
     step = model.sample_time_s
-    coil, unstable = point.coil_pole_rad_s, point.mechanical_pole_rad_s
+    coil, unstable = usable_coil_pole(point, step), point.mechanical_pole_rad_s
     derivative = DERIVATIVE_FILTER_RATIO * coil
     half = 4.0 * (coil + derivative)
     w = (half - np.sqrt(half**2 - 40.0 * (derivative * coil - unstable**2))) / 20.0

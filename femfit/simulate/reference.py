@@ -25,7 +25,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulate.controller import Reference
-from femfit.simulate.operating_point import current_for_acceleration, operating_point, zero_order_hold
+from femfit.simulate.operating_point import current_for_acceleration, operating_point, usable_coil_pole, zero_order_hold
 
 USED_AUTHORITY = 0.5
 """Part of the voltage between holding and clamp that the reference may use."""
@@ -95,9 +95,9 @@ def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
     Returns
     -------
     float
-        w in rad/s, at most a third of the coil's pole.
+        w in rad/s, at most a third of the coil's usable pole.
     """
-    highest = operating_point(model, targets[0]).coil_pole_rad_s / 3.0
+    highest = usable_coil_pole(operating_point(model, targets[0]), model.sample_time_s) / 3.0
     pairs = {pair for pair in pairwise(targets) if pair[0] != pair[1]}
     low, high = 1e-3 * highest, highest
     if all(_fits(model, pair, high) for pair in pairs):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from femfit.core.errors import DomainError, MissingPartError
+from femfit.core.errors import DomainError, FilterError, MissingPartError
 from femfit.model.actuator_model import ValidityBox
 from femfit.model.dynamics import state_derivative
 from femfit.simulate.design import design_loop
+from femfit.simulate.experiment import Experiment, run_experiments
 from femfit.simulate.operating_point import current_for_force, operating_point, zero_order_hold
 from femfit.simulate.reference import reference_rate, reference_steps
 
@@ -149,3 +150,39 @@ def test_a_hall_element_that_is_saturated_throughout_is_refused_with_the_remedy(
     blind = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=2000.0))
     with pytest.raises(DomainError, match=r"within its output range of 0\.\.5 V .* smaller sensitivity_V_per_T"):
         design_loop(replace(blind, reference_distances_m=targets))
+
+
+def test_the_driver_asks_for_no_current_that_the_model_does_not_cover(levitation_model):
+    strong = replace(levitation_model, circuit=replace(levitation_model.circuit, voltage_max_V=30.0))
+    circuit = design_loop(strong).model.circuit
+    assert circuit.voltage_max_V == pytest.approx(0.95 * 1.4 * 2.69)
+    assert circuit.voltage_min_V == 0.5
+    assert design_loop(levitation_model).model.circuit == levitation_model.circuit  # 1.12 A at most
+
+
+def test_a_coil_that_is_faster_than_the_samples_is_designed_for_as_slow_as_they_can_follow(levitation_model):
+    # An air coil: a twelfth of the inductance, R/L of 2000 rad/s at a period of 0.5 ms.
+    fast = replace(
+        levitation_model,
+        circuit=replace(levitation_model.circuit, resistance_ohm=32.0, voltage_max_V=36.0, voltage_min_V=6.0),
+    )
+    design = design_loop(fast)
+    assert design.points[0].coil_pole_rad_s > 1800.0
+    assert design.reference_rate_rad_s <= 200.0 * (1 + 1e-9)
+    assert design.backstepping.position_gain == pytest.approx(200.0**2 / 3.0)
+    assert abs(design.pid.filter_pole) < 1.0
+    (result,) = run_experiments(
+        design,
+        [Experiment("backstepping", "ukf", (0.022,))],
+        np.random.default_rng(3),
+        runs=4,
+        steps=600,
+        supported_steps=design.steps(5.0),
+    )
+    assert result.held.all()
+
+
+def test_a_coil_that_a_step_cannot_follow_is_refused_with_the_step_that_could(levitation_model):
+    circuit = replace(levitation_model.circuit, resistance_ohm=100.0, voltage_max_V=110.0, voltage_min_V=20.0)
+    with pytest.raises(FilterError, match=r"steps of at most 0\.3\d* ms.*sample_time_ms"):
+        design_loop(replace(levitation_model, circuit=circuit)).observer("ukf")
