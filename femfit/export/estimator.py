@@ -156,33 +156,29 @@ The source is femfit's own; the next export into this directory replaces these f
 """
 
 _EXAMPLE = """\
-\"\"\"Hold the body for a second with filter and controller on the simulated actuator; say where it hangs.\"\"\"
+\"\"\"Hold the body for 2000 samples with filter and controller on the simulated actuator; say where it hangs.\"\"\"
 
 from pathlib import Path
 
 import numpy as np
 
-from {runtime}.estimate.levitation import levitation_process
-from {runtime}.estimate.noise import initial_covariance, operating_distance
-from {runtime}.estimate.unscented import UnscentedFilter
 from {runtime}.model.json_file import read_model
-from {runtime}.simulate.backstepping import design_backstepping
+from {runtime}.simulate.design import design_loop
 from {runtime}.simulate.loop import ClosedLoop, run_loop
-from {runtime}.simulate.observer import FilterObserver
-from {runtime}.simulate.operating_point import operating_point
 from {runtime}.simulate.plant import Plant
 from {runtime}.simulate.reference import reference_steps
 from {runtime}.simulate.sensor import SensorErrors
 
-model = read_model(Path(__file__).with_name("model.json"))
-point = operating_point(model, operating_distance(model))
-observer = FilterObserver(UnscentedFilter(levitation_process(model)), initial_covariance())
-controller = design_backstepping(model, [point])
+design = design_loop(read_model(Path(__file__).with_name("model.json")))
+model, point = design.model, design.points[0]
 reference = reference_steps([point.distance_m], 2000, model.sample_time_s, rate=10.0)
-errors = SensorErrors(noise_V=model.require_sensor().noise_V)
-loop = ClosedLoop(Plant(model), model.require_sensor(), errors, observer, controller, reference)
-start = np.array([[point.distance_m + 2e-4, 0.0, point.current_A]])
-series = run_loop(loop, start, np.random.default_rng(0)).series
-held = 1e3 * series.distance_m[1000:]
-print(f"wanted {{1e3 * point.distance_m:.3f}} mm, held {{held.mean():.3f}} mm +- {{held.std():.3f}} mm")
+errors = SensorErrors(noise_V=design.noise_V)
+loop = ClosedLoop(Plant(model), model.require_sensor(), errors, design.observer("ukf"), design.backstepping, reference)
+start = np.array([[point.distance_m, 0.0, point.current_A]])
+result = run_loop(loop, start, np.random.default_rng(0))
+held = 1e3 * result.series.distance_m[1000:]
+if result.held.all():
+    print(f"wanted {{1e3 * point.distance_m:.3f}} mm, held {{held.mean():.3f}} mm +- {{held.std():.3f}} mm")
+else:
+    print(result.outcomes()[0].sentence)
 """

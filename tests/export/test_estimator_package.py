@@ -129,6 +129,20 @@ def test_the_example_holds_the_body_in_a_bare_environment(exported, bare_paths):
     assert abs(held - wanted) < 0.1
 
 
+def test_the_example_chooses_a_distance_at_which_the_hall_element_is_not_saturated(
+    levitation_model, bare_paths, tmp_path
+):
+    # 8.3 mT fill this one's range, and the magnet alone has 8.7 mT at 20 mm.
+    sensor = replace(levitation_model.sensor, sensitivity_V_per_T=300.0)
+    export_estimator(replace(levitation_model, sensor=sensor, reference_distances_m=()), tmp_path / "out")
+    code = f"import runpy; runpy.run_path({str(tmp_path / 'out' / 'example.py')!r})"
+    result = run_bare(tmp_path / "out", bare_paths, code)
+    assert result.returncode == 0, result.stderr
+    words = result.stdout.split()
+    assert 22.0 < float(words[1]) < 35.0
+    assert abs(float(words[4]) - float(words[1])) < 0.1
+
+
 def test_every_copied_file_differs_from_femfits_in_import_lines_only(exported):
     root = Path(femfit.__file__).parent
     for copy in (exported / RUNTIME).rglob("*.py"):
