@@ -26,14 +26,12 @@ def export(
     json : Path
         File for the result as JSON.
     """
-    import json as json_format
-
+    from femfit.cli.output import write_json
     from femfit.export.targets import export_target
     from femfit.model.json_file import read_model
 
     target = export_target(to)
     files = target.export(read_model(model), output)
     print(f"{output}: {target.name} of {model}, {len(files)} files; try python {output / 'example.py'}")
-    if json is not None:
-        result = {"target": target.name, "directory": str(output), "files": [str(f.relative_to(output)) for f in files]}
-        json.write_text(json_format.dumps(result, indent=1) + "\n", encoding="utf-8")
+    names = [str(file.relative_to(output)) for file in files]
+    write_json(json, {"target": target.name, "directory": str(output), "files": names})
