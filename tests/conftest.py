@@ -10,7 +10,7 @@ import pytest
 
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
 from femfit.model.bspline import TensorSpline, basis_matrix
-from femfit.model.hall import HallField
+from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 
 REFERENCE_DISTANCE = 0.015
@@ -50,7 +50,7 @@ def levitation_model() -> ActuatorModel:
         circuit=Circuit(2.69, 0.5, 3.0),
         motion=Motion(4.35e-3),
         sensor=HallSensor(
-            field=HallField(REFERENCE_DISTANCE, fitted_spline(_hall_field, currents, 1)),
+            field=HallSpline(REFERENCE_DISTANCE, fitted_spline(_hall_field, currents, 1)),
             sensitivity_V_per_T=50.0,
             quiescent_V=2.5,
             output_min_V=0.0,

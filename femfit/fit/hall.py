@@ -17,7 +17,7 @@ from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_basis import SHIFTS
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
-from femfit.model.hall import HallField
+from femfit.model.hall import HallSpline
 
 U_DEGREE = 4
 HELD_OUT_TARGET = 2e-5
@@ -31,7 +31,7 @@ class HallFit:
 
     Parameters
     ----------
-    field : HallField
+    field : HallSpline
         B(d, i).
     rms_T, max_T : float
         Misfit on the sweep.
@@ -45,7 +45,7 @@ class HallFit:
         The solved programme.
     """
 
-    field: HallField
+    field: HallSpline
     rms_T: float
     max_T: float
     held_out: float
@@ -78,7 +78,7 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     basis, held_out = _choose(rows, hall, scale)
     qp = solve_bounded_qp(basis.columns(rows.distance, rows.current), hall, np.full_like(hall, 1e-4 * scale))
     shape = (len(basis.knots_u) - basis.u_degree - 1, basis.degree + 1)
-    field = HallField(
+    field = HallSpline(
         basis.reference_distance,
         TensorSpline(basis.knots_u, basis.knots_i, basis.u_degree, basis.degree, qp.x.reshape(shape)),
         basis.shift,

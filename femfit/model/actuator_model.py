@@ -9,6 +9,7 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError, MissingPartError
+from femfit.effects.effect import REFERENCE_TEMPERATURE_C, AddedEffect
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
 
@@ -181,8 +182,13 @@ class ActuatorModel:
         Steps of the closed-loop reference; empty: derived from the model.
     covariance : array or None
         Of the law's coefficients, in their order.
-    effects : tuple of mapping
-        Effects added after comparison with measurements, in the order of adding.
+    effects : tuple of AddedEffect
+        Added after comparison with measurements, in the order of adding.
+    base : ActuatorModel or None
+        The model without its effects: magnetics, circuit, motion and sensor above are this one's, as the effects change
+        them. None where there are no effects.
+    coil_temperature_C, magnet_temperature_C : float
+        At which plant and filters run; matters only to effects that know temperatures.
     provenance : mapping
         Versions, hashes, the fit's report.
     """
@@ -197,7 +203,10 @@ class ActuatorModel:
     sample_time_s: float = 0.5e-3
     reference_distances_m: tuple[float, ...] = ()
     covariance: FloatArray | None = None
-    effects: tuple[Mapping[str, Any], ...] = ()
+    effects: tuple[AddedEffect, ...] = ()
+    base: "ActuatorModel | None" = None
+    coil_temperature_C: float = REFERENCE_TEMPERATURE_C
+    magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def require_circuit(self) -> Circuit:

@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 
 from femfit.core.errors import ModelFileError
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import REFERENCE_TEMPERATURE_C, AddedEffect
 from femfit.laws.catalogue import law_by_name
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
 from femfit.model.bspline import TensorSpline, is_clamped
-from femfit.model.hall import HallField
+from femfit.model.hall import HallSpline
 from femfit.model.json_section import Section
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
 from femfit.model.to_json import SCHEMA_VERSION
+from femfit.model.with_effects import with_effects
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:
@@ -45,22 +48,17 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
             f"{source} has schema {version}; this femfit reads up to schema {SCHEMA_VERSION}. "
             "Update femfit, or write the model again with this version."
         )
-    if data.get("effects"):
-        raise ModelFileError(
-            f"{source} lists added effects, which this femfit cannot evaluate: {data['effects']!r:.200}. "
-            "Update femfit; leaving them out would give silently different numbers."
-        )
     model = _build(Section(source, "", data))
     _check_values(model, source)
     return model
 
 
 def _build(top: Section) -> ActuatorModel:
-    top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel))))
+    top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name != "base")))
     box = _known(top.section("validity"), ValidityBox)
     circuit, motion = top.optional_section("circuit"), top.optional_section("motion")
     sensor, misfit = top.optional_section("sensor"), top.optional_section("misfit")
-    return ActuatorModel(
+    base = ActuatorModel(
         name=top.text("name"),
         magnetics=_magnetics_from(top.section("magnetics")),
         validity=ValidityBox(**{f.name: box.number(f.name) for f in fields(ValidityBox)}),
@@ -72,6 +70,33 @@ def _build(top: Section) -> ActuatorModel:
         reference_distances_m=tuple(top.array("reference_distances_m", 1).tolist()),
         covariance=None if top.data.get("covariance") is None else top.array("covariance", 2),
         provenance=dict(top.section("provenance").data),
+        coil_temperature_C=_temperature(top, "coil_temperature_C"),
+        magnet_temperature_C=_temperature(top, "magnet_temperature_C"),
+    )
+    added = top.sections("effects") if top.data.get("effects") else ()
+    return with_effects(base, [_effect_from(section) for section in added])
+
+
+def _temperature(top: Section, key: str) -> float:
+    """Absent in files from before effects could be added: the reference."""
+    return top.number(key) if key in top.data else REFERENCE_TEMPERATURE_C
+
+
+def _effect_from(section: Section) -> AddedEffect:
+    section.refuse_others(("name", "parameters", "ci95"))
+    effect = effect_by_name(section.text("name"))
+    names = tuple(p.name for p in effect.parameters)
+    parameters, intervals = section.section("parameters"), section.section("ci95")
+    parameters.refuse_others(names)
+    intervals.refuse_others(names)
+    pairs = {name: intervals.array(name, 1) for name in names if name in intervals.data}
+    for name, pair in pairs.items():
+        if len(pair) != 2:
+            raise intervals.refusal(name, "a pair of numbers")
+    return AddedEffect(
+        effect=effect,
+        parameters={name: parameters.number(name) for name in names},
+        ci95={name: (float(pair[0]), float(pair[1])) for name, pair in pairs.items()},
     )
 
 
@@ -92,7 +117,7 @@ def _motion_from(section: Section) -> Motion:
 def _sensor_from(section: Section) -> HallSensor:
     low = section.number("output_min_V")
     return HallSensor(
-        field=HallField(*_spline_from(section.section("field"))),
+        field=HallSpline(*_spline_from(section.section("field"))),
         sensitivity_V_per_T=section.number("sensitivity_V_per_T"),
         quiescent_V=section.number("quiescent_V"),
         output_min_V=low,

@@ -8,17 +8,71 @@ References
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure 11.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.bspline import TensorSpline
+from femfit.model.inverse_distance import partial_derivatives
+
+
+class HallField(ABC):
+    """B_z(d, i) at the Hall element; all arguments broadcast, distances in m, currents in A."""
+
+    @abstractmethod
+    def _partials(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        """Partial derivatives of B_z at flat arrays, for orders (in d, in i)."""
+
+    def partials(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        """Partial derivatives of the field, several at once.
+
+        Parameters
+        ----------
+        distance, current : array
+            Points; broadcast against each other.
+        orders : tuple of (int, int)
+            Order in distance and in current of each.
+
+        Returns
+        -------
+        list of array
+            In the order asked for, T / m^a / A^b.
+        """
+        distance, current = np.broadcast_arrays(
+            np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        )
+        return [value.reshape(distance.shape) for value in self._partials(distance.ravel(), current.ravel(), orders)]
+
+    def field(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """B_z in T at distances (m) and currents (A) that broadcast."""
+        return self.partials(distance, current, ((0, 0),))[0]
+
+    def derivatives(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """B_z in T, dB_z/dd in T/m and dB_z/di in T/A.
+
+        Parameters
+        ----------
+        distance, current : array
+            Points; broadcast against each other.
+
+        Returns
+        -------
+        tuple of three arrays
+            In the broadcast shape.
+        """
+        value, in_d, in_i = self.partials(distance, current, ((0, 0), (1, 0), (0, 1)))
+        return value, in_d, in_i
 
 
 @dataclass(frozen=True, eq=False)
-class HallField:
-    """B_z(d, i) at the Hall element.
+class HallSpline(HallField):
+    """B_z(d, i) at the Hall element as a tensor B-spline.
 
     Parameters
     ----------
@@ -34,32 +88,8 @@ class HallField:
     spline: TensorSpline
     distance_shift_m: float = 0.0
 
-    def field(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """B_z in T at distances (m) and currents (A) that broadcast."""
-        distance, current = np.broadcast_arrays(
-            np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
-        )
-        u = self.reference_distance_m / (distance.ravel() + self.distance_shift_m)
-        return self.spline.derivatives(u, current.ravel(), ((0, 0),))[0].reshape(distance.shape)
-
-    def derivatives(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """B_z in T, dB_z/dd in T/m and dB_z/di in T/A.
-
-        Parameters
-        ----------
-        distance, current : array
-            Points; broadcast against each other.
-
-        Returns
-        -------
-        tuple of three arrays
-            In the broadcast shape.
-        """
-        distance, current = np.broadcast_arrays(
-            np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
-        )
-        shifted = distance.ravel() + self.distance_shift_m
-        u = self.reference_distance_m / shifted
-        value, in_u, in_i = self.spline.derivatives(u, current.ravel(), ((0, 0), (1, 0), (0, 1)))
-        shape = distance.shape
-        return value.reshape(shape), (-u / shifted * in_u).reshape(shape), in_i.reshape(shape)
+    def _partials(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        shifted = distance + self.distance_shift_m
+        return partial_derivatives(self.spline, self.reference_distance_m, shifted, current, orders)

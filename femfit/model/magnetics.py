@@ -20,6 +20,7 @@ from femfit.core.arrays import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.bspline import TensorSpline
+from femfit.model.inverse_distance import partial_derivatives
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Magnetics(ABC):
     def _derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        """Partial derivatives of W' at flat arrays, for orders (in d, in i) up to 2 in d and any in i."""
+        """Partial derivatives of W' at flat arrays, for any orders (in d, in i)."""
 
     def coenergy_derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
@@ -60,7 +61,7 @@ class Magnetics(ABC):
         distance, current : array
             Points; broadcast against each other.
         orders : tuple of (int, int)
-            Order in distance (0 to 2) and in current (any) of each.
+            Order in distance and in current of each.
 
         Returns
         -------
@@ -125,21 +126,7 @@ class CoenergySpline(Magnetics):
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
         shifted = distance + self.distance_shift_m
-        u = self.reference_distance_m / shifted
-        wanted = dict.fromkeys((a, b) for a, b in orders if a < 2)
-        for _, b in (order for order in orders if order[0] == 2):
-            wanted |= dict.fromkeys(((1, b), (2, b)))
-        inner = dict(zip(wanted, self.spline.derivatives(u, current, tuple(wanted)), strict=True))
-        first, second = -u / shifted, 2.0 * u / shifted**2  # du/dd and d2u/dd2
-        result = []
-        for a, b in orders:
-            if a == 0:
-                result.append(inner[0, b])
-            elif a == 1:
-                result.append(first * inner[1, b])
-            else:
-                result.append(first**2 * inner[2, b] + second * inner[1, b])
-        return result
+        return partial_derivatives(self.spline, self.reference_distance_m, shifted, current, orders)
 
 
 @dataclass(frozen=True)
@@ -223,7 +210,7 @@ class LawMagnetics(Magnetics):
             elif a == 1:
                 columns[a] = -self.law.columns(distance, self.shape)
             else:
-                columns[a] = -self.law.gradient_columns(distance, self.shape)
+                columns[a] = -self._higher_columns(distance, a)
         result = []
         for a, b in orders:
             weights = np.polynomial.polynomial.polyder(self._powers, b, axis=1) if b else self._powers
@@ -233,6 +220,17 @@ class LawMagnetics(Magnetics):
                 value = value + self._constant_part(current, b)
             result.append(value)
         return result
+
+    def _higher_columns(self, distance: FloatArray, order: int) -> FloatArray:
+        """Derivative of order - 1 >= 1 of the columns in d; from 2 on by differences of the law's own gradient.
+
+        Central differences over steps of 0.2 % of the distance: relative error about 1e-5 for powers of d.
+        """
+        if order == 2:
+            return self.law.gradient_columns(distance, self.shape)
+        step = 2e-3 * distance
+        rise = self._higher_columns(distance + step, order - 1) - self._higher_columns(distance - step, order - 1)
+        return rise / (2.0 * step[:, None])
 
     def _constant_part(self, current: FloatArray, order: int) -> FloatArray:
         flux, inductance = self.constant_flux_linkage_Wb, self.constant_inductance_H

@@ -5,8 +5,9 @@ from dataclasses import asdict
 from typing import Any
 
 from femfit.core.errors import ModelFileError
+from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.hall import HallField
+from femfit.model.hall import HallField, HallSpline
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
 
 SCHEMA_VERSION = 1
@@ -25,25 +26,41 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     dict
         Floats keep all their digits; infinite bounds become null.
     """
-    sensor = None
-    if model.sensor is not None:
-        sensor = {key: value for key, value in vars(model.sensor).items() if key != "field"}
-        sensor["field"] = _spline_to_dict(model.sensor.field)
+    base, sensor = model.base or model, None
+    if base.sensor is not None:
+        sensor = {key: value for key, value in vars(base.sensor).items() if key != "field"}
+        sensor["field"] = _field_to_dict(base.sensor.field)
     return {
         "schema": SCHEMA_VERSION,
         "name": model.name,
-        "magnetics": _magnetics_to_dict(model.magnetics),
+        "magnetics": _magnetics_to_dict(base.magnetics),
         "validity": asdict(model.validity),
-        "circuit": asdict(model.circuit) if model.circuit else None,
-        "motion": asdict(model.motion) if model.motion else None,
+        "circuit": asdict(base.circuit) if base.circuit else None,
+        "motion": asdict(base.motion) if base.motion else None,
         "sensor": sensor,
         "misfit": asdict(model.misfit) if model.misfit else None,
         "sample_time_s": model.sample_time_s,
         "reference_distances_m": list(model.reference_distances_m),
         "covariance": None if model.covariance is None else model.covariance.tolist(),
-        "effects": [dict(effect) for effect in model.effects],
+        "effects": [_effect_to_dict(added) for added in model.effects],
+        "coil_temperature_C": model.coil_temperature_C,
+        "magnet_temperature_C": model.magnet_temperature_C,
         "provenance": dict(model.provenance),
     }
+
+
+def _effect_to_dict(added: AddedEffect) -> dict[str, Any]:
+    return {
+        "name": added.effect.name,
+        "parameters": dict(added.parameters),
+        "ci95": {name: list(interval) for name, interval in added.ci95.items()},
+    }
+
+
+def _field_to_dict(field: HallField) -> dict[str, Any]:
+    if isinstance(field, HallSpline):
+        return _spline_to_dict(field)
+    raise ModelFileError(f"The field at the Hall element must be a spline to be written; it is {type(field).__name__}.")
 
 
 def _magnetics_to_dict(magnetics: Magnetics) -> dict[str, Any]:
@@ -74,7 +91,7 @@ def _coefficient_to_dict(c: Coefficient) -> dict[str, Any]:
     }
 
 
-def _spline_to_dict(holder: CoenergySpline | HallField) -> dict[str, Any]:
+def _spline_to_dict(holder: CoenergySpline | HallSpline) -> dict[str, Any]:
     spline = holder.spline
     return {
         "reference_distance_m": holder.reference_distance_m,

@@ -157,7 +157,7 @@ def test_every_copied_file_differs_from_femfits_in_import_lines_only(exported):
 
 def test_the_rooms_follow_from_the_imports():
     rooms = {source.name.split(".")[1] for source in reachable_sources(ROOMS) if "." in source.name}
-    assert rooms == {"core", "laws", "model", "estimate", "simulate"}
+    assert rooms == {"core", "laws", "effects", "model", "estimate", "simulate"}
     assert third_party_imports(reachable_sources(ROOMS)) == {"numpy"}
 
 

@@ -1,0 +1,255 @@
+"""What an effect is: data and pure functions. It neither ranks nor fits itself.
+
+An effect acts at the stages that it gives a function for, in this order:
+
+=============  =====================================================================================================
+``setting``    the bench: recorded distance and current -> those that the body and the winding really have
+``coenergy``   the magnetics: W' -> W', from which force, flux linkage, back-EMF and Hall field follow together
+``force``      further force on the moving part, along ``force_N`` (positive towards the electromagnet)
+``circuit``    resistance of the winding and voltage that the driver really applies
+``mass``       the moving mass
+``memory``     states with their own equation (lag, hysteresis): in plant and filters; on a bench, their value at rest
+``readings``   the sensors: true channels -> what is recorded
+=============  =====================================================================================================
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.jet import CoenergyJet, Jet
+
+Parameters = Mapping[str, float]
+
+CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
+"""What a bench reads."""
+
+REFERENCE_TEMPERATURE_C = 20.0
+"""Where a model's remanence and resistance hold unless it says otherwise."""
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """Facts of the base model by which effects scale their parameters.
+
+    Parameters
+    ----------
+    distance_min_m, distance_max_m, current_min_A, current_max_A : float
+        The validity box.
+    force_N, flux_linkage_Wb : float
+        Largest magnitudes over the box.
+    resistance_ohm, mass_kg : float
+        NaN where the model has no circuit or no motion.
+    gravity_m_s2 : float
+        Along growing distance.
+    hall_sensitivity_V_per_T, hall_quiescent_V, hall_min_V, hall_max_V : float
+        NaN where the model has no Hall element.
+    """
+
+    distance_min_m: float
+    distance_max_m: float
+    current_min_A: float
+    current_max_A: float
+    force_N: float
+    flux_linkage_Wb: float
+    resistance_ohm: float
+    mass_kg: float
+    gravity_m_s2: float
+    hall_sensitivity_V_per_T: float
+    hall_quiescent_V: float
+    hall_min_V: float
+    hall_max_V: float
+
+    @property
+    def current_scale(self) -> float:
+        """The largest magnitude of the current in A."""
+        return max(abs(self.current_min_A), abs(self.current_max_A))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What else is known of every point; each an array of shape (n,) or a float that holds for all.
+
+    Parameters
+    ----------
+    nominal : Nominal
+        Of the base model.
+    branch : array or float
+        +1 while the current rises, -1 while it falls, 0 where unknown.
+    coil_temperature_C, magnet_temperature_C : array or float
+        Of the winding and of the magnet.
+    time_s : array or float
+        Since the start of the run; where a table has only ``order``, that, in readings.
+    velocity_m_s, current_rate_A_s : array or float
+        Zero on a static bench.
+    current_turn_A : (array or float, array or float)
+        Lowest and highest current of the cycle that the reading belongs to.
+    memory : mapping of str to array
+        Values of the effects' states; where one is missing, the effect's value at rest holds.
+    """
+
+    nominal: Nominal
+    branch: FloatArray | float = 0.0
+    coil_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
+    magnet_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
+    time_s: FloatArray | float = 0.0
+    velocity_m_s: FloatArray | float = 0.0
+    current_rate_A_s: FloatArray | float = 0.0
+    current_turn_A: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
+    memory: Mapping[str, FloatArray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A parameter of an effect: the amplitude of one shape of its family, or a shape's own constant.
+
+    Parameters
+    ----------
+    name : str
+        Ends in its SI unit, as in the model file; without one it is dimensionless.
+    unit : str
+        SI unit; empty for a pure number.
+    lower, upper : float
+        Bounds of the fit: what physics allows at all.
+    sane : (float, float)
+        What is usual; outside, the fit is reported as suspicious.
+    description : str
+        One plain sentence.
+    null : float
+        Where the effect vanishes (amplitudes: 0). A shape's own constant has its usual value here.
+    shape : bool
+        Whether it is a shape's constant (it matters only when an amplitude is not null).
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    sane: tuple[float, float]
+    description: str
+    null: float = 0.0
+    shape: bool = False
+
+
+@dataclass(frozen=True)
+class Memory:
+    """States that an effect adds to (distance, velocity, current).
+
+    Parameters
+    ----------
+    names : tuple of str
+        Unique over all effects, with units.
+    rest : callable
+        (d, i, conditions, p) -> mapping of name to value: where the states stand on a slow bench sweep.
+    rate : callable
+        (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative.
+    """
+
+    names: tuple[str, ...]
+    rest: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
+    rate: Callable[
+        [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
+        Mapping[str, FloatArray],
+    ]
+
+
+Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
+Coenergy = Callable[[CoenergyJet, FloatArray, FloatArray, int, int, Conditions, Parameters], Jet]
+Force = Callable[[FloatArray, FloatArray, Conditions, Parameters], FloatArray]
+CircuitChange = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
+Readings = Callable[
+    [Mapping[str, FloatArray], FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]
+]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical effect that a model may lack.
+
+    Parameters
+    ----------
+    name : str
+        As typed by users and written to model files.
+    symptom : str
+        One plain sentence: what one sees on the bench.
+    acts_on : tuple of str
+        Of ``bench``, ``magnetics``, ``force``, ``circuit``, ``motion``, ``sensor``.
+    parameters : tuple of EffectParameter
+        Amplitudes of the family's shapes, then shape constants.
+    needs : tuple of str
+        Columns without which data cannot show it: each entry is a column, or several joined by ``|`` of which one
+        is enough. Columns that are constant count as missing where the entry starts with ``~``.
+    experiment : str
+        The measurement that isolates it, as an instruction.
+    reference : str
+        Source of the formula.
+    setting, coenergy, force, circuit, readings : callable or None
+        The stages where it acts; see the module's table. ``circuit`` maps (resistance in ohm, voltage in V).
+    mass : callable or None
+        (mass in kg, p) -> mass in kg.
+    memory : Memory or None
+        States of its own.
+    """
+
+    name: str
+    symptom: str
+    acts_on: tuple[str, ...]
+    parameters: tuple[EffectParameter, ...]
+    needs: tuple[str, ...]
+    experiment: str
+    reference: str
+    setting: Setting | None = None
+    coenergy: Coenergy | None = None
+    force: Force | None = None
+    circuit: CircuitChange | None = None
+    mass: Callable[[float, Parameters], float] | None = None
+    readings: Readings | None = None
+    memory: Memory | None = None
+
+    @property
+    def amplitudes(self) -> tuple[EffectParameter, ...]:
+        """The parameters that vanish at their null value."""
+        return tuple(p for p in self.parameters if not p.shape)
+
+    def null(self) -> dict[str, float]:
+        """Parameters at which the effect changes nothing."""
+        return {p.name: p.null for p in self.parameters}
+
+
+@dataclass(frozen=True)
+class AddedEffect:
+    """An effect with its parameters, as it stands in a model.
+
+    Parameters
+    ----------
+    effect : Effect
+        From the catalogue.
+    parameters : mapping of str to float
+        Every one of the effect's.
+    ci95 : mapping of str to (float, float)
+        95 % intervals, where they were estimated.
+    """
+
+    effect: Effect
+    parameters: Parameters
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def like(value: FloatArray | float, points: FloatArray) -> FloatArray:
+    """A condition, given as an array or as one number, at every point.
+
+    Parameters
+    ----------
+    value : array or float
+        Broadcasts against ``points``.
+    points : array
+        Any.
+
+    Returns
+    -------
+    array
+        In the shape of ``points``.
+    """
+    return np.broadcast_to(np.asarray(value, dtype=np.float64), points.shape)

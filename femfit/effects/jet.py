@@ -1,0 +1,192 @@
+"""Truncated Taylor series of the co-energy W'(d, i, h) at many points, on which an effect acts.
+
+The third variable h is a vanishing test current in a coil at the Hall element, kept to first order:
+W'(d, i, h) = W'(d, i) + h B(d, i), because the flux linkage of a test coil of unit area-turns is the field there. An
+effect that is written once for W' therefore changes force (-dW'/dd), flux linkage (dW'/di), motional constant,
+inductance and Hall field (dW'/dh) together, and none of them can contradict reciprocity.
+
+References
+----------
+A. Griewank and A. Walther, Evaluating Derivatives (SIAM, 2008), chapter 13.
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import factorial
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Jet:
+    """Taylor coefficients about n points.
+
+    Parameters
+    ----------
+    coefficients : array, shape (2, A + 1, B + 1, n)
+        Factor of h^c (delta d)^a (delta i)^b at ``[c, a, b]``.
+    """
+
+    coefficients: FloatArray
+
+    __array_ufunc__ = None  # an array times a jet is the jet's business
+
+    @property
+    def orders(self) -> tuple[int, int]:
+        """The highest powers (A in distance, B in current)."""
+        return self.coefficients.shape[1] - 1, self.coefficients.shape[2] - 1
+
+    @property
+    def value(self) -> FloatArray:
+        """The function itself at the points, shape (n,)."""
+        return np.asarray(self.coefficients[0, 0, 0])
+
+    def derivative(self, in_distance: int, in_current: int, in_hall: int = 0) -> FloatArray:
+        """A partial derivative at the points.
+
+        Parameters
+        ----------
+        in_distance, in_current : int
+            Order in d and in i.
+        in_hall : {0, 1}
+            Order in h: 1 for the field at the Hall element.
+
+        Returns
+        -------
+        array, shape (n,)
+            In the function's unit over m^a A^b.
+        """
+        factor = factorial(in_distance) * factorial(in_current)
+        return np.asarray(factor * self.coefficients[in_hall, in_distance, in_current])
+
+    def along_distance(self) -> "Jet":
+        """The series of the derivative in d: one order less."""
+        powers = np.arange(1, self.coefficients.shape[1])[:, None, None]
+        return Jet(self.coefficients[:, 1:] * powers)
+
+    def along_current(self) -> "Jet":
+        """The series of the derivative in i: one order less."""
+        powers = np.arange(1, self.coefficients.shape[2])[:, None]
+        return Jet(self.coefficients[:, :, 1:] * powers)
+
+    def truncated(self, in_distance: int, in_current: int) -> "Jet":
+        """The same series up to smaller orders."""
+        return Jet(self.coefficients[:, : in_distance + 1, : in_current + 1])
+
+    def scaled(
+        self, distance: FloatArray | float = 1.0, current: FloatArray | float = 1.0, hall: FloatArray | float = 1.0
+    ) -> "Jet":
+        """The series of f(d_0 + distance delta d, i_0 + current delta i, hall h): the chain rule of a linear change.
+
+        Parameters
+        ----------
+        distance, current, hall : array of shape (n,) or float
+            Factor of each variable.
+
+        Returns
+        -------
+        Jet
+            Of the same orders.
+        """
+        n_d, n_i = self.orders
+        a = np.arange(n_d + 1)[:, None, None]
+        b = np.arange(n_i + 1)[:, None]
+        result = self.coefficients * np.asarray(distance) ** a * np.asarray(current) ** b
+        result[1] *= hall
+        return Jet(result)
+
+    def compose(self, derivatives: Sequence[FloatArray]) -> "Jet":
+        """The series of g(f) from the derivatives of g at the points' values of f.
+
+        Parameters
+        ----------
+        derivatives : sequence of array, each of shape (n,)
+            g, g', g'', ... at ``value``; those of an order above A + B + 1 are not needed, missing ones count as zero.
+
+        Returns
+        -------
+        Jet
+            Of the same orders.
+        """
+        n_d, n_i = self.orders
+        rest = self.coefficients.copy()
+        rest[0, 0, 0] = 0.0
+        small, power = Jet(rest), None
+        total = np.zeros_like(rest)
+        total[0, 0, 0] = derivatives[0]
+        for k, derivative in enumerate(derivatives[1 : n_d + n_i + 2], start=1):
+            power = small if power is None else power * small
+            total += power.coefficients * (np.asarray(derivative) / factorial(k))
+        return Jet(total)
+
+    def __add__(self, other: "Jet") -> "Jet":
+        n_d, n_i = (min(pair) for pair in zip(self.orders, other.orders, strict=True))
+        return Jet(self.truncated(n_d, n_i).coefficients + other.truncated(n_d, n_i).coefficients)
+
+    def __sub__(self, other: "Jet") -> "Jet":
+        return self + -1.0 * other
+
+    def __rmul__(self, factor: FloatArray | float) -> "Jet":
+        return Jet(np.asarray(factor) * self.coefficients)
+
+    def __mul__(self, other: "Jet") -> "Jet":
+        n_d, n_i = (min(pair) for pair in zip(self.orders, other.orders, strict=True))
+        x, y = self.coefficients, other.coefficients
+        result = np.zeros((2, n_d + 1, n_i + 1, *np.broadcast_shapes(x.shape[3:], y.shape[3:])))
+        for a in range(n_d + 1):
+            for b in range(n_i + 1):
+                rest = (slice(None, n_d + 1 - a), slice(None, n_i + 1 - b))
+                result[0, a:, b:] += x[0, a, b] * y[0][rest]
+                result[1, a:, b:] += x[0, a, b] * y[1][rest] + x[1, a, b] * y[0][rest]
+        return Jet(result)
+
+
+CoenergyJet = Callable[[FloatArray, FloatArray, int, int], Jet]
+"""W' as a series: (distances, currents, A, B) -> :class:`Jet`; points of shape (n,)."""
+
+
+def distance_jet(distance: FloatArray, in_distance: int, in_current: int) -> Jet:
+    """The series of the function d itself.
+
+    Parameters
+    ----------
+    distance : array, shape (n,)
+        Points in m.
+    in_distance, in_current : int
+        Orders A and B.
+
+    Returns
+    -------
+    Jet
+        Coefficient d at [0, 0, 0] and 1 at [0, 1, 0].
+    """
+    result = np.zeros((2, in_distance + 1, in_current + 1, len(distance)))
+    result[0, 0, 0] = distance
+    if in_distance:
+        result[0, 1, 0] = 1.0
+    return Jet(result)
+
+
+def current_jet(current: FloatArray, in_distance: int, in_current: int) -> Jet:
+    """The series of the function i itself.
+
+    Parameters
+    ----------
+    current : array, shape (n,)
+        Points in A.
+    in_distance, in_current : int
+        Orders A and B.
+
+    Returns
+    -------
+    Jet
+        Coefficient i at [0, 0, 0] and 1 at [0, 0, 1].
+    """
+    result = np.zeros((2, in_distance + 1, in_current + 1, len(current)))
+    result[0, 0, 0] = current
+    if in_current:
+        result[0, 0, 1] = 1.0
+    return Jet(result)

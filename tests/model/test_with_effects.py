@@ -1,0 +1,81 @@
+"""A model with effects: one co-energy for all channels, and nothing lost in its file."""
+
+import numpy as np
+import pytest
+
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.core_saturation import CORE_SATURATION
+from femfit.effects.effect import AddedEffect, Conditions
+from femfit.model.from_json import model_from_dict
+from femfit.model.readings import predict_readings
+from femfit.model.to_json import model_to_dict
+from femfit.model.with_effects import base_jet, nominal_of, with_effects
+
+SATURATION = AddedEffect(CORE_SATURATION, {"mmf_loss_4": 0.1, "mmf_loss_6": 0.0, "mmf_loss_10": 0.02})
+
+
+@pytest.fixture(scope="module")
+def points(levitation_model):
+    box = levitation_model.validity
+    d = np.linspace(box.distance_min_m, box.distance_max_m, 7)[1:-1]
+    i = np.linspace(box.current_min_A, box.current_max_A, 7)[1:-1]
+    return [x.ravel() for x in np.meshgrid(d, i)]
+
+
+def test_the_base_jet_is_the_model(levitation_model, points):
+    d, i = points
+    jet = base_jet(levitation_model)(d, i, 2, 2)
+    np.testing.assert_allclose(-jet.derivative(1, 0), levitation_model.magnetics.force(d, i), rtol=1e-12)
+    np.testing.assert_allclose(jet.derivative(0, 2), levitation_model.magnetics.inductance(d, i), rtol=1e-12)
+    np.testing.assert_allclose(jet.derivative(0, 0, 1), levitation_model.sensor.field.field(d, i), rtol=1e-12)
+
+
+def test_the_changed_force_and_flux_linkage_come_from_one_coenergy(levitation_model, points):
+    d, i = points
+    magnetics, h = with_effects(levitation_model, [SATURATION]).magnetics, 1e-6
+    slope = (magnetics.coenergy(d + h, i) - magnetics.coenergy(d - h, i)) / (2 * h)
+    np.testing.assert_allclose(magnetics.force(d, i), -slope, rtol=1e-6)
+    slope = (magnetics.flux_linkage(d + h, i) - magnetics.flux_linkage(d - h, i)) / (2 * h)
+    # A difference over 2 um of a flux linkage with 16 digits keeps about 8
+    np.testing.assert_allclose(magnetics.motional_constant(d, i), -slope, rtol=1e-5)
+
+
+def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, points):
+    # dW'/dh of -c g(lambda) is -c g'(lambda) dB/di, by reciprocity of the winding and the test coil
+    d, i = points
+    added = AddedEffect(CORE_SATURATION, {"mmf_loss_4": 0.1, "mmf_loss_6": 0.0, "mmf_loss_10": 0.0})
+    nominal, base = nominal_of(levitation_model), levitation_model
+    expected = (
+        -0.1
+        * nominal.current_scale
+        * (base.magnetics.flux_linkage(d, i) / nominal.flux_linkage_Wb) ** 3
+        * base.sensor.field.derivatives(d, i)[2]
+    )
+    change = with_effects(levitation_model, [added]).sensor.field.field(d, i) - base.sensor.field.field(d, i)
+    np.testing.assert_allclose(change, expected, rtol=1e-9)
+
+
+def test_effects_survive_the_model_file(levitation_model, points):
+    d, i = points
+    offset = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02}, {"offset_V": (0.01, 0.03)})
+    model = with_effects(levitation_model, [SATURATION, offset])
+    again = model_from_dict(model_to_dict(model))
+    np.testing.assert_array_equal(again.magnetics.force(d, i), model.magnetics.force(d, i))
+    assert again.effects[1].ci95 == {"offset_V": (0.01, 0.03)}
+    assert model_to_dict(again) == model_to_dict(model)
+
+
+def test_no_effects_are_the_base_itself(levitation_model):
+    assert with_effects(with_effects(levitation_model, [SATURATION]), []) is levitation_model
+
+
+def test_readings_pass_the_stages_in_order(levitation_model, points):
+    d, i = points
+    stage = AddedEffect(effect_by_name("distance_offset"), {"offset_m": 1e-4})
+    offset = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
+    at = Conditions(nominal_of(levitation_model))
+    read = predict_readings(levitation_model, d, i, at, [offset, stage, SATURATION])
+    plain = predict_readings(with_effects(levitation_model, [SATURATION]), d + 1e-4, i, at)
+    np.testing.assert_allclose(read["force_N"], plain["force_N"], rtol=1e-12)
+    np.testing.assert_allclose(read["hall_V"], plain["hall_V"] + 0.02, rtol=1e-12)
+    np.testing.assert_allclose(read["voltage_V"], levitation_model.circuit.resistance_ohm * i, rtol=1e-12)
