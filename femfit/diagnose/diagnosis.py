@@ -111,7 +111,8 @@ class Diagnosis:
     Parameters
     ----------
     verdict : str
-        ``nothing_missing``, ``named``, ``form_insufficient`` (the named effect is there, but its shapes leave structure),
+        ``nothing_missing``, ``named``, ``form_insufficient`` (the named effect is there, but its shapes leave
+        structure),
         ``unexplained`` (something is missing and none of the catalogue), ``compare_only`` (no noise floor).
     missing : tuple of NamedEffect
         Most important first.

@@ -82,6 +82,9 @@ class Conditions:
         Of the winding and of the magnet.
     time_s : array or float
         Since the start of the run; where a table has only ``order``, that, in readings.
+    elapsed : array or float
+        Since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start anew
+        with a run.
     velocity_m_s, current_rate_A_s : array or float
         Zero on a static bench.
     current_turn_A : (array or float, array or float)
@@ -95,6 +98,7 @@ class Conditions:
     coil_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
     time_s: FloatArray | float = 0.0
+    elapsed: FloatArray | float = 0.0
     velocity_m_s: FloatArray | float = 0.0
     current_rate_A_s: FloatArray | float = 0.0
     current_turn_A: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
