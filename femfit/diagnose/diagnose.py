@@ -1,0 +1,225 @@
+"""Which effect is missing, or none, or none of ours: the whole diagnosis of one set of observations."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.measurement import BenchTable
+from femfit.diagnose.diagnosis import Diagnosis, NamedEffect, ScoredEffect, Where
+from femfit.diagnose.localise import localise
+from femfit.diagnose.magnitude import detectable_magnitudes, error_fall
+from femfit.diagnose.naming import Candidate, Decision, Evidence, Levels, decide, gather
+from femfit.diagnose.observations import Observations, bench_observations
+from femfit.diagnose.simulated_noise import simulated_noise
+from femfit.effects.catalogue import all_effects
+from femfit.effects.effect import Effect
+from femfit.model.actuator_model import ActuatorModel
+
+_NO_FLOOR = (
+    "Neither repeated settings nor a sidecar tell the noise of a channel, so nothing can be named. Measure some "
+    "settings twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4)."
+)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class DiagnosisOptions:
+    """How a diagnosis is made.
+
+    Parameters
+    ----------
+    levels : Levels
+        Error rates of the decision.
+    exclude : tuple of str
+        Effects that are not considered.
+    bootstrap : int
+        Clean campaigns simulated for the false-naming rate; 0 for none.
+    seed : int
+        Of that simulation.
+    """
+
+    levels: Levels = field(default_factory=Levels)
+    exclude: tuple[str, ...] = ()
+    bootstrap: int = 40
+    seed: int = 0
+
+
+def diagnose_bench(
+    model: ActuatorModel, table: BenchTable, options: DiagnosisOptions | None = None, progress: Progress | None = None
+) -> Diagnosis:
+    """Diagnose a bench table.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Best the co-energy reference: a law's own shape error is found as missing physics.
+    table : BenchTable
+        As read.
+    options : DiagnosisOptions or None
+        Defaults where None.
+    progress : callable or None
+        Receives what is being done.
+
+    Returns
+    -------
+    Diagnosis
+        See there.
+
+    Raises
+    ------
+    TableError
+        If no reading can be compared.
+    """
+    return diagnose(bench_observations(model, table), options, progress)
+
+
+def diagnose(
+    observations: Observations, options: DiagnosisOptions | None = None, progress: Progress | None = None
+) -> Diagnosis:
+    """Diagnose observations of any kind.
+
+    Parameters
+    ----------
+    observations : Observations
+        M readings.
+    options : DiagnosisOptions or None
+        Defaults where None.
+    progress : callable or None
+        Receives what is being done.
+
+    Returns
+    -------
+    Diagnosis
+        ``compare_only`` where neither repeats nor a sidecar tell the noise of any channel.
+    """
+    options, say = options or DiagnosisOptions(), progress or (lambda _: None)
+    say("Estimating the noise")
+    evidence = gather(observations, considered_effects(options.exclude))
+    if evidence is None:
+        return _compare_only(observations)
+    say("Scoring the effects")
+    detectable = detectable_magnitudes(evidence, options.levels.gate)
+    decision = decide(evidence, options.levels)
+    rate = None
+    if options.bootstrap:
+        say("Simulating clean campaigns")
+        rate = false_naming_rate(evidence, options)
+    return _diagnosis(evidence, decision, detectable, rate)
+
+
+def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:
+    """The catalogue without some effects.
+
+    Parameters
+    ----------
+    exclude : sequence of str
+        Names.
+
+    Returns
+    -------
+    list of Effect
+        In the catalogue's order.
+    """
+    return [effect for name, effect in all_effects().items() if name not in exclude]
+
+
+def false_naming_rate(evidence: Evidence, options: DiagnosisOptions) -> float:
+    """Share of clean campaigns in which something is named: a parametric bootstrap of the whole decision.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Settings and noise are taken from here; each campaign's noise model is estimated anew.
+    options : DiagnosisOptions
+        Number, seed and levels.
+
+    Returns
+    -------
+    float
+        Between 0 and 1.
+    """
+    generator = np.random.default_rng(options.seed)
+    named = 0
+    for _ in range(options.bootstrap):
+        clean = evidence.observations.base + simulated_noise(evidence.whitening, generator)
+        again = evidence.of(evidence.observations.with_values(clean))
+        named += decide(again, options.levels).verdict in {"named", "form_insufficient"}
+    return named / options.bootstrap
+
+
+def _diagnosis(
+    evidence: Evidence, decision: Decision, detectable: dict[str, dict[str, float]], rate: float | None
+) -> Diagnosis:
+    observations, chosen = evidence.observations, decision.chosen
+    falls = {
+        c.fit.names[0]: error_fall(evidence, c.fit, decision.excess)
+        for c in decision.candidates
+        if len(c.fit.names) == 1
+    }
+    ranking = tuple(
+        replace(score, error_fall=falls[score.name]) if score.name in falls else score for score in decision.scores
+    )
+    missing = _named_effects(evidence, decision, chosen, falls) if chosen else ()
+    after = observations.value - observations.predict(chosen.fit.effects) if chosen else observations.residual
+    return Diagnosis(
+        verdict=decision.verdict,
+        missing=missing,
+        ranking=ranking,
+        where=localise(evidence) if decision.verdict != "nothing_missing" else Where("", (), "The model fits."),
+        noise_floor=evidence.noise.floor,
+        rms=_rms(observations, observations.residual),
+        rms_after=_rms(observations, after),
+        detectable=detectable,
+        false_naming_rate=rate,
+        gate_before=decision.before,
+        gate_after=chosen.gate if chosen else None,
+        findings=observations.findings,
+    )
+
+
+def _named_effects(
+    evidence: Evidence, decision: Decision, chosen: Candidate, falls: dict[str, float]
+) -> tuple[NamedEffect, ...]:
+    p_values = {score.name: score.p_value for score in decision.scores}
+    total = error_fall(evidence, chosen.fit, decision.excess)
+    by_name = {
+        added.effect.name: (added, sane) for added, sane in zip(chosen.fit.effects, chosen.fit.sane, strict=True)
+    }
+    result = []
+    for members in decision.classes:
+        added, sane = by_name[members[0]]
+        result.append(
+            NamedEffect(
+                name=members[0],
+                members=members,
+                p_value=p_values[members[0]],
+                error_fall=total if len(by_name) == 1 else falls.get(members[0], total),
+                parameters=dict(added.parameters),
+                ci95=dict(added.ci95),
+                sane=sane,
+            )
+        )
+    return tuple(result)
+
+
+def _rms(observations: Observations, residual: FloatArray) -> dict[str, float]:
+    return {name: float(np.sqrt(np.mean(residual[observations.of(name)] ** 2))) for name in observations.channels}
+
+
+def _compare_only(observations: Observations) -> Diagnosis:
+    note = "no noise floor"
+    return Diagnosis(
+        verdict="compare_only",
+        missing=(),
+        ranking=tuple(ScoredEffect(effect.name, 1.0, 0.0, 0, note=note) for effect in considered_effects()),
+        where=Where("", (), "Without a noise floor no misfit can be called one."),
+        noise_floor={},
+        rms=_rms(observations, observations.residual),
+        rms_after=_rms(observations, observations.residual),
+        detectable={},
+        false_naming_rate=None,
+        findings=(*observations.findings, _NO_FLOOR),
+    )

@@ -1,0 +1,307 @@
+"""Measured readings beside what a model predicts for them: the one view that every step of a diagnosis has of the data.
+
+All readings stand in one vector, channel after channel, each channel in the order of measuring. A bench table and a
+time series differ only in how this view is built.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.errors import TableError
+from femfit.core.measurement import BenchTable
+from femfit.effects.effect import REFERENCE_TEMPERATURE_C, AddedEffect, Conditions, Nominal
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.magnetics import CoenergySpline
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of
+
+Predict = Callable[[Iterable[AddedEffect]], FloatArray]
+
+_REACH = 0.02
+"""By how much of its width a validity box may be left: a stage's zero error at the border of the sweep."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Readings of all channels as one vector of length M over a table of N settings.
+
+    Parameters
+    ----------
+    channels : tuple of str
+        Measured channels that the model can predict.
+    channel, row : array of int, shape (M,)
+        Index into ``channels`` and row of ``covariates`` of each reading.
+    value : array, shape (M,)
+        As recorded, in the channel's unit.
+    covariates : DataFrame
+        N rows: ``run``, ``mount`` (numbered from 0), ``distance_m``, ``current_A``, ``branch``, ``coil_temperature_C``,
+        ``magnet_temperature_C``, ``order`` (within its run), ``elapsed`` (within the campaign).
+    given : tuple of str
+        Columns of the file that hold numbers.
+    predict : callable
+        Further effects -> what the model with them predicts, shape (M,).
+    distance_slope : array, shape (M,)
+        Change of each reading per metre of distance: what a re-mount changes.
+    nominal : Nominal
+        Of the base model.
+    declared_noise : mapping of str to float
+        Per channel.
+    tolerance : array, shape (M,)
+        Standard misfit of the model to its own source, below which nothing is said to be missing.
+    findings : tuple of str
+        What was left out, one plain sentence each.
+    present : tuple of str
+        Effects that the model has already.
+    """
+
+    channels: tuple[str, ...]
+    channel: IntArray
+    row: IntArray
+    value: FloatArray
+    covariates: pd.DataFrame
+    given: tuple[str, ...]
+    predict: Predict
+    distance_slope: FloatArray
+    nominal: Nominal
+    declared_noise: Mapping[str, float]
+    tolerance: FloatArray
+    findings: tuple[str, ...] = ()
+    present: tuple[str, ...] = ()
+
+    @cached_property
+    def base(self) -> FloatArray:
+        """What the model predicts, shape (M,)."""
+        return self.predict(())
+
+    @property
+    def residual(self) -> FloatArray:
+        """Recorded minus predicted, shape (M,)."""
+        return self.value - self.base
+
+    def column(self, name: str) -> FloatArray:
+        """A covariate at every reading, shape (M,)."""
+        return self.covariates[name].to_numpy()[self.row]
+
+    def of(self, name: str) -> BoolArray:
+        """Which readings belong to a channel."""
+        return np.asarray(self.channel == self.channels.index(name))
+
+    def select(self, keep: BoolArray) -> "Observations":
+        """Some of the readings, with all settings kept.
+
+        Parameters
+        ----------
+        keep : array of bool, shape (M,)
+            Readings that stay.
+
+        Returns
+        -------
+        Observations
+            Of the same settings.
+        """
+        predict = self.predict
+        return replace(
+            self,
+            channel=self.channel[keep],
+            row=self.row[keep],
+            value=self.value[keep],
+            distance_slope=self.distance_slope[keep],
+            tolerance=self.tolerance[keep],
+            predict=lambda effects: predict(effects)[keep],
+        )
+
+    def with_values(self, value: FloatArray) -> "Observations":
+        """The same settings with other readings.
+
+        Parameters
+        ----------
+        value : array, shape (M,)
+            In place of ``value``.
+
+        Returns
+        -------
+        Observations
+            Sharing everything else.
+        """
+        result = replace(self, value=value)
+        result.__dict__["base"] = self.base
+        return result
+
+
+def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
+    """Place a bench table beside a model.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Its own effects count.
+    table : BenchTable
+        As read.
+
+    Returns
+    -------
+    Observations
+        Of the rows within the model's reach and the channels that it predicts.
+
+    Raises
+    ------
+    TableError
+        If no reading can be compared.
+    """
+    rows, findings = table.rows, []
+    d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
+    known = np.isfinite(d) & np.isfinite(i)
+    reach = known & within_reach(model, d, i)
+    if not known.all():
+        findings.append(f"{int((~known).sum())} rows without distance or current were left out.")
+    if (known & ~reach).any():
+        findings.append(
+            f"{int((known & ~reach).sum())} rows lie outside of the model's box of distances and currents and were "
+            "left out; sweep and fit a wider range to use them."
+        )
+    covariates = _covariates(rows[reach].reset_index(drop=True))
+    nominal = nominal_of(model)
+    at = conditions_of(covariates, nominal)
+    d, i = covariates["distance_m"].to_numpy(), covariates["current_A"].to_numpy()
+    own = model.effects
+    reading = predict_readings(model, d, i, at)
+    channels = tuple(name for name in table.channels if name in reading)
+    measured = rows[reach]
+    pieces = [np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels]
+    if not any(len(piece) for piece in pieces):
+        raise TableError(
+            f"{table.source} must have at least one reading of a channel that the model predicts "
+            f"({', '.join(reading)}) within its box; none was found. Check the columns, units and the model's range."
+        )
+    row = np.concatenate(pieces)
+    channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
+    value = np.concatenate([measured[name].to_numpy()[piece] for name, piece in zip(channels, pieces, strict=True)])
+
+    def stacked(values: Mapping[str, FloatArray]) -> FloatArray:
+        return np.concatenate([values[name][piece] for name, piece in zip(channels, pieces, strict=True)])
+
+    def predict(effects: Iterable[AddedEffect]) -> FloatArray:
+        return stacked(predict_readings(model, d, i, at, (*own, *effects)))
+
+    step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
+    ahead, behind = (predict_readings(model, d + s, i, at) for s in (step, -step))
+    slope = (stacked(ahead) - stacked(behind)) / (2.0 * step)
+    tolerance = _tolerance(model)
+    return Observations(
+        channels=channels,
+        channel=channel,
+        row=row,
+        value=value,
+        covariates=covariates,
+        given=table.given,
+        predict=predict,
+        distance_slope=slope,
+        nominal=nominal,
+        declared_noise=table.declared_noise,
+        tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[channel],
+        findings=(*table.findings, *findings),
+        present=tuple(added.effect.name for added in own),
+    )
+
+
+def within_reach(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
+    """Where a model may be compared with a bench: its validity box, a little beyond, and what is exact beyond.
+
+    The co-energy of linear iron is a polynomial of second degree in the current, which holds at any current; there only
+    the distances are limited.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of which the base counts.
+    distance, current : array, shape (n,)
+        In m and A.
+
+    Returns
+    -------
+    array of bool, shape (n,)
+        False where either is not a number.
+    """
+    base = model.base or model
+    box, magnetics = base.validity, base.magnetics
+    slack = _REACH * (box.distance_max_m - box.distance_min_m)
+    inside = (distance >= box.distance_min_m - slack) & (distance <= box.distance_max_m + slack)
+    linear = isinstance(magnetics, CoenergySpline) and (
+        magnetics.spline.y_degree <= 2 and len(np.unique(magnetics.spline.y_knots)) == 2
+    )
+    if linear:
+        return np.asarray(inside & np.isfinite(current))
+    slack = _REACH * (box.current_max_A - box.current_min_A)
+    return np.asarray(inside & (current >= box.current_min_A - slack) & (current <= box.current_max_A + slack))
+
+
+def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
+    """What effects need to know of every row.
+
+    Parameters
+    ----------
+    covariates : DataFrame
+        As in :class:`Observations`.
+    nominal : Nominal
+        Of the base model.
+
+    Returns
+    -------
+    Conditions
+        A temperature that was not recorded is the reference.
+    """
+    cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
+    return Conditions(
+        nominal=nominal,
+        branch=covariates["branch"].to_numpy(),
+        coil_temperature_C=covariates["coil_temperature_C"].fillna(REFERENCE_TEMPERATURE_C).to_numpy(),
+        magnet_temperature_C=covariates["magnet_temperature_C"].fillna(REFERENCE_TEMPERATURE_C).to_numpy(),
+        time_s=covariates["order"].to_numpy(),
+        elapsed=covariates["elapsed"].to_numpy(),
+        current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),
+    )
+
+
+def _covariates(rows: pd.DataFrame) -> pd.DataFrame:
+    """Settings with runs and mounts numbered from 0 and both clocks."""
+    run = pd.factorize(rows["run"])[0]
+    mount_label = rows["mount"].where(rows["mount"].notna(), rows["run"])
+    mount = pd.factorize(mount_label)[0]
+    place = pd.Series(run).groupby(run).cumcount().to_numpy(dtype=np.float64)
+    order = rows["order"].to_numpy()
+    order = np.where(np.isfinite(order), order, place)
+    first = pd.Series(order).groupby(run).transform("min").to_numpy()
+    within = order - first
+    longest = pd.Series(within).groupby(run).max().to_numpy()
+    # An order that starts anew with each run counts on from the run before
+    restarts = len(np.unique(run)) > 1 and bool(np.any(np.diff(pd.Series(order).groupby(run).min().to_numpy()) <= 0.0))
+    start = np.concatenate([[0.0], np.cumsum(longest + 1.0)[:-1]])
+    elapsed = start[run] + within if restarts else order - order.min()
+    names = ("distance_m", "current_A", "branch", "coil_temperature_C", "magnet_temperature_C")
+    return pd.DataFrame(
+        {
+            "run": run,
+            "mount": mount,
+            **{name: rows[name].to_numpy(dtype=np.float64) for name in names},
+            "order": within,
+            "elapsed": elapsed,
+        }
+    ).fillna({"branch": 0.0})
+
+
+def _tolerance(model: ActuatorModel) -> dict[str, float]:
+    """Misfit of the model to the sweep that it was fitted to, per channel."""
+    misfit, sensor = model.misfit, model.sensor
+    if misfit is None:
+        return {}
+    result = {"force_N": misfit.force_rms_N}
+    if misfit.flux_linkage_rms_Wb is not None:
+        result["flux_linkage_Wb"] = misfit.flux_linkage_rms_Wb
+    if misfit.hall_rms_T is not None and sensor is not None:
+        result["hall_V"] = misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
+    return result

@@ -1,0 +1,181 @@
+"""Fits effects to whitened readings: bounded and linear for scoring, bounded and nonlinear for what is named.
+
+References
+----------
+M. A. Branch, T. F. Coleman and Y. Li, SIAM Journal on Scientific Computing 21 (1999) 1: bounded trust region.
+P. B. Stark and R. L. Parker, Computational Statistics 10 (1995) 129: bounded-variable least squares.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import optimize, stats
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.diagnose.columns import EffectColumns
+from femfit.diagnose.observations import Observations
+from femfit.diagnose.whitening import Whitening
+from femfit.effects.effect import AddedEffect, EffectParameter
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """Effects fitted to the readings.
+
+    Parameters
+    ----------
+    effects : tuple of AddedEffect
+        With fitted parameters and intervals.
+    free : tuple of (int, EffectParameter)
+        Fitted parameters: number of the effect, and which.
+    rest : array, shape (M,)
+        Whitened residual.
+    jacobian : array, shape (M, p)
+        Whitened change of the prediction with the free parameters, each over its sane range.
+    active : array of bool, shape (p,)
+        Whether the parameter stands at a bound.
+    """
+
+    effects: tuple[AddedEffect, ...]
+    free: tuple[tuple[int, EffectParameter], ...]
+    rest: FloatArray
+    jacobian: FloatArray
+    active: BoolArray
+
+    @cached_property
+    def chi2(self) -> float:
+        """Weighted sum of squares."""
+        return float(self.rest @ self.rest)
+
+    @property
+    def used(self) -> int:
+        """Number of parameters that do not stand at a bound."""
+        return int(np.count_nonzero(~self.active))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the effects."""
+        return tuple(added.effect.name for added in self.effects)
+
+    @property
+    def sane(self) -> tuple[bool, ...]:
+        """Of each effect, whether every parameter lies in its usual range."""
+        return tuple(
+            all(p.sane[0] <= added.parameters[p.name] <= p.sane[1] for p in added.effect.parameters)
+            for added in self.effects
+        )
+
+
+def bounded_amplitudes(target: FloatArray, columns: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:
+    """Bounded linear least squares in few unknowns.
+
+    Parameters
+    ----------
+    target : array, shape (M,)
+        Whitened residual, or its projection onto the columns' space.
+    columns : array, shape (M, k)
+        Whitened.
+    bounds : array, shape (2, k)
+        Lower and upper.
+
+    Returns
+    -------
+    tuple of (array of shape (k,), float)
+        Amplitudes, and by how much they lower the sum of squares.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0.0] = 1.0
+    left, triangle = np.linalg.qr(columns / size)
+    y = left.T @ target
+    scaled = np.linalg.lstsq(triangle, y, rcond=1e-9)[0]
+    if np.any(scaled < bounds[0] * size) or np.any(scaled > bounds[1] * size):
+        low, high = bounds[0] * size, bounds[1] * size
+        scaled = optimize.lsq_linear(triangle, y, bounds=(low, np.maximum(high, low + 1e-300)), method="bvls").x
+    rest = y - triangle @ scaled
+    return scaled / size, float(y @ y - rest @ rest)
+
+
+def refit(
+    observations: Observations,
+    whitening: Whitening,
+    start: Sequence[tuple[EffectColumns, FloatArray]],
+    fixed: Mapping[str, Mapping[str, float]] | None = None,
+) -> Refit:
+    """Fit effects within their bounds, all parameters that these readings see.
+
+    Parameters
+    ----------
+    observations : Observations
+        M readings.
+    whitening : Whitening
+        Of their noise.
+    start : sequence of (EffectColumns, array of shape (k,))
+        Effects with amplitudes to start from.
+    fixed : mapping of str to mapping, or None
+        Per effect, parameters that stay as they are.
+
+    Returns
+    -------
+    Refit
+        At the least weighted sum of squares that was found.
+    """
+    fixed = fixed or {}
+    initial = [one.parameters(amplitude) for one, amplitude in start]
+    free = tuple(
+        (k, p)
+        for k, (one, _) in enumerate(start)
+        for p in (*one.amplitudes, *(q for q in one.effect.parameters if q.shape))
+        if p.name not in fixed.get(one.effect.name, {})
+    )
+    width = np.array([p.sane[1] - p.sane[0] for _, p in free])
+    low = np.array([p.lower for _, p in free]) / width
+    high = np.array([p.upper for _, p in free]) / width
+    x0 = np.clip(np.array([initial[k][p.name] for k, p in free]) / width, low, high)
+
+    def effects_at(x: FloatArray) -> tuple[AddedEffect, ...]:
+        values = [dict(parameters) for parameters in initial]
+        for (k, p), scaled, w in zip(free, x, width, strict=True):
+            values[k][p.name] = float(scaled * w)
+        return tuple(AddedEffect(one.effect, v) for (one, _), v in zip(start, values, strict=True))
+
+    def rest(x: FloatArray) -> FloatArray:
+        return whitening.full(observations.value - observations.predict(effects_at(x)))
+
+    inner = np.clip(x0, low + 1e-6, high - 1e-6)
+    solution = optimize.least_squares(
+        rest,
+        inner,
+        bounds=(low, high),
+        method="trf",
+        x_scale=0.1,
+        diff_step=np.full(len(x0), 1e-5),
+        xtol=1e-6,
+        ftol=1e-8,
+        max_nfev=30,
+    )
+    x, best = solution.x, rest(solution.x)
+    active, jacobian = (x - low < 1e-5) | (high - x < 1e-5), np.asarray(solution.jac)
+    fitted = _with_intervals(effects_at(x), free, x, width, jacobian, active)
+    return Refit(fitted, free, best, jacobian, active)
+
+
+def _with_intervals(
+    effects: tuple[AddedEffect, ...],
+    free: tuple[tuple[int, EffectParameter], ...],
+    x: FloatArray,
+    width: FloatArray,
+    jacobian: FloatArray,
+    active: BoolArray,
+) -> tuple[AddedEffect, ...]:
+    """The effects with 95 % intervals of the parameters off their bounds, from the curvature at the optimum."""
+    intervals: list[dict[str, tuple[float, float]]] = [{} for _ in effects]
+    moving = np.flatnonzero(~active)
+    if len(moving):
+        covariance = np.linalg.pinv(jacobian[:, moving].T @ jacobian[:, moving], hermitian=True)
+        half = stats.norm.isf(0.025) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        for j, h in zip(moving, half, strict=True):
+            k, p = free[j]
+            intervals[k][p.name] = (float((x[j] - h) * width[j]), float((x[j] + h) * width[j]))
+    return tuple(AddedEffect(a.effect, a.parameters, ci) for a, ci in zip(effects, intervals, strict=True))

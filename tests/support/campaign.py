@@ -1,0 +1,63 @@
+"""Bench campaigns of a model: repeated cycles of the current, re-mounts, correlated noise, quantised readings."""
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.measurement import BenchTable
+from femfit.diagnose.observations import conditions_of
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of
+
+NOISE = {"force_N": 4e-4, "flux_linkage_Wb": 2e-5, "hall_V": 3e-3, "voltage_V": 3e-3}
+
+
+def settings(model, runs=3, distances=10, currents=7):
+    """Rows of a campaign without readings: at each distance the current goes up and down once."""
+    box = model.validity
+    distance = np.linspace(1.02 * box.distance_min_m, 0.98 * box.distance_max_m, distances)
+    rising = np.linspace(box.current_min_A, box.current_max_A, currents)
+    cycle = np.concatenate([rising, rising[::-1]])
+    branch = np.repeat([1.0, -1.0], currents)
+    time = np.arange(distances * len(cycle), dtype=float)
+    pieces = [
+        pd.DataFrame(
+            {
+                "run": run + 1.0,
+                "mount": run + 1.0,
+                "order": time,
+                "current_A": np.tile(cycle, distances),
+                "distance_m": np.repeat(distance, len(cycle)),
+                "branch": np.tile(branch, distances),
+                "coil_temperature_C": 20.0 + 8.0 * (1.0 - np.exp(-time / 60.0)) + run,
+                "magnet_temperature_C": 20.0 + 3.0 * (1.0 - np.exp(-time / 120.0)) + run,
+            }
+        )
+        for run in range(runs)
+    ]
+    return pd.concat(pieces, ignore_index=True)
+
+
+def campaign(model, seed, effects=(), *, mount_m=20e-6, rho=0.3, noise=NOISE, change=None, **size):
+    """A bench table: the model with effects, seen through re-mounts and AR(1) noise.
+
+    ``change`` maps (readings, rows) to readings, for what is no effect of the catalogue.
+    """
+    generator = np.random.default_rng(seed)
+    rows = settings(model, **size)
+    run = rows["run"].to_numpy(dtype=int) - 1
+    numbered = rows.assign(run=run, mount=run, elapsed=rows["order"] + run * (1.0 + rows["order"].max()))
+    at = conditions_of(numbered, nominal_of(model))
+    distance = rows["distance_m"].to_numpy() + generator.normal(0.0, mount_m, run.max() + 1)[run]
+    readings = predict_readings(model, distance, rows["current_A"].to_numpy(), at, effects)
+    readings = change(readings, rows) if change else readings
+    for channel, sigma in noise.items():
+        fresh = generator.standard_normal(len(rows))
+        error = fresh.copy()
+        for k in range(1, len(rows)):
+            if run[k] == run[k - 1]:
+                error[k] = rho * error[k - 1] + np.sqrt(1.0 - rho**2) * fresh[k]
+        value = readings[channel] + sigma * error
+        step = 2.0 * np.abs(value).max() / 4096.0
+        rows[channel] = np.round(value / step) * step
+    kept = rows[generator.random(len(rows)) > 0.02].reset_index(drop=True)
+    return BenchTable(rows=kept, given=tuple(kept.columns))
