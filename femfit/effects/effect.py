@@ -138,6 +138,28 @@ class EffectParameter:
 
 
 @dataclass(frozen=True)
+class Calibration:
+    """A measurement that reads one parameter of an effect directly: a reference weight, a shunt, a gauge block.
+
+    Parameters
+    ----------
+    parameter : str
+        Of the effect.
+    standard_uncertainty : float
+        With which the measurement gives it, in its unit.
+    cost : float
+        In readings of the usual bench sweep: how many could be taken instead.
+    instruction : str
+        What to do, as one plain sentence.
+    """
+
+    parameter: str
+    standard_uncertainty: float
+    cost: float
+    instruction: str
+
+
+@dataclass(frozen=True)
 class Memory:
     """States that an effect adds to (distance, velocity, current).
 
@@ -195,6 +217,8 @@ class Effect:
         (mass in kg, p) -> mass in kg.
     memory : Memory or None
         States of its own.
+    calibrations : tuple of Calibration
+        Measurements beside the bench sweep that read a parameter directly.
     """
 
     name: str
@@ -211,6 +235,7 @@ class Effect:
     mass: Callable[[float, Parameters], float] | None = None
     readings: Readings | None = None
     memory: Memory | None = None
+    calibrations: tuple[Calibration, ...] = ()
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
