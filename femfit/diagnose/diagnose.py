@@ -12,6 +12,7 @@ from femfit.diagnose.localise import localise
 from femfit.diagnose.magnitude import detectable_magnitudes, error_fall
 from femfit.diagnose.naming import Candidate, Decision, Evidence, Levels, decide, gather
 from femfit.diagnose.observations import Observations, bench_observations
+from femfit.diagnose.refit import Refit
 from femfit.diagnose.simulated_noise import simulated_noise
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
@@ -95,11 +96,62 @@ def diagnose(
     Diagnosis
         ``compare_only`` where neither repeats nor a sidecar tell the noise of any channel.
     """
+    return examine(observations, options, progress).diagnosis
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """A diagnosis with what it rests on.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The result.
+    evidence : Evidence or None
+        Noise and columns; None for ``compare_only``.
+    decision : Decision or None
+        With the refitted candidates; None for ``compare_only``.
+    """
+
+    diagnosis: Diagnosis
+    evidence: Evidence | None
+    decision: Decision | None
+
+    @property
+    def explanations(self) -> tuple[Refit, ...]:
+        """What was named, then each other explanation that the data do not tell from it."""
+        if self.decision is None or self.decision.chosen is None:
+            return ()
+        chosen = self.decision.chosen.fit
+        listed = {name for members in self.decision.classes for name in members}
+        rivals = (c.fit for c in self.decision.candidates if c.fit is not chosen and set(c.fit.names) <= listed)
+        return (chosen, *(fit for fit in rivals if len(fit.names) == len(chosen.names)))
+
+
+def examine(
+    observations: Observations, options: DiagnosisOptions | None = None, progress: Progress | None = None
+) -> Examination:
+    """Diagnose observations and keep what the result rests on.
+
+    Parameters
+    ----------
+    observations : Observations
+        M readings.
+    options : DiagnosisOptions or None
+        Defaults where None.
+    progress : callable or None
+        Receives what is being done.
+
+    Returns
+    -------
+    Examination
+        Its ``diagnosis`` is the result.
+    """
     options, say = options or DiagnosisOptions(), progress or (lambda _: None)
     say("Estimating the noise")
     evidence = gather(observations, considered_effects(options.exclude))
     if evidence is None:
-        return _compare_only(observations)
+        return Examination(_compare_only(observations), None, None)
     say("Scoring the effects")
     detectable = detectable_magnitudes(evidence, options.levels.gate)
     decision = decide(evidence, options.levels)
@@ -107,7 +159,7 @@ def diagnose(
     if options.bootstrap:
         say("Simulating clean campaigns")
         rate = false_naming_rate(evidence, options)
-    return _diagnosis(evidence, decision, detectable, rate)
+    return Examination(_diagnosis(evidence, decision, detectable, rate), evidence, decision)
 
 
 def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:

@@ -1,0 +1,127 @@
+"""What a planned campaign could never tell apart, and what it could not show at all, before anyone measures."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.measurement import BenchTable
+from femfit.diagnose.columns import EffectColumns, effect_columns, why_untestable
+from femfit.diagnose.gate import pattern_space
+from femfit.diagnose.magnitude import detectable_magnitudes
+from femfit.diagnose.naming import Evidence
+from femfit.diagnose.observations import bench_observations
+from femfit.diagnose.suggest import unlike
+from femfit.diagnose.whitening import NoiseModel, Whitening, chains_of
+from femfit.effects.effect import Effect
+from femfit.model.actuator_model import ActuatorModel
+
+_SPLIT = 4.0
+_MOUNT_M, _RUN = 40e-6, 0.2
+"""Scatter of mounts, and of runs over a channel's noise, that a plan assumes."""
+
+_GUESSED_NOISE = 2e-3
+"""Of a channel without declared noise, over its largest reading."""
+
+
+@dataclass(frozen=True)
+class PlanReport:
+    """What a plan can show.
+
+    Parameters
+    ----------
+    noise : mapping of str to float
+        Assumed per channel.
+    detectable : mapping of str to mapping of str to float
+        As in :class:`femfit.diagnose.diagnosis.Diagnosis`.
+    groups : tuple of tuple of str
+        Effects that stay together even at the largest usual size of each.
+    invisible : mapping of str to str
+        Effects that the plan cannot show at their largest usual size, and why.
+    """
+
+    noise: dict[str, float]
+    detectable: dict[str, dict[str, float]]
+    groups: tuple[tuple[str, ...], ...]
+    invisible: dict[str, str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return asdict(self)
+
+
+def examine_plan(model: ActuatorModel, plan: BenchTable, effects: Sequence[Effect], level: float = 0.01) -> PlanReport:
+    """Tell what a planned bench campaign could not show or separate.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of the actuator.
+    plan : BenchTable
+        Settings; its channels are those to be read, whatever their values. Declared noise counts.
+    effects : sequence of Effect
+        The catalogue.
+    level : float
+        False-naming rate of the diagnosis.
+
+    Returns
+    -------
+    PlanReport
+        Two effects stay together where the one at its largest usual size is made by the other within four standard
+        deviations.
+    """
+    rows = plan.rows.assign(**dict.fromkeys(plan.channels, 0.0))
+    observations = bench_observations(model, replace(plan, rows=rows))
+    observations = observations.with_values(observations.base)
+    channels = observations.channels
+    sigma = np.array(
+        [
+            plan.declared_noise.get(
+                name, _GUESSED_NOISE * float(np.abs(observations.base[observations.of(name)]).max())
+            )
+            for name in channels
+        ]
+    )
+    zeros, many = np.zeros(len(channels)), np.full(len(channels), np.inf)
+    source = {name: "declared" if name in plan.declared_noise else "assumed" for name in channels}
+    noise = NoiseModel(channels, sigma, zeros, _MOUNT_M, _RUN * sigma, many, many, source, _MOUNT_M, _RUN * sigma)
+    whitening = Whitening(observations, noise, chains_of(observations))
+    invisible: dict[str, str] = {}
+    columns: list[tuple[EffectColumns, FloatArray]] = []
+    for effect in effects:
+        reason = why_untestable(effect, observations)
+        found = [] if reason else effect_columns(effect, observations)
+        white = [(one, whitening.full(one.columns)) for one in found]
+        if not any(np.linalg.norm(signal) > _SPLIT for one, w in white for signal in _largest_signals(one, w)):
+            invisible[effect.name] = reason or "its largest usual size stays within the noise"
+            continue
+        columns += white
+    evidence = Evidence(observations, whitening, pattern_space(observations, whitening), tuple(columns), invisible)
+    return PlanReport(noise.floor, detectable_magnitudes(evidence, level), _groups(columns), invisible)
+
+
+def _largest_signals(one: EffectColumns, white: FloatArray) -> list[FloatArray]:
+    """Each shape at the end of its usual range that is further from null."""
+    ends = [max((end - p.null for end in p.sane), key=abs) for p in one.amplitudes]
+    return [white[:, k] * end for k, end in enumerate(ends)]
+
+
+def _groups(columns: Sequence[tuple[EffectColumns, FloatArray]]) -> tuple[tuple[str, ...], ...]:
+    names = list(dict.fromkeys(one.effect.name for one, _ in columns))
+    variants = {name: [(one, white) for one, white in columns if one.effect.name == name] for name in names}
+    leader = {name: name for name in names}
+    for a in names:
+        for b in names:
+            if a != b and leader[a] != leader[b] and _made_by(variants[a][0], variants[b]):
+                old, new = leader[a], leader[b]
+                leader = {name: new if top == old else top for name, top in leader.items()}
+    groups = [tuple(name for name in names if leader[name] == top) for top in dict.fromkeys(leader.values())]
+    return tuple(group for group in groups if len(group) > 1)
+
+
+def _made_by(a: tuple[EffectColumns, FloatArray], rivals: Sequence[tuple[EffectColumns, FloatArray]]) -> bool:
+    """Whether every visible shape of an effect can be made by another within the split."""
+    visible = [signal for signal in _largest_signals(*a) if np.linalg.norm(signal) > _SPLIT]
+    return bool(visible) and all(min(unlike(signal, [rival]) for rival in rivals) < _SPLIT for signal in visible)

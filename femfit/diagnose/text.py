@@ -1,0 +1,153 @@
+"""A diagnosis in plain sentences."""
+
+from collections.abc import Sequence
+
+from femfit.diagnose.diagnosis import Diagnosis, NamedEffect
+from femfit.diagnose.plan import PlanReport
+from femfit.diagnose.suggest import Suggestion
+from femfit.effects.catalogue import all_effects
+
+_SHOWN = 8
+
+_VERDICTS = {
+    "nothing_missing": "Nothing is missing: the model explains these data within their noise.",
+    "named": "Missing: {names}. With it the misfit is within the noise.",
+    "form_insufficient": "Missing: {names}. It explains nearly all of the misfit, but not its exact form.",
+    "unexplained": "Something is missing, and it is no effect of the catalogue nor any two of them.",
+    "compare_only": "These data can be compared, but nothing can be said to be missing.",
+}
+
+
+def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
+    """The result as lines of text.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Any.
+
+    Returns
+    -------
+    list of str
+        What the data could have shown, the verdict, what it rests on, and what the data cannot tell apart.
+    """
+    lines = [*_could_show(diagnosis), *_misfit(diagnosis)]
+    names = " and ".join(one.name for one in diagnosis.missing)
+    lines.append(_VERDICTS[diagnosis.verdict].format(names=names))
+    if diagnosis.where.channel:
+        lines.append(f"Where: {diagnosis.where.sentence}")
+    for one in diagnosis.missing:
+        lines += _named(one)
+    if diagnosis.verdict != "compare_only":
+        lines += _evidence(diagnosis)
+    return lines + [f"note: {finding}" for finding in diagnosis.findings]
+
+
+def _could_show(diagnosis: Diagnosis) -> list[str]:
+    if not diagnosis.detectable:
+        return []
+    lines = ["These data could have shown (smallest magnitude, nine times in ten):"]
+    for name, amplitudes in diagnosis.detectable.items():
+        lines.append(f"  {name}: " + ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items()))
+    notes = [f"{score.name} ({score.note})" for score in diagnosis.ranking if score.note]
+    return lines + ([f"  not: {'; '.join(notes)}"] if notes else [])
+
+
+def _misfit(diagnosis: Diagnosis) -> list[str]:
+    lines = []
+    for name, rms in diagnosis.rms.items():
+        floor = f", noise {diagnosis.noise_floor[name]:.3g}" if name in diagnosis.noise_floor else ""
+        after = f", with what is named {diagnosis.rms_after[name]:.3g}" if diagnosis.missing else ""
+        lines.append(f"{name}: rms misfit {rms:.3g}{after}{floor}")
+    return lines
+
+
+def _named(one: NamedEffect) -> list[str]:
+    effect = all_effects().get(one.name)
+    lines = [f"{one.name}: {effect.symptom}" if effect else one.name]
+    for name, value in one.parameters.items():
+        interval = f" (95 %: {one.ci95[name][0]:.4g} to {one.ci95[name][1]:.4g})" if name in one.ci95 else ""
+        lines.append(f"  {name} = {value:.4g}{interval}")
+    lines.append(
+        f"  explains {100 * one.error_fall:.0f} % of the structured misfit on runs left out; p = {one.p_value:.2g}"
+    )
+    if len(one.members) > 1:
+        lines.append(f"  these data cannot tell it from {', '.join(one.members[1:])}; femfit suggest says what would")
+    if not one.sane:
+        lines.append("  its size is unusual: check it by another measurement before trusting the name")
+    return lines
+
+
+def _evidence(diagnosis: Diagnosis) -> list[str]:
+    lines = []
+    for name, gate in (("before", diagnosis.gate_before), ("after", diagnosis.gate_after)):
+        if gate is not None:
+            lines.append(
+                f"lack of fit {name}: {gate.statistic:.2f} of 1 expected in {gate.degrees_of_freedom} patterns, "
+                f"p = {gate.p_value:.2g}"
+            )
+    ranked = [score for score in diagnosis.ranking if not score.note][:_SHOWN]
+    best = ", ".join(f"{score.name} ({score.chi2_fall:.0f})" for score in ranked)
+    if diagnosis.verdict != "nothing_missing":
+        lines.append(f"fall of the weighted sum of squares, each alone: {best}")
+    if diagnosis.false_naming_rate is not None:
+        lines.append(
+            f"clean campaigns of this noise in which something is named: {100 * diagnosis.false_naming_rate:.1f} %"
+        )
+    return lines
+
+
+def suggestion_lines(suggestions: Sequence[Suggestion], explanations: int) -> list[str]:
+    """Suggested measurements as lines of text.
+
+    Parameters
+    ----------
+    suggestions : sequence of Suggestion
+        Best first.
+    explanations : int
+        How many explanations the data leave.
+
+    Returns
+    -------
+    list of str
+        A line a measurement with what it separates.
+    """
+    if explanations < 2:
+        return ["There is nothing to separate: the data leave one explanation or none."]
+    if not suggestions:
+        return ["No measurement that femfit knows would separate these explanations."]
+    lines = []
+    for k, one in enumerate(suggestions[:_SHOWN], start=1):
+        pairs = "; ".join(f"{a} from {b} ({sigma:.0f} sigma)" for a, b, sigma in one.separates)
+        lines.append(f"{k}. {one.text} Costs about {one.cost:.0f} readings; separates {pairs}.")
+        if one.remains:
+            lines.append("   would leave together: " + "; ".join(f"{a} and {b}" for a, b in one.remains))
+    return lines
+
+
+def plan_lines(report: PlanReport) -> list[str]:
+    """What a plan can show, as lines of text.
+
+    Parameters
+    ----------
+    report : PlanReport
+        Of a planned campaign.
+
+    Returns
+    -------
+    list of str
+        Groups that stay together, effects it cannot show, and the smallest magnitudes of the others.
+    """
+    lines = ["Assumed noise: " + ", ".join(f"{name} {sigma:.2g}" for name, sigma in report.noise.items())]
+    if report.groups:
+        lines.append("This plan could never tell apart:")
+        lines += [f"  {', '.join(group)}" for group in report.groups]
+    else:
+        lines.append("This plan could tell every visible effect from every other at its largest usual size.")
+    if report.invisible:
+        lines.append("It could not show:")
+        lines += [f"  {name}: {why}" for name, why in report.invisible.items()]
+    lines.append("Smallest magnitudes that it would show nine times in ten:")
+    for name, amplitudes in report.detectable.items():
+        lines.append(f"  {name}: " + ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items()))
+    return lines
