@@ -17,7 +17,10 @@ from femfit.core.arrays import FloatArray
 from femfit.diagnose.diagnosis import Gate
 from femfit.diagnose.observations import Observations
 from femfit.diagnose.patterns import Patterns, smooth_patterns
-from femfit.diagnose.whitening import Whitening
+from femfit.diagnose.whitening import Whitening, orthonormal_basis
+
+_SPANNED = 1e-4
+"""Squared sine below which a pattern lies in the fitted columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +43,8 @@ class PatternSpace:
 
     def excess(self, rest: FloatArray, fitted: FloatArray | None = None) -> float:
         """Squared length of a whitened residual in the patterns beyond what noise gives; may be negative."""
-        basis = self._beside(fitted)
-        along = basis.T @ rest
-        return float(along @ along - basis.shape[1])
+        square, count = self._along(rest, fitted)
+        return square - count
 
     def test(self, rest: FloatArray, fitted: FloatArray | None = None) -> Gate:
         """Test a whitened residual.
@@ -59,22 +61,31 @@ class PatternSpace:
         Gate
             With the p-value of F(k, nu).
         """
-        basis = self._beside(fitted)
-        along, count = basis.T @ rest, basis.shape[1]
-        statistic = float(along @ along) / max(count, 1)
+        square, count = self._along(rest, fitted)
+        statistic = square / max(count, 1)
         if np.isfinite(self.degrees_of_freedom):
             p_value = float(stats.f.sf(statistic, count, self.degrees_of_freedom))
         else:
-            p_value = float(stats.chi2.sf(statistic * count, count))
+            p_value = float(stats.chi2.sf(square, count))
         return Gate(statistic, count, p_value)
 
-    def _beside(self, fitted: FloatArray | None) -> FloatArray:
-        """The patterns orthogonal to fitted columns."""
+    def _along(self, rest: FloatArray, fitted: FloatArray | None) -> tuple[float, int]:
+        """Squared length of the residual in the patterns beside fitted columns L, and their number.
+
+        With orthonormal B and L and L'B = U diag(c) V', the patterns beside L have the metric I - V diag(c^2) V', whose
+        inverse adds (v'a)^2 c^2 / (1 - c^2) to |a|^2; a pattern that L spans (c = 1) is no freedom any more.
+        """
+        count = self.basis.shape[1]
         if fitted is None or not fitted.shape[1]:
-            return self.basis
-        left = np.linalg.qr(fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300))[0]
-        vectors, sizes, _ = np.linalg.svd(self.basis - left @ (left.T @ self.basis), full_matrices=False)
-        return np.asarray(vectors[:, sizes > 1e-6])
+            along = self.basis.T @ rest
+            return float(along @ along), count
+        left = orthonormal_basis(fitted)
+        along = self.basis.T @ (rest - left @ (left.T @ rest))
+        _, cosine, directions = np.linalg.svd(left.T @ self.basis, full_matrices=False)
+        spanned = 1.0 - cosine**2 < _SPANNED
+        part = (directions @ along) ** 2
+        gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, _SPANNED))
+        return float(along @ along + part @ gain), count - int(np.count_nonzero(spanned))
 
 
 def pattern_space(observations: Observations, whitening: Whitening) -> PatternSpace:
@@ -93,7 +104,5 @@ def pattern_space(observations: Observations, whitening: Whitening) -> PatternSp
         With the degrees of freedom of all channels' repeats together.
     """
     patterns = smooth_patterns(observations)
-    columns = whitening.full(patterns.columns)
-    left, sizes, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
     degrees = float(np.sum(whitening.noise.degrees_of_freedom))
-    return PatternSpace(left[:, sizes > 1e-6 * sizes[0]], patterns, degrees)
+    return PatternSpace(orthonormal_basis(whitening.full(patterns.columns)), patterns, degrees)

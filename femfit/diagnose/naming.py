@@ -23,6 +23,9 @@ from femfit.diagnose.refit import Refit, bounded_amplitudes, refit
 from femfit.diagnose.whitening import NoiseModel, Whitening, chains_of
 from femfit.effects.effect import Effect
 
+_KNOWN_MISFIT = 4.0
+"""A structured misfit up to twice (in amplitude) the model's own to its sweep is no missing physics."""
+
 
 @dataclass(frozen=True)
 class Levels:
@@ -105,6 +108,12 @@ class Evidence:
     def noise(self) -> NoiseModel:
         """Of the campaign."""
         return self.whitening.noise
+
+    @property
+    def known_misfit(self) -> float:
+        """Squared length, in whitened units, of the model's own misfit to the sweep that it was fitted to."""
+        tolerance, sigma = self.observations.tolerance, self.noise.sigma[self.observations.channel]
+        return float(np.sum((tolerance / sigma) ** 2))
 
     @property
     def rest(self) -> FloatArray:
@@ -200,7 +209,7 @@ def decide(evidence: Evidence, levels: Levels) -> Decision:
     before, excess = evidence.patterns.test(rest), evidence.patterns.excess(rest)
     scores, best = _scored(evidence, rest)
     smallest = min((s.p_value for s in scores), default=1.0) * max(len(best), 1)
-    if min(before.p_value, smallest) > 0.5 * levels.gate:
+    if min(before.p_value, smallest) > 0.5 * levels.gate or excess < _KNOWN_MISFIT * evidence.known_misfit:
         return Decision("nothing_missing", None, (), before, excess, scores, ())
     # What the gate cannot see of an effect between its patterns counts as well
     excess = max(excess, max((s.chi2_fall - s.degrees_of_freedom for s in scores), default=0.0))

@@ -20,7 +20,7 @@ from scipy import optimize, stats
 from femfit.core.arrays import FloatArray
 from femfit.diagnose.observations import Observations
 from femfit.diagnose.patterns import drift_patterns, smooth_patterns
-from femfit.diagnose.whitening import Chains, NoiseModel, Whitening, chains_of, random_columns
+from femfit.diagnose.whitening import Chains, NoiseModel, Whitening, chains_of, orthonormal_basis, random_columns
 
 _PRIOR_MOUNT_M, _PRIOR_MOUNT_DOF = 20e-6, 2.0
 """A body put back by hand against a stop comes back to about this; counts like so many mounts."""
@@ -91,13 +91,26 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
 
 
 def _cells(observations: Observations) -> FloatArray:
-    """A number for each setting that may have been repeated: distance, current and branch within rounding."""
-    keys = {}
-    for name, parts in (("distance_m", 2000.0), ("current_A", 1000.0)):
-        x = observations.column(name)
-        keys[name] = np.round((x - x.min()) / max(float(np.ptp(x)), 1e-300) * parts)
+    """A number for each setting that may have been repeated: one level of distance and current, one branch."""
+    keys = {name: _levels(observations.column(name)) for name in ("distance_m", "current_A")}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
+
+
+def _levels(x: FloatArray) -> FloatArray:
+    """Numbers of the levels that a setting was brought to, each at most a four-hundredth of the range wide.
+
+    A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
+    changes over that distance.
+    """
+    tolerance = float(np.ptp(x)) / 400.0
+    order = np.argsort(x, kind="stable")
+    level, start, numbers = 0, x[order[0]], np.zeros(len(x))
+    for k in order:
+        if x[k] - start > tolerance:
+            level, start = level + 1, x[k]
+        numbers[k] = level
+    return numbers
 
 
 def _pure_error(residual: FloatArray, cells: FloatArray, nuisance: FloatArray) -> tuple[float, float]:
@@ -141,7 +154,7 @@ def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, 
         if np.count_nonzero(~first) < _LEAST_REPEATS:
             continue
         columns = design[here]
-        columns = _orthonormal(columns[:, np.any(columns != 0.0, axis=0)])
+        columns = orthonormal_basis(columns[:, np.any(columns != 0.0, axis=0)])
         y = observations.residual[here] / noise.sigma[c]
         joined = np.column_stack([columns, y])
 
@@ -170,7 +183,7 @@ def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, 
     """The noise with the scatter of mounts and runs, by restricted maximum likelihood with weak priors."""
     whitening = Whitening(observations, noise, chains)
     columns, _ = random_columns(observations, 1.0, np.ones(len(noise.channels)))
-    basis = _orthonormal(whitening.serial(patterns))
+    basis = orthonormal_basis(whitening.serial(patterns))
     y, z = whitening.serial(observations.residual), whitening.serial(columns)
     y, z = y - basis @ (basis.T @ y), z - basis @ (basis.T @ z)
     values, vectors = np.linalg.eigh(z.T @ z)
@@ -203,13 +216,3 @@ def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, 
         test_mount_m=float(wide[0] * scale[0]),
         test_run=wide[1:] * scale[1:],
     )
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    """An orthonormal basis of the columns' space."""
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 0.0] / size[size > 0.0]
-    if not columns.shape[1]:
-        return columns
-    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, sizes > 1e-8 * sizes[0]])

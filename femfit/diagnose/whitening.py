@@ -182,3 +182,26 @@ def random_columns(observations: Observations, mount_m: float, run: FloatArray) 
         columns.append((runs[:, None] == there) & here[:, None])
         deviations.append(np.full(len(there), run[c]))
     return np.concatenate(columns, axis=1).astype(np.float64), np.concatenate(deviations)
+
+
+def orthonormal_basis(columns: FloatArray) -> FloatArray:
+    """An orthonormal basis of the columns' space.
+
+    Parameters
+    ----------
+    columns : array, shape (M, k)
+        Any scale; zero and dependent columns are passed over.
+
+    Returns
+    -------
+    array, shape (M, rank)
+        From the eigenvectors of the scaled columns' products, which is several times faster than QR for many rows;
+        directions below 1e-5 of the longest are passed over, so the basis is orthonormal to about 1e-6.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0.0] / size[size > 0.0]
+    if not columns.shape[1]:
+        return columns
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    keep = values > 1e-10 * values[-1]
+    return np.asarray(columns @ (vectors[:, keep] / np.sqrt(values[keep])))
