@@ -42,7 +42,7 @@ class BenchTable:
         What the checks noticed, one plain sentence each.
     source : str
         Name of the file, for messages.
-    test_object : str
+    test_object, notes : str
         From the sidecar; empty where it does not say.
     """
 
@@ -52,6 +52,7 @@ class BenchTable:
     findings: tuple[str, ...] = ()
     source: str = "measurement"
     test_object: str = ""
+    notes: str = ""
 
     @property
     def channels(self) -> tuple[str, ...]:

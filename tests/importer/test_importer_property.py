@@ -6,12 +6,12 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from femfit.core.errors import TableError
-from femfit.importer.table.header import parse_header
+from femfit.core.header import parse_header
+from femfit.core.units import UNITS, unit_factor
 from femfit.importer.table.number_text import parse_number
 from femfit.importer.table.options import ImportOptions
 from femfit.importer.table.quantities import QUANTITIES
 from femfit.importer.table.read import read_foreign_table
-from femfit.importer.table.units import UNITS, unit_factor
 
 QUICK = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 ACCEPT_ALL = ("cells", "contradictions", "one-current", "one-distance", "units", "reciprocity")

@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
+from femfit.core.units import unit_factor
 from femfit.importer.table.quantities import QUANTITIES
-from femfit.importer.table.units import unit_factor
 
 _NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
 _UNITS = {"current": r"(?P<unit>[mu]?A|amps?)", "distance": r"(?P<unit>[mcu]?m|in(?:ch)?)"}

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from femfit.core.errors import TableError
-from femfit.importer.table.header import Header, match_score, parse_header
+from femfit.core.header import Header, parse_header
+from femfit.core.units import UNITS, unit_factor
+from femfit.importer.table.header import match_score
 from femfit.importer.table.options import ImportOptions
 from femfit.importer.table.quantities import QUANTITIES, STEP_NAMES
-from femfit.importer.table.units import UNITS, unit_factor
 
 
 @dataclass(frozen=True)

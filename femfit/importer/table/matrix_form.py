@@ -7,13 +7,13 @@ import pandas as pd
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.importer.table.header import parse_header
+from femfit.core.header import parse_header
+from femfit.core.units import unit_factor
 from femfit.importer.table.mapping import ColumnUse, unit_use
 from femfit.importer.table.number_text import looks_numeric, parse_number
 from femfit.importer.table.options import ImportOptions
 from femfit.importer.table.quantities import QUANTITIES
 from femfit.importer.table.raw_table import RawTable
-from femfit.importer.table.units import unit_factor
 
 _LABEL = re.compile(
     r"(?P<name>[^\d+\-.,=@]*)[=@_\s]*(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)\s*\[?\(?(?P<unit>[^\d\W]*)\]?\)?$"

@@ -16,7 +16,7 @@ class Quantity:
     column : str
         Its name in :data:`femfit.core.sweep_table.COLUMNS`.
     si_unit : str
-        A key of :data:`femfit.importer.table.units.UNITS`.
+        A key of :data:`femfit.core.units.UNITS`.
     names : tuple of str
         What users call it.
     option : str

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from femfit.core.decode import decode
 from femfit.core.errors import TableError
-from femfit.importer.table.decode import decode
-from femfit.importer.table.header import match_score, parse_header
+from femfit.core.header import parse_header
+from femfit.core.units import is_unit
+from femfit.importer.table.header import match_score
 from femfit.importer.table.number_text import find_decimal, looks_numeric, parse_number
 from femfit.importer.table.options import ImportOptions
 from femfit.importer.table.quantities import QUANTITIES
 from femfit.importer.table.raw_table import RawTable
-from femfit.importer.table.units import is_unit
 
 _DELIMITERS = (";", "\t", "|", ",", " ")
 _DELIMITER_NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}

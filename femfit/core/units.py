@@ -54,6 +54,8 @@ UNITS: dict[str, dict[str, float]] = {
     "H": {**_with_prefixes("H", "mun"), **_words("henry henries", 1.0)},
     "T": {**_with_prefixes("T", "mun"), **_words("tesla", 1.0), **_words("G Gs gauss", 1e-4), **_words("kG", 0.1)},
     "J": {**_with_prefixes("J", "kmun"), **_words("joule joules", 1.0)},
+    "V": {**_with_prefixes("V", "kmu"), **_words("volt volts", 1.0)},
+    "degC": {**_words("C degC °C celsius", 1.0)},
 }
 """SI unit to its spellings and their factors."""
 

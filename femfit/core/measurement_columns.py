@@ -1,0 +1,123 @@
+"""From the headers of a bench file to the contract's columns, in SI units.
+
+A header is the contract's name (``distance_m``), or its stem with another unit (``distance_mm``, ``Distance [mm]``).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from femfit.core.errors import TableError
+from femfit.core.header import parse_header
+from femfit.core.measurement import CHANNELS, SETTINGS
+from femfit.core.units import unit_factor
+
+_UNIT = {"m": "m", "A": "A", "C": "degC", "N": "N", "Wb": "Wb", "V": "V"}
+
+
+@dataclass(frozen=True)
+class UsedColumn:
+    """How a column of a file becomes one of the contract's.
+
+    Parameters
+    ----------
+    header : str
+        In the file.
+    name : str
+        In the contract.
+    factor : float
+        Number in the file times this is SI.
+    """
+
+    header: str
+    name: str
+    factor: float
+
+
+def stem_and_unit(name: str) -> tuple[str, str]:
+    """The quantity in a contract column's name, and its SI unit; no unit for ``run, mount, order, branch``.
+
+    Parameters
+    ----------
+    name : str
+        Of :data:`femfit.core.measurement.SETTINGS` or :data:`femfit.core.measurement.CHANNELS`.
+
+    Returns
+    -------
+    tuple of str
+        For ``flux_linkage_Wb``: ``flux_linkage`` and ``Wb``.
+    """
+    stem, _, unit = name.rpartition("_")
+    return (stem, _UNIT[unit]) if stem else (name, "")
+
+
+def recognise(headers: Iterable[str], source: str) -> tuple[list[UsedColumn], list[str]]:
+    """Find the contract's columns among headers.
+
+    Parameters
+    ----------
+    headers : iterable of str
+        Of the file.
+    source : str
+        For messages.
+
+    Returns
+    -------
+    tuple of list of UsedColumn and list of str
+        What is used, and one sentence for each column that is not or whose unit was converted.
+
+    Raises
+    ------
+    TableError
+        If two headers mean the same column.
+    """
+    used: list[UsedColumn] = []
+    findings: list[str] = []
+    for header in headers:
+        column, finding = match_column(header)
+        if finding:
+            findings.append(finding)
+        if column is None:
+            continue
+        twin = next((one.header for one in used if one.name == column.name), None)
+        if twin is not None:
+            raise TableError(
+                f"{source} must have one column for {column.name}; instead received {twin!r} and {header!r}. "
+                "Remove one."
+            )
+        used.append(column)
+    return used, findings
+
+
+def match_column(header: str) -> tuple[UsedColumn | None, str]:
+    """The contract's column that a header means.
+
+    Parameters
+    ----------
+    header : str
+        As it stands in a file.
+
+    Returns
+    -------
+    tuple of UsedColumn or None, and str
+        None where it means none; a sentence where there is something to say.
+    """
+    names = (*SETTINGS, *CHANNELS)
+    if header.strip() in names:
+        return UsedColumn(header, header.strip(), 1.0), ""
+    parsed = parse_header(header)
+    words = "_".join(parsed.words)
+    for name in names:
+        stem, unit = stem_and_unit(name)
+        if words != stem:
+            continue
+        if parsed.unit is None:
+            assumed = f"Column {header!r} was read as {name}." if header != name else ""
+            return UsedColumn(header, name, 1.0), assumed
+        factor = unit_factor(parsed.unit, unit) if unit else None
+        if factor is None:
+            return None, f"Column {header!r} is in {parsed.unit}, where {name} is needed; it was not used."
+        return UsedColumn(header, name, factor), f"Column {header!r} was converted to {name}, times {factor:g}."
+    near = get_close_matches(header.strip(), names, n=1, cutoff=0.75)
+    meant = f"; did you mean {near[0]}?" if near else "."
+    return None, f"Column {header!r} is none that a bench table has and was not used{meant}"
