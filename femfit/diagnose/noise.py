@@ -14,12 +14,12 @@ likelihood, prior scale).
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 from scipy import optimize, stats
 
 from femfit.core.arrays import FloatArray
 from femfit.diagnose.observations import Observations
 from femfit.diagnose.patterns import drift_patterns, smooth_patterns
+from femfit.diagnose.repeats import pure_error, repeat_cells
 from femfit.diagnose.whitening import Chains, NoiseModel, Whitening, chains_of, orthonormal_basis, random_columns
 
 _PRIOR_MOUNT_M, _PRIOR_MOUNT_DOF = 20e-6, 2.0
@@ -75,65 +75,19 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
     """Sigma, its degrees of freedom and its source per channel; NaN where nothing tells it."""
     count = len(observations.channels)
     sigma, degrees, source = np.full(count, np.nan), np.zeros(count), {}
-    cells = _cells(observations)
+    cells = repeat_cells(observations)
     nuisance = np.concatenate(
         [random_columns(observations, 1.0, np.ones(count))[0], drift_patterns(observations).columns], axis=1
     )
     residual = observations.residual
     for c, name in enumerate(observations.channels):
         here = observations.channel == c
-        square, dof = _pure_error(residual[here], cells[here], nuisance[here])
+        square, dof = pure_error(residual[here], cells[here], nuisance[here])
         if name in observations.declared_noise:
             sigma[c], degrees[c], source[name] = observations.declared_noise[name], np.inf, "declared"
         if dof >= (4 * _LEAST_REPEATS if name in source else _LEAST_REPEATS) and square > 0.0:
             sigma[c], degrees[c], source[name] = np.sqrt(square / dof), dof, "repeats"
     return sigma, degrees, source
-
-
-def _cells(observations: Observations) -> FloatArray:
-    """A number for each setting that may have been repeated: one level of distance and current, one branch."""
-    keys = {name: _levels(observations.column(name)) for name in ("distance_m", "current_A")}
-    keys["branch"] = observations.column("branch")
-    return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
-
-
-def _levels(x: FloatArray) -> FloatArray:
-    """Numbers of the levels that a setting was brought to, each at most a four-hundredth of the range wide.
-
-    A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
-    changes over that distance.
-    """
-    tolerance = float(np.ptp(x)) / 400.0
-    order = np.argsort(x, kind="stable")
-    level, start, numbers = 0, x[order[0]], np.zeros(len(x))
-    for k in order:
-        if x[k] - start > tolerance:
-            level, start = level + 1, x[k]
-        numbers[k] = level
-    return numbers
-
-
-def _pure_error(residual: FloatArray, cells: FloatArray, nuisance: FloatArray) -> tuple[float, float]:
-    """Sum of squares within cells beside the nuisance, and its degrees of freedom."""
-    _, code, sizes = np.unique(cells, return_inverse=True, return_counts=True)
-    repeated = sizes[code] > 1
-    free = int(repeated.sum() - np.count_nonzero(sizes > 1))
-    if free < 2:
-        return 0.0, 0.0
-    table = np.column_stack([residual, nuisance])[repeated]
-    code = code[repeated]
-    sums = np.zeros((len(sizes), table.shape[1]))
-    np.add.at(sums, code, table)
-    within = table - (sums / np.maximum(sizes, 1)[:, None])[code]
-    y, columns = within[:, 0], within[:, 1:]
-    length = np.linalg.norm(columns, axis=0)
-    columns = columns[:, length > 1e-9 * np.maximum(np.linalg.norm(nuisance[repeated], axis=0), 1e-300)]
-    if not columns.shape[1]:
-        return float(y @ y), float(free)
-    left, sizes_, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
-    left = left[:, sizes_ > 1e-8 * sizes_[0]]
-    rest = y - left @ (left.T @ y)
-    return float(rest @ rest), float(free - left.shape[1])
 
 
 def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, patterns: FloatArray) -> NoiseModel:
