@@ -17,6 +17,12 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
     ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
     ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
+    (
+        "diagnose",
+        "femfit.cli.diagnose:diagnose",
+        "Name the physical effect that measurements show and the model lacks.",
+    ),
+    ("suggest", "femfit.cli.suggest:suggest", "The next measurement that separates what is still confounded."),
     ("integrate", "femfit.cli.integrate:integrate", "Drift-free flux or field from a coil's voltage."),
 )
 

@@ -24,6 +24,29 @@ def write_json(path: Path | None, result: Mapping[str, Any]) -> None:
 
 
 @contextmanager
+def status(text: str) -> Iterator[Callable[[str], None]]:
+    """What is being done, on standard error, quiet when that is no terminal.
+
+    Parameters
+    ----------
+    text : str
+        What is being done first.
+
+    Yields
+    ------
+    callable
+        To be called with what is being done now.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(text) as line:
+        yield line.update
+
+
+@contextmanager
 def progress_bar(text: str) -> Iterator[Callable[[int, int], None] | None]:
     """A progress bar on standard error, quiet when that is no terminal.
 

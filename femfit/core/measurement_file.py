@@ -22,7 +22,7 @@ _LABELS = ("run", "mount")
 _DELIMITERS = (";", "\t", ",")
 
 
-def read_bench_table(path: Path) -> BenchTable:
+def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
     """Read and check a bench measurement.
 
     Parameters
@@ -30,6 +30,8 @@ def read_bench_table(path: Path) -> BenchTable:
     path : Path
         ``.csv`` (commas, semicolons or tabs; decimal point or comma; lines that start with # are passed over) or
         ``.parquet``; ``NAME.toml`` or ``NAME.csv.toml`` beside it may declare the noise.
+    planned : bool
+        Whether it is a plan: a channel counts as given by its column alone, its cells may be empty.
 
     Returns
     -------
@@ -54,7 +56,11 @@ def read_bench_table(path: Path) -> BenchTable:
         findings += said
     sidecar = read_sidecar(path)
     rows = pd.DataFrame(columns)
-    given = tuple(name for name in (*SETTINGS, *CHANNELS) if name in rows and bool(rows[name].notna().any()))
+    given = tuple(
+        name
+        for name in (*SETTINGS, *CHANNELS)
+        if name in rows and (bool(rows[name].notna().any()) or (planned and name in CHANNELS))
+    )
     _require(given, path)
     return BenchTable(
         rows=_complete(rows),

@@ -1,0 +1,45 @@
+"""``femfit diagnose``: which effect is missing, or none, or none of ours."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def diagnose(
+    model: Path,
+    data: Path,
+    *,
+    exclude: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    bootstrap: int = 40,
+    seed: int = 0,
+    json: Path | None = None,
+) -> None:
+    """Compare measurements with a model and name the physical effect that is missing.
+
+    Parameters
+    ----------
+    model : Path
+        Model file; best the co-energy reference (femfit fit TABLE).
+    data : Path
+        Bench table, CSV or Parquet, with its sidecar .toml beside it where noise is declared.
+    exclude : tuple of str
+        Effects that are not considered; repeat for more.
+    bootstrap : int
+        Clean campaigns simulated for the false-naming rate; 0 for none.
+    seed : int
+        Of that simulation.
+    json : Path
+        File for the result as JSON.
+    """
+    from femfit.cli.output import status, write_json
+    from femfit.core.measurement_file import read_bench_table
+    from femfit.diagnose.diagnose import DiagnosisOptions, diagnose_bench
+    from femfit.diagnose.text import diagnosis_lines
+    from femfit.model.json_file import read_model
+
+    options = DiagnosisOptions(exclude=exclude, bootstrap=bootstrap, seed=seed)
+    with status("Reading") as say:
+        result = diagnose_bench(read_model(model), read_bench_table(data), options, say)
+    write_json(json, result.to_dict())
+    print("\n".join(diagnosis_lines(result)))

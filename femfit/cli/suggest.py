@@ -1,0 +1,53 @@
+"""``femfit suggest``: the next measurement that separates what is still confounded."""
+
+from pathlib import Path
+
+from femfit.core.errors import TableError
+
+
+def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, json: Path | None = None) -> None:
+    """Advise the cheapest measurement that tells apart what the data leave together, or examine a plan.
+
+    Parameters
+    ----------
+    model : Path
+        Model file.
+    data : Path
+        Bench table that was diagnosed.
+    plan : Path
+        Planned bench table: settings, and a column (its cells may be empty) for each channel to be read. Says what such
+        a campaign could never tell apart.
+    json : Path
+        File for the result as JSON.
+    """
+    from femfit.cli.output import status, write_json
+    from femfit.core.measurement_file import read_bench_table
+    from femfit.diagnose.diagnose import DiagnosisOptions, considered_effects, examine
+    from femfit.diagnose.observations import bench_observations
+    from femfit.diagnose.plan import examine_plan
+    from femfit.diagnose.suggest import suggest_measurements
+    from femfit.diagnose.text import plan_lines, suggestion_lines
+    from femfit.model.json_file import read_model
+
+    actuator = read_model(model)
+    if plan is not None and data is None:
+        report = examine_plan(actuator, read_bench_table(plan, planned=True), considered_effects())
+        write_json(json, report.to_dict())
+        print("\n".join(plan_lines(report)))
+        return
+    if data is None or plan is not None:
+        raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
+    table = read_bench_table(data)
+    with status("Diagnosing") as say:
+        examination = examine(bench_observations(actuator, table), DiagnosisOptions(bootstrap=0), say)
+        explanations = examination.explanations
+        advice = []
+        if examination.evidence is not None and len(explanations) > 1:
+            say("Trying measurements")
+            noise = examination.evidence.noise
+            advice = suggest_measurements(actuator, table, noise, explanations, considered_effects())
+    names = [" + ".join(fit.names) for fit in explanations]
+    write_json(json, {"explanations": names, "suggestions": [one.to_dict() for one in advice]})
+    if names:
+        print(f"The data leave: {'; '.join(names)}.")
+    print("\n".join(suggestion_lines(advice, len(explanations))))

@@ -1,0 +1,55 @@
+"""``femfit diagnose`` and ``femfit suggest`` as users type them."""
+
+import json
+
+import pytest
+
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.model.json_file import write_model
+from support.campaign import NOISE, campaign
+from support.command import femfit
+
+
+@pytest.fixture(scope="module")
+def files(levitation_model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    write_model(levitation_model, folder / "model.json")
+    hall = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
+    campaign(levitation_model, 31, [hall], distances=6, currents=5).rows.to_csv(folder / "bench.csv", index=False)
+    return folder
+
+
+def test_diagnose_prints_what_the_data_could_show_and_names_what_is_missing(files):
+    done = femfit("diagnose", files / "model.json", files / "bench.csv", "--bootstrap", 5, "--json", files / "d.json")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.index("could have shown") < done.stdout.index("Missing: hall_offset")
+    assert "clean campaigns of this noise in which something is named: 0.0 %" in done.stdout
+    data = json.loads((files / "d.json").read_text())
+    assert (data["verdict"], data["missing"][0]["name"]) == ("named", "hall_offset")
+    assert data["noise_floor"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.3)
+
+
+def test_an_excluded_effect_is_not_named(files):
+    done = femfit("diagnose", files / "model.json", files / "bench.csv", "--bootstrap", 0, "--exclude", "hall_offset")
+    assert done.returncode == 0, done.stderr
+    assert "Missing: hall_offset" not in done.stdout
+
+
+def test_suggest_answers_for_measured_data_and_for_a_plan(files):
+    done = femfit("suggest", files / "model.json", files / "bench.csv", "--json", files / "s.json")
+    assert done.returncode == 0, done.stderr
+    assert "hall_offset" in json.loads((files / "s.json").read_text())["explanations"]
+    (files / "plan.csv").write_text(
+        "run,order,current_A,distance_m,branch,force_N\n"
+        + "".join(f"1,{k},{0.2 * (k % 7)},{0.016 + 0.002 * (k // 7)},1,\n" for k in range(70))
+    )
+    done = femfit("suggest", files / "model.json", "--plan", files / "plan.csv")
+    assert done.returncode == 0, done.stderr
+    assert "hall_offset: these data lack hall_V" in done.stdout
+
+
+def test_suggest_without_data_and_plan_says_what_to_give(files):
+    done = femfit("suggest", files / "model.json")
+    assert done.returncode == 1
+    assert "--plan" in done.stderr
