@@ -7,7 +7,7 @@ P. B. Stark and R. L. Parker, Computational Statistics 10 (1995) 129: bounded-va
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,9 @@ from femfit.diagnose.columns import EffectColumns
 from femfit.diagnose.observations import Observations
 from femfit.diagnose.whitening import Whitening
 from femfit.effects.effect import AddedEffect, EffectParameter
+
+Start = tuple[EffectColumns, FloatArray]
+"""An effect with its amplitudes, counted from null, to start from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +36,13 @@ class Refit:
     rest : array, shape (M,)
         Whitened residual.
     jacobian : array, shape (M, p)
-        Whitened change of the prediction with the free parameters, each over its sane range.
+        Whitened change of the residual with the free parameters, each over its sane range.
     active : array of bool, shape (p,)
         Whether the parameter stands at a bound.
+    precision : array, shape (p,)
+        Of what is known of the free parameters beforehand, each over its sane range; zero for nothing.
+    start : tuple of EffectColumns
+        Of every effect, as the fit was started.
     """
 
     effects: tuple[AddedEffect, ...]
@@ -43,6 +50,18 @@ class Refit:
     rest: FloatArray
     jacobian: FloatArray
     active: BoolArray
+    precision: FloatArray
+    start: tuple[EffectColumns, ...]
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Of the free parameters, each over its sane range; zero for those at a bound; shape (p, p)."""
+        moving = np.flatnonzero(~self.active)
+        result = np.zeros((len(self.active), len(self.active)))
+        columns = self.jacobian[:, moving]
+        information = columns.T @ columns + np.diag(self.precision[moving])
+        result[np.ix_(moving, moving)] = np.linalg.pinv(information, hermitian=True)
+        return result
 
     @cached_property
     def chi2(self) -> float:
@@ -100,8 +119,9 @@ def bounded_amplitudes(target: FloatArray, columns: FloatArray, bounds: FloatArr
 def refit(
     observations: Observations,
     whitening: Whitening,
-    start: Sequence[tuple[EffectColumns, FloatArray]],
+    start: Sequence[Start],
     fixed: Mapping[str, Mapping[str, float]] | None = None,
+    prior_sd: Mapping[str, float] | None = None,
 ) -> Refit:
     """Fit effects within their bounds, all parameters that these readings see.
 
@@ -115,13 +135,15 @@ def refit(
         Effects with amplitudes to start from.
     fixed : mapping of str to mapping, or None
         Per effect, parameters that stay as they are.
+    prior_sd : mapping of str to float, or None
+        Per effect, the standard deviation about their nulls that its parameters are known to have beforehand.
 
     Returns
     -------
     Refit
         At the least weighted sum of squares that was found.
     """
-    fixed = fixed or {}
+    fixed, prior_sd = fixed or {}, prior_sd or {}
     initial = [one.parameters(amplitude) for one, amplitude in start]
     free = tuple(
         (k, p)
@@ -132,6 +154,8 @@ def refit(
     width = np.array([p.sane[1] - p.sane[0] for _, p in free])
     low = np.array([p.lower for _, p in free]) / width
     high = np.array([p.upper for _, p in free]) / width
+    null = np.array([p.null for _, p in free]) / width
+    root = width / np.array([prior_sd.get(start[k][0].effect.name, np.inf) for k, _ in free])
     x0 = np.clip(np.array([initial[k][p.name] for k, p in free]) / width, low, high)
 
     def effects_at(x: FloatArray) -> tuple[AddedEffect, ...]:
@@ -143,9 +167,12 @@ def refit(
     def rest(x: FloatArray) -> FloatArray:
         return whitening.full(observations.value - observations.predict(effects_at(x)))
 
+    def with_prior(x: FloatArray) -> FloatArray:
+        return np.concatenate([rest(x), root * (x - null)])
+
     inner = np.clip(x0, low + 1e-6, high - 1e-6)
     solution = optimize.least_squares(
-        rest,
+        with_prior,
         inner,
         bounds=(low, high),
         method="trf",
@@ -156,26 +183,16 @@ def refit(
         max_nfev=30,
     )
     x, best = solution.x, rest(solution.x)
-    active, jacobian = (x - low < 1e-5) | (high - x < 1e-5), np.asarray(solution.jac)
-    fitted = _with_intervals(effects_at(x), free, x, width, jacobian, active)
-    return Refit(fitted, free, best, jacobian, active)
+    active, jacobian = (x - low < 1e-5) | (high - x < 1e-5), np.asarray(solution.jac)[: len(best)]
+    fit = Refit(effects_at(x), free, best, jacobian, active, root**2, tuple(one for one, _ in start))
+    return replace(fit, effects=_with_intervals(fit, x, width))
 
 
-def _with_intervals(
-    effects: tuple[AddedEffect, ...],
-    free: tuple[tuple[int, EffectParameter], ...],
-    x: FloatArray,
-    width: FloatArray,
-    jacobian: FloatArray,
-    active: BoolArray,
-) -> tuple[AddedEffect, ...]:
+def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[AddedEffect, ...]:
     """The effects with 95 % intervals of the parameters off their bounds, from the curvature at the optimum."""
-    intervals: list[dict[str, tuple[float, float]]] = [{} for _ in effects]
-    moving = np.flatnonzero(~active)
-    if len(moving):
-        covariance = np.linalg.pinv(jacobian[:, moving].T @ jacobian[:, moving], hermitian=True)
-        half = stats.norm.isf(0.025) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        for j, h in zip(moving, half, strict=True):
-            k, p = free[j]
-            intervals[k][p.name] = (float((x[j] - h) * width[j]), float((x[j] + h) * width[j]))
-    return tuple(AddedEffect(a.effect, a.parameters, ci) for a, ci in zip(effects, intervals, strict=True))
+    intervals: list[dict[str, tuple[float, float]]] = [{} for _ in fit.effects]
+    half = stats.norm.isf(0.025) * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    for j in np.flatnonzero(~fit.active):
+        k, p = fit.free[j]
+        intervals[k][p.name] = (float((x[j] - half[j]) * width[j]), float((x[j] + half[j]) * width[j]))
+    return tuple(AddedEffect(a.effect, a.parameters, ci) for a, ci in zip(fit.effects, intervals, strict=True))

@@ -1,0 +1,85 @@
+"""Where the refit of several effects starts."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from femfit.core.errors import TableError
+from femfit.diagnose.columns import effect_columns
+from femfit.diagnose.observations import Observations
+from femfit.diagnose.refit import Refit, Start, bounded_amplitudes
+from femfit.diagnose.whitening import Whitening
+from femfit.effects.effect import Effect
+
+
+def starting_point(
+    observations: Observations, whitening: Whitening, effects: Sequence[Effect], at_null: bool = False
+) -> list[Start]:
+    """Amplitudes of effects to first order, bounded, with the shape constants that fit best.
+
+    Parameters
+    ----------
+    observations : Observations
+        M readings.
+    whitening : Whitening
+        Of their noise.
+    effects : sequence of Effect
+        In order; the shape constants of each are chosen with those before it.
+    at_null : bool
+        Whether all amplitudes are null instead.
+
+    Returns
+    -------
+    list of (EffectColumns, array of shape (k,))
+        One an effect.
+
+    Raises
+    ------
+    TableError
+        If an effect changes no reading.
+    """
+    target = whitening.full(observations.residual)
+    chosen: list[Start] = []
+    columns = np.zeros((len(target), 0))
+    bounds = np.zeros((2, 0))
+    for effect in effects:
+        variants = effect_columns(effect, observations)
+        if not variants:
+            raise TableError(
+                f"Effect {effect.name} changes no reading at these settings, so it cannot be fitted to them. "
+                f"{effect.experiment}"
+            )
+        tries = []
+        for one in variants:
+            both = np.concatenate([columns, whitening.full(one.columns)], axis=1)
+            limits = np.concatenate([bounds, one.bounds], axis=1)
+            amplitude, fall = bounded_amplitudes(target, both, limits)
+            tries.append((fall, one, both, limits, amplitude))
+        _, one, columns, bounds, amplitude = max(tries, key=lambda item: item[0])
+        chosen.append((one, np.zeros(len(one.amplitudes))))
+    if at_null or not chosen:
+        return chosen
+    ends = np.cumsum([len(one.amplitudes) for one, _ in chosen])[:-1]
+    return [(one, part) for (one, _), part in zip(chosen, np.split(amplitude, ends), strict=True)]
+
+
+def restart(fit: Refit) -> list[Start]:
+    """A fit as the start of another.
+
+    Parameters
+    ----------
+    fit : Refit
+        Any.
+
+    Returns
+    -------
+    list of (EffectColumns, array of shape (k,))
+        One an effect, at the fitted values.
+    """
+    result = []
+    for one, added in zip(fit.start, fit.effects, strict=True):
+        shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
+        amplitude = np.array([added.parameters[p.name] - p.null for p in one.amplitudes])
+        result.append((replace(one, shape=shape), amplitude))
+    return result
