@@ -14,7 +14,7 @@ import pandas as pd
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.measurement import BenchTable
-from femfit.effects.effect import REFERENCE_TEMPERATURE_C, AddedEffect, Conditions, Nominal
+from femfit.effects.effect import AddedEffect, Conditions, Nominal
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
@@ -253,14 +253,14 @@ def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
     Returns
     -------
     Conditions
-        A temperature that was not recorded is the reference.
+        A temperature that was not recorded is NaN.
     """
     cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
     return Conditions(
         nominal=nominal,
         branch=covariates["branch"].to_numpy(),
-        coil_temperature_C=covariates["coil_temperature_C"].fillna(REFERENCE_TEMPERATURE_C).to_numpy(),
-        magnet_temperature_C=covariates["magnet_temperature_C"].fillna(REFERENCE_TEMPERATURE_C).to_numpy(),
+        coil_temperature_C=covariates["coil_temperature_C"].to_numpy(),
+        magnet_temperature_C=covariates["magnet_temperature_C"].to_numpy(),
         time_s=covariates["order"].to_numpy(),
         elapsed=covariates["elapsed"].to_numpy(),
         current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),

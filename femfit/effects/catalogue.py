@@ -3,15 +3,66 @@
 from importlib.metadata import EntryPoint, entry_points
 
 from femfit.core.errors import ModelFileError
+from femfit.effects.base_amplitudes import BASE_AMPLITUDES
+from femfit.effects.coil_temperature import COIL_TEMPERATURE
+from femfit.effects.constant_force import CONSTANT_FORCE
 from femfit.effects.core_saturation import CORE_SATURATION
+from femfit.effects.coulomb_friction import COULOMB_FRICTION
+from femfit.effects.current_gain import CURRENT_GAIN
+from femfit.effects.current_offset import CURRENT_OFFSET
 from femfit.effects.distance_offset import DISTANCE_OFFSET
+from femfit.effects.distance_scale import DISTANCE_SCALE
+from femfit.effects.driver_dead_zone import DRIVER_DEAD_ZONE
+from femfit.effects.driver_gain import DRIVER_GAIN
 from femfit.effects.effect import Effect
+from femfit.effects.end_stop_contact import END_STOP_CONTACT
+from femfit.effects.external_field import EXTERNAL_FIELD
+from femfit.effects.flux_integrator_drift import FLUX_INTEGRATOR_DRIFT
+from femfit.effects.force_gain import FORCE_GAIN
+from femfit.effects.force_offset import FORCE_OFFSET
+from femfit.effects.hall_coil_pickup import HALL_COIL_PICKUP
+from femfit.effects.hall_drift import HALL_DRIFT
 from femfit.effects.hall_offset import HALL_OFFSET
+from femfit.effects.hall_saturation import HALL_SATURATION
+from femfit.effects.hall_temperature import HALL_TEMPERATURE
+from femfit.effects.hysteresis import HYSTERESIS
+from femfit.effects.lateral_misalignment import LATERAL_MISALIGNMENT
+from femfit.effects.magnet_demagnetisation import MAGNET_DEMAGNETISATION
+from femfit.effects.magnet_temperature import MAGNET_TEMPERATURE
+from femfit.effects.mass_error import MASS_ERROR
+from femfit.effects.motional_emf import MOTIONAL_EMF
+from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
+from femfit.effects.viscous_friction import VISCOUS_FRICTION
 
 BUILT_IN: tuple[Effect, ...] = (
     CORE_SATURATION,
+    HYSTERESIS,
+    MAGNET_TEMPERATURE,
+    MAGNET_DEMAGNETISATION,
+    COIL_TEMPERATURE,
+    POSITION_DEPENDENT_INDUCTANCE,
+    MOTIONAL_EMF,
+    LATERAL_MISALIGNMENT,
+    END_STOP_CONTACT,
+    CONSTANT_FORCE,
+    VISCOUS_FRICTION,
+    COULOMB_FRICTION,
+    MASS_ERROR,
     DISTANCE_OFFSET,
+    DISTANCE_SCALE,
+    FORCE_GAIN,
+    FORCE_OFFSET,
+    CURRENT_GAIN,
+    CURRENT_OFFSET,
     HALL_OFFSET,
+    HALL_DRIFT,
+    HALL_TEMPERATURE,
+    HALL_SATURATION,
+    HALL_COIL_PICKUP,
+    EXTERNAL_FIELD,
+    DRIVER_DEAD_ZONE,
+    DRIVER_GAIN,
+    FLUX_INTEGRATOR_DRIFT,
 )
 
 GROUP = "femfit.effects"
@@ -38,7 +89,7 @@ def all_effects() -> dict[str, Effect]:
 
 
 def effect_by_name(name: str) -> Effect:
-    """Look up an effect; only the package that gives it is loaded.
+    """Look up an effect, or an amplitude of the base; only the package that gives it is loaded.
 
     Parameters
     ----------
@@ -55,7 +106,7 @@ def effect_by_name(name: str) -> Effect:
     ModelFileError
         If no effect has this name, or its package cannot be loaded.
     """
-    for effect in BUILT_IN:
+    for effect in (*BUILT_IN, *BASE_AMPLITUDES):
         if effect.name == name:
             return effect
     for entry in entry_points(group=GROUP, name=name):

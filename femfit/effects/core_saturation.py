@@ -1,57 +1,132 @@
 """Saturation of an iron or ferrite core that the base model takes as linear.
 
-To first order, a change of the core's magnetic energy at fixed flux, g(Phi), changes the co-energy at fixed current by
--g. The flux through the core is proportional to the flux linkage of the winding around it, which holds the magnet's
-share too, so W' -> W' - sum_n c_n |lambda / lambda_max|^n with n = 4, 6, 10: a Rayleigh-like onset, a smooth knee, a
-sharp one. lambda is the base model's flux linkage.
+The core's saturating part takes a part of the ampere turns that grows with a high power of its flux. With x the flux of
+that part, y what is left of it and k its self-inductance, all relative, the co-energy falls by
+G(x) = min over y of g(y) + (x - y)^2 / 2k, g(y) = sum_n c_n |y|^n / n: the first term is what the part stores,
+the second what its demagnetising field withdraws, so a knee at large flux limits y instead of growing without end.
+For small c this is g(x), the change of energy at fixed flux.
+
+x follows the flux linkage of the winding around the core, lambda = (part of the current) + (part of the magnet). The
+magnet's flux does not pass the core in the same way as the coil's, nor does the field at the Hall element depend on the
+saturating part as the flux linkage does; both have a share of their own.
 
 References
 ----------
-H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1 (energy and co-energy);
-the first-order step is the Hellmann-Feynman relation of a stationary functional.
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1 (energy and co-energy).
+J. J. Moreau, Bulletin de la Societe Mathematique de France 93 (1965) 273: the envelope G and its derivatives.
 """
+
+import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
-_EXPONENTS = (4, 6, 10)
+_EXPONENTS = (4, 10, 32)
+_ITERATIONS = 60
 
 
 def _coenergy(
     base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
 ) -> Jet:
     energy = base(d, i, n_d, n_i + 1)
-    flux = (1.0 / at.nominal.flux_linkage_Wb) * energy.along_current()
-    square = flux * flux
-    fourth = square * square
-    powers = {4: fourth, 6: fourth * square, 10: fourth * fourth * square}
-    scale = at.nominal.flux_linkage_Wb * at.nominal.current_scale
+    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if p[f"mmf_loss_{n}"]}
     result = energy.truncated(n_d, n_i)
-    for n in _EXPONENTS:
-        amplitude = p[f"mmf_loss_{n}"]
-        if amplitude:
-            result = result + (-amplitude * scale / n) * powers[n]
+    if not amplitudes:
+        return result
+    linkage = energy.along_current().coefficients
+    linkage[0, :, 0] += (p["magnet_share"] - 1.0) * base(d, np.zeros_like(i), n_d, 1).coefficients[0, :, 1]
+    linkage[1] *= p["hall_share"]
+    flux = (1.0 / at.nominal.flux_linkage_Wb) * Jet(linkage)
+    own = at.nominal.inductance_H * at.nominal.current_scale / at.nominal.flux_linkage_Wb
+    lost = flux.compose(_envelope(flux.value, amplitudes, own, n_d + n_i + 1))
+    return result - at.nominal.flux_linkage_Wb * at.nominal.current_scale * lost
+
+
+def _envelope(x: FloatArray, amplitudes: dict[int, float], own: float, order: int) -> list[FloatArray]:
+    """G(x) and its derivatives up to an order of at most 5, for own self-inductance k.
+
+    With y = x - k g'(y): G' = g'(y), and every further derivative in x is that in y over q = 1 + k g''(y).
+    """
+    y = _kept(x, amplitudes, own)
+    g = [_power_sum(y, amplitudes, k) for k in range(max(order, 1) + 1)]
+    q = 1.0 + own * _power_sum(y, amplitudes, 2)
+    result = [g[0] + 0.5 * own * g[1] ** 2, g[1]]
+    if order >= 2:
+        result.append(g[2] / q)
+    if order >= 3:
+        result.append(g[3] / q**3)
+    if order >= 4:
+        result.append((g[4] - 3.0 * own * g[3] ** 2 / q) / q**4)
+    if order >= 5:
+        result.append((g[5] - 10.0 * own * g[3] * g[4] / q + 15.0 * own**2 * g[3] ** 3 / q**2) / q**5)
     return result
+
+
+def _power_sum(y: FloatArray, amplitudes: dict[int, float], derivative: int) -> FloatArray:
+    """A derivative of sum_n c_n y^n / n; the powers are even."""
+    total = np.zeros_like(y)
+    for n, amplitude in amplitudes.items():
+        factor = np.prod(n - np.arange(derivative, dtype=np.float64)) / n
+        total += amplitude * factor * y ** max(n - derivative, 0)
+    return total
+
+
+def _kept(x: FloatArray, amplitudes: dict[int, float], own: float) -> FloatArray:
+    """The y with y + k g'(y) = x: monotonic, so Newton's method within a shrinking bracket finds it."""
+    low, high = np.minimum(x, 0.0), np.maximum(x, 0.0)
+    y = x.copy()
+    for _ in range(_ITERATIONS):
+        excess = y + own * _power_sum(y, amplitudes, 1) - x
+        high, low = np.where(excess > 0.0, y, high), np.where(excess < 0.0, y, low)
+        step = y - excess / (1.0 + own * _power_sum(y, amplitudes, 2))
+        inside = (step >= low) & (step <= high)
+        new = np.where(inside, step, 0.5 * (low + high))
+        if np.all(np.abs(new - y) <= 1e-15 * np.abs(x)):
+            return new
+        y = new
+    return y
 
 
 CORE_SATURATION = Effect(
     name="core_saturation",
     symptom="Force, flux linkage and inductance fall behind the model where the flux is largest.",
     acts_on=("magnetics",),
-    parameters=tuple(
+    parameters=(
+        *(
+            EffectParameter(
+                name=f"mmf_loss_{n}",
+                unit="",
+                lower=0.0,
+                upper=upper,
+                sane=(0.0, usual),
+                description="Part of the largest ampere turns that the core takes at the largest flux, growing with "
+                f"its power {n - 1}.",
+            )
+            for n, usual, upper in zip(_EXPONENTS, (0.5, 1.0, 3.0), (5.0, 20.0, 100.0), strict=True)
+        ),
         EffectParameter(
-            name=f"mmf_loss_{n}",
+            name="magnet_share",
             unit="",
             lower=0.0,
-            upper=1.0,
-            sane=(0.0, 0.5),
-            description=f"Part of the largest ampere turns that the core takes at the largest flux, growing with its "
-            f"power {n - 1}.",
-        )
-        for n in _EXPONENTS
+            upper=2.0,
+            sane=(0.65, 1.25),
+            description="How far the magnet's flux passes the saturating part, against the coil's.",
+            null=0.85,
+            shape=True,
+        ),
+        EffectParameter(
+            name="hall_share",
+            unit="",
+            lower=-2.0,
+            upper=4.0,
+            sane=(-0.5, 1.5),
+            description="Loss of field at the Hall element over the loss of flux linkage, both relative.",
+            null=0.5,
+            shape=True,
+        ),
     ),
-    needs=("current_A", "force_N|flux_linkage_Wb|hall_V"),
+    needs=("~current_A", "force_N|flux_linkage_Wb|hall_V"),
     experiment="Measure at the largest current and smallest distance, at both current signs: saturation is even in "
     "the total flux, a gain error of the current is not.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",

@@ -46,6 +46,12 @@ class Nominal:
         Along growing distance.
     hall_sensitivity_V_per_T, hall_quiescent_V, hall_min_V, hall_max_V : float
         NaN where the model has no Hall element.
+    inductance_H, hall_T_per_A : float
+        Of the winding, and field that its current makes at the Hall element (NaN without one), in the box's middle.
+    hall_swing_V : float
+        Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element.
+    voltage_V : float
+        Largest magnitude that the driver gives; NaN where the model has no circuit.
     """
 
     distance_min_m: float
@@ -61,6 +67,10 @@ class Nominal:
     hall_quiescent_V: float
     hall_min_V: float
     hall_max_V: float
+    inductance_H: float
+    hall_T_per_A: float
+    hall_swing_V: float
+    voltage_V: float
 
     @property
     def current_scale(self) -> float:
@@ -79,14 +89,16 @@ class Conditions:
     branch : array or float
         +1 while the current rises, -1 while it falls, 0 where unknown.
     coil_temperature_C, magnet_temperature_C : array or float
-        Of the winding and of the magnet.
+        Of the winding and of the magnet; NaN where it was not recorded.
     time_s : array or float
         Since the start of the run; where a table has only ``order``, that, in readings.
     elapsed : array or float
-        Since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start anew
-        with a run.
+        Since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
+        anew with a run.
     velocity_m_s, current_rate_A_s : array or float
         Zero on a static bench.
+    motional_V : array or float
+        Voltage that the motion induces, k_m v, as the model has it.
     current_turn_A : (array or float, array or float)
         Lowest and highest current of the cycle that the reading belongs to.
     memory : mapping of str to array
@@ -101,6 +113,7 @@ class Conditions:
     elapsed: FloatArray | float = 0.0
     velocity_m_s: FloatArray | float = 0.0
     current_rate_A_s: FloatArray | float = 0.0
+    motional_V: FloatArray | float = 0.0
     current_turn_A: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
     memory: Mapping[str, FloatArray] = field(default_factory=dict)
 
@@ -125,6 +138,8 @@ class EffectParameter:
         Where the effect vanishes (amplitudes: 0). A shape's own constant has its usual value here.
     shape : bool
         Whether it is a shape's constant (it matters only when an amplitude is not null).
+    of : str
+        Quantity of :class:`Nominal` that the value is a part of; empty where the value stands in its unit.
     """
 
     name: str
@@ -135,6 +150,7 @@ class EffectParameter:
     description: str
     null: float = 0.0
     shape: bool = False
+    of: str = ""
 
 
 @dataclass(frozen=True)
@@ -184,7 +200,7 @@ class Memory:
 Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
 Coenergy = Callable[[CoenergyJet, FloatArray, FloatArray, int, int, Conditions, Parameters], Jet]
 Force = Callable[[FloatArray, FloatArray, Conditions, Parameters], FloatArray]
-CircuitChange = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
+CircuitChange = Callable[[FloatArray, FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
 Readings = Callable[
     [Mapping[str, FloatArray], FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]
 ]
@@ -212,7 +228,8 @@ class Effect:
     reference : str
         Source of the formula.
     setting, coenergy, force, circuit, readings : callable or None
-        The stages where it acts; see the module's table. ``circuit`` maps (resistance in ohm, voltage in V).
+        The stages where it acts; see the module's table. ``circuit`` maps (resistance in ohm, voltage in V) at a
+        current in A.
     mass : callable or None
         (mass in kg, p) -> mass in kg.
     memory : Memory or None
@@ -282,3 +299,46 @@ def like(value: FloatArray | float, points: FloatArray) -> FloatArray:
         In the shape of ``points``.
     """
     return np.broadcast_to(np.asarray(value, dtype=np.float64), points.shape)
+
+
+def with_channel(
+    values: Mapping[str, FloatArray], name: str, change: Callable[[FloatArray], FloatArray]
+) -> Mapping[str, FloatArray]:
+    """Readings with one channel changed, where it is among them.
+
+    Parameters
+    ----------
+    values : mapping of str to array
+        Readings by channel.
+    name : str
+        Of the channel.
+    change : callable
+        Reading -> changed reading.
+
+    Returns
+    -------
+    mapping of str to array
+        All channels.
+    """
+    return {**values, name: change(values[name])} if name in values else values
+
+
+def known_or(value: FloatArray | float, points: FloatArray, otherwise: FloatArray | float) -> FloatArray:
+    """A condition at every point, with something else where it was not recorded.
+
+    Parameters
+    ----------
+    value : array or float
+        NaN where unknown.
+    points : array, shape (n,)
+        Points.
+    otherwise : array or float
+        In place of NaN.
+
+    Returns
+    -------
+    array, shape (n,)
+        Without NaN.
+    """
+    recorded = like(value, points)
+    return np.where(np.isnan(recorded), otherwise, recorded)

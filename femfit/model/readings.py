@@ -67,5 +67,5 @@ def _voltage(resistance: float, current: FloatArray, at: Conditions, added: tupl
     ohms = like(resistance, current)
     for one in added:
         if one.effect.circuit is not None:
-            ohms, _ = one.effect.circuit(ohms, np.zeros_like(current), at, one.parameters)
+            ohms, _ = one.effect.circuit(ohms, np.zeros_like(current), current, at, one.parameters)
     return ohms * current

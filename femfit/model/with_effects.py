@@ -32,7 +32,12 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         np.linspace(box.distance_min_m, box.distance_max_m, 15), np.linspace(box.current_min_A, box.current_max_A, 15)
     )
     force, flux = base.magnetics.coenergy_derivatives(d, i, ((1, 0), (0, 1)))
-    sensor = base.sensor
+    sensor, swing, per_ampere = base.sensor, nan, nan
+    middle = [np.array(0.5 * (low + high)) for low, high in ((d.min(), d.max()), (i.min(), i.max()))]
+    if sensor is not None:
+        swing = float(np.abs(sensor.voltage(d, i) - sensor.quiescent_V).max())
+        per_ampere = float(sensor.field.derivatives(*middle)[2])
+    clamp = (base.circuit.voltage_min_V, base.circuit.voltage_max_V) if base.circuit else (nan,)
     return Nominal(
         distance_min_m=box.distance_min_m,
         distance_max_m=box.distance_max_m,
@@ -47,6 +52,10 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         hall_quiescent_V=sensor.quiescent_V if sensor else nan,
         hall_min_V=sensor.output_min_V if sensor else nan,
         hall_max_V=sensor.output_max_V if sensor else nan,
+        inductance_H=float(base.magnetics.inductance(*middle)),
+        hall_T_per_A=per_ampere,
+        hall_swing_V=swing,
+        voltage_V=max(abs(v) for v in clamp),
     )
 
 
@@ -175,7 +184,9 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     circuit, motion, sensor = base.circuit, base.motion, base.sensor
     for added in effects:
         if circuit and added.effect.circuit:
-            resistance = added.effect.circuit(np.array([circuit.resistance_ohm]), np.zeros(1), at, added.parameters)[0]
+            resistance = added.effect.circuit(
+                np.array([circuit.resistance_ohm]), np.zeros(1), np.zeros(1), at, added.parameters
+            )[0]
             circuit = replace(circuit, resistance_ohm=float(resistance[0]))
         if motion and added.effect.mass:
             motion = replace(motion, mass_kg=added.effect.mass(motion.mass_kg, added.parameters))

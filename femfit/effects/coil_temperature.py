@@ -1,0 +1,71 @@
+"""The winding's resistance grows with its temperature.
+
+References
+----------
+IEC 60028 (1925): copper, 0.00393 per kelvin at 20 degC.
+"""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import REFERENCE_TEMPERATURE_C, Conditions, Effect, EffectParameter, Parameters, like
+
+COPPER = 0.00393
+"""Relative change of resistance per kelvin at 20 degC, by which an unrecorded warming is counted (IEC 60028)."""
+
+
+def _circuit(
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, at: Conditions, p: Parameters
+) -> tuple[FloatArray, FloatArray]:
+    recorded = like(at.coil_temperature_C, current) - REFERENCE_TEMPERATURE_C
+    warming = -np.expm1(-like(at.time_s, current) / p["warming_time"])
+    unrecorded = COPPER * (p["warmer_K"] + p["warming_K"] * warming)
+    return resistance * (1.0 + np.where(np.isnan(recorded), unrecorded, p["coefficient_per_K"] * recorded)), voltage
+
+
+COIL_TEMPERATURE = Effect(
+    name="coil_temperature",
+    symptom="The voltage at a given current grows as the coil gets warm; force, flux linkage and Hall voltage do not.",
+    acts_on=("circuit",),
+    parameters=(
+        EffectParameter(
+            name="coefficient_per_K",
+            unit="1/K",
+            lower=-0.01,
+            upper=0.02,
+            sane=(2e-3, 6e-3),
+            description="Relative change of the resistance per kelvin of the recorded temperature over 20 degC.",
+        ),
+        EffectParameter(
+            name="warmer_K",
+            unit="K",
+            lower=-60.0,
+            upper=250.0,
+            sane=(-10.0, 100.0),
+            description="Where its temperature was not recorded: the coil's over 20 degC, by 0.393 % a kelvin.",
+        ),
+        EffectParameter(
+            name="warming_K",
+            unit="K",
+            lower=-60.0,
+            upper=250.0,
+            sane=(-10.0, 100.0),
+            description="Where its temperature was not recorded: final warming since the start of the run.",
+        ),
+        EffectParameter(
+            name="warming_time",
+            unit="",
+            lower=1.0,
+            upper=1e4,
+            sane=(20.0, 500.0),
+            description="Readings (or seconds) after which 63 % of the warming are over.",
+            null=100.0,
+            shape=True,
+        ),
+    ),
+    needs=("~current_A", "voltage_V"),
+    experiment="Read voltage and current of the coil cold, and again after ten minutes at its largest current.",
+    reference="IEC 60028 (1925)",
+    circuit=_circuit,
+)
+"""Resistance = (1 + coefficient (T - 20 degC)) of the model's."""

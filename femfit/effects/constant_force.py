@@ -1,0 +1,31 @@
+"""A force on the moving part that the model does not know: a cable's pull, a tilted guide, a fan."""
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, like
+
+
+def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
+    return like(p["pull"] * at.nominal.force_N, d)
+
+
+CONSTANT_FORCE = Effect(
+    name="constant_force",
+    symptom="The body is pulled by the same further force wherever it is and whatever the current.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            name="pull",
+            unit="",
+            lower=-1.0,
+            upper=1.0,
+            sane=(-0.05, 0.05),
+            description="Further force towards the electromagnet, as a part of the largest force.",
+            of="force_N",
+        ),
+    ),
+    needs=("force_N|time_s",),
+    experiment="Take the magnet out of the moving part, or turn the bench by 180 degrees, and read the force again.",
+    reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
+    force=_force,
+)
+"""Force = magnetic force + pull: on a bench as an offset of the sensor, in motion as a lighter or heavier body."""

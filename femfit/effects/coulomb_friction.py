@@ -1,0 +1,57 @@
+"""Dry friction in a guide: a force against the motion whatever its speed, larger where it starts to move.
+
+References
+----------
+B. Armstrong-Helouvry, P. Dupont and C. Canudas de Wit, Automatica 30 (1994) 1083 (Coulomb and Stribeck friction).
+"""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, like
+
+
+def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
+    v, weight = like(at.velocity_m_s, d), at.nominal.mass_kg * abs(at.nominal.gravity_m_s2)
+    level = p["level"] + p["breakaway"] * np.exp(-((v / (10.0 * p["creep_m_s"])) ** 2))
+    return np.asarray(weight * level * np.tanh(v / p["creep_m_s"]))
+
+
+COULOMB_FRICTION = Effect(
+    name="coulomb_friction",
+    symptom="The body sticks: it answers small changes late or not at all, and stops short.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            name="level",
+            unit="",
+            lower=-0.05,
+            upper=5.0,
+            sane=(0.0, 0.5),
+            description="Friction as a part of the body's weight.",
+        ),
+        EffectParameter(
+            name="breakaway",
+            unit="",
+            lower=-0.05,
+            upper=5.0,
+            sane=(0.0, 0.3),
+            description="Further friction at small speeds, as a part of the body's weight.",
+        ),
+        EffectParameter(
+            name="creep_m_s",
+            unit="m/s",
+            lower=1e-5,
+            upper=0.1,
+            sane=(3e-4, 3e-3),
+            description="Speed at which the friction has 76 % of its level.",
+            null=1e-3,
+            shape=True,
+        ),
+    ),
+    needs=("time_s", "distance_m|hall_V"),
+    experiment="Pull the body slowly along its guide in both directions with a force sensor, the coil open.",
+    reference="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083",
+    force=_force,
+)
+"""Force towards the electromagnet = level weight sign(v), rounded at small speeds."""

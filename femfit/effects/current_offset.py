@@ -1,0 +1,32 @@
+"""The ammeter does not read zero without a current."""
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+
+
+def _setting(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
+    return d, i + p["offset"] * at.nominal.current_scale
+
+
+CURRENT_OFFSET = Effect(
+    name="current_offset",
+    symptom="Every channel looks as if a constant current were added to the recorded one.",
+    acts_on=("bench",),
+    parameters=(
+        EffectParameter(
+            name="offset",
+            unit="",
+            lower=-1.0,
+            upper=1.0,
+            sane=(-0.05, 0.05),
+            description="True minus recorded current, as a part of the largest current.",
+            of="current_scale",
+        ),
+    ),
+    needs=("current_A", "force_N|flux_linkage_Wb|hall_V|voltage_V"),
+    experiment="Open the circuit and read the ammeter; or measure at both signs of the current.",
+    reference="JCGM 100:2008 (GUM), section 3.2.4",
+    setting=_setting,
+    calibrations=(Calibration("offset", 1e-3, 10.0, "Open the circuit and read the ammeter."),),
+)
+"""True current = recorded current + offset."""

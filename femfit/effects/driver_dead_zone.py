@@ -1,0 +1,54 @@
+"""The driver loses a constant voltage: below a threshold it gives nothing, or its switches' drop opposes the current.
+
+References
+----------
+N. Mohan, T. Undeland and W. Robbins, Power Electronics, 3rd ed. (Wiley, 2003), section 8.5 (blanking time).
+"""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+
+_ROUNDING = 1e-2
+"""Current, over the largest, within which the drop turns its sign."""
+
+
+def _circuit(
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, at: Conditions, p: Parameters
+) -> tuple[FloatArray, FloatArray]:
+    zone, drop = p["dead_zone"] * at.nominal.voltage_V, p["drop"] * at.nominal.voltage_V
+    applied = voltage - np.clip(voltage, -zone, zone)
+    return resistance, applied - drop * np.tanh(current / (_ROUNDING * at.nominal.current_scale))
+
+
+DRIVER_DEAD_ZONE = Effect(
+    name="driver_dead_zone",
+    symptom="The current is too small by the same amount at any commanded voltage, and none at a small one.",
+    acts_on=("circuit",),
+    parameters=(
+        EffectParameter(
+            name="dead_zone",
+            unit="",
+            lower=0.0,
+            upper=1.0,
+            sane=(0.0, 0.2),
+            description="Commanded voltage up to which nothing comes, as a part of the largest.",
+            of="voltage_V",
+        ),
+        EffectParameter(
+            name="drop",
+            unit="",
+            lower=0.0,
+            upper=1.0,
+            sane=(0.0, 0.3),
+            description="Voltage lost in the switches against the current, as a part of the largest.",
+            of="voltage_V",
+        ),
+    ),
+    needs=("time_s", "voltage_V", "current_A"),
+    experiment="Raise the commanded voltage slowly from zero, in both directions, and read the current.",
+    reference="Mohan, Undeland and Robbins, Power Electronics (2003), section 8.5",
+    circuit=_circuit,
+)
+"""Applied voltage = commanded voltage less a dead zone, less a drop against the current."""

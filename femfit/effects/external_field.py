@@ -1,0 +1,55 @@
+"""A uniform field from elsewhere: the earth's, a motor's, a magnetised table's.
+
+It adds to the field at the Hall element, and magnetises a soft core as a current would, which changes force and flux
+linkage as well: W'(d, i, h) -> W'(d, i + i_e, h) + h B_e, with i_e = share B_e / (field at the element per ampere).
+
+References
+----------
+R. M. Bozorth, Ferromagnetism (IEEE Press, 1993), chapter 19 (a body in a uniform field).
+"""
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.jet import CoenergyJet, Jet
+
+
+def _coenergy(
+    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
+) -> Jet:
+    result = base(d, i + p["core_share"] * p["field_T"] / at.nominal.hall_T_per_A, n_d, n_i)
+    coefficients = result.coefficients.copy()
+    coefficients[1, 0, 0] += p["field_T"]
+    return Jet(coefficients)
+
+
+EXTERNAL_FIELD = Effect(
+    name="external_field",
+    symptom="The Hall voltage is wrong by a constant, and force and flux linkage as if a small current were added.",
+    acts_on=("magnetics",),
+    parameters=(
+        EffectParameter(
+            name="field_T",
+            unit="T",
+            lower=-0.05,
+            upper=0.05,
+            sane=(-2e-3, 2e-3),
+            description="Uniform field along the axis.",
+        ),
+        EffectParameter(
+            name="core_share",
+            unit="",
+            lower=0.05,
+            upper=2.0,
+            sane=(0.05, 0.6),
+            description="Field at the Hall element that the core adds to it, over the field itself.",
+            null=0.25,
+            shape=True,
+        ),
+    ),
+    needs=("hall_V", "force_N|flux_linkage_Wb"),
+    experiment="Turn the whole bench by 180 degrees about a horizontal axis, the current off, and read the Hall "
+    "voltage in both positions.",
+    reference="Bozorth, Ferromagnetism (1993), chapter 19",
+    coenergy=_coenergy,
+)
+"""A uniform field at the Hall element, and the current that would magnetise the core as it does."""

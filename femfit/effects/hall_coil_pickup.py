@@ -1,0 +1,51 @@
+"""The coil's leads and their supply disturb the Hall reading: in step with the current, and with its rate.
+
+References
+----------
+H. W. Ott, Electromagnetic Compatibility Engineering (Wiley, 2009), chapters 2 (inductive coupling) and 3
+(common ground).
+"""
+
+from collections.abc import Mapping
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, with_channel
+
+
+def _readings(
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+) -> Mapping[str, FloatArray]:
+    part = i / at.nominal.current_scale
+    rate = at.current_rate_A_s / at.nominal.current_scale
+    return with_channel(values, "hall_V", lambda volts: volts + p["pickup_V"] * part + p["induced_V_s"] * rate)
+
+
+HALL_COIL_PICKUP = Effect(
+    name="hall_coil_pickup",
+    symptom="The Hall voltage has a further part in step with the current; force and flux linkage are right.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            name="pickup_V",
+            unit="V",
+            lower=-5.0,
+            upper=5.0,
+            sane=(-0.3, 0.3),
+            description="Further voltage at the largest current.",
+        ),
+        EffectParameter(
+            name="induced_V_s",
+            unit="V s",
+            lower=-0.1,
+            upper=0.1,
+            sane=(-1e-3, 1e-3),
+            description="Further voltage while the current changes by its largest value in a second.",
+        ),
+    ),
+    needs=("~current_A", "hall_V"),
+    experiment="Take the moving part away and read the Hall voltage at both signs of the current, with its leads laid "
+    "in two ways.",
+    reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 and 3",
+    readings=_readings,
+)
+"""Recorded voltage = expected voltage + pick-up in step with the current and its rate."""

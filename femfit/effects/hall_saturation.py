@@ -1,0 +1,76 @@
+"""The Hall element or its amplifier falls behind in large fields: a cubic onset, or a limit with a knee.
+
+References
+----------
+R. S. Popovic, Hall Effect Devices, 2nd ed. (IOP, 2004), section 4.5 (nonlinearity).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, with_channel
+
+_ROUNDING = 0.03
+"""Half width of the knee's corner over the largest swing: amplifiers do not clip at once."""
+
+
+def _beyond(excess: FloatArray) -> FloatArray:
+    """max(0, excess) with a rounded corner."""
+    return np.asarray(0.5 * (excess + np.sqrt(excess**2 + _ROUNDING**2)))
+
+
+def _readings(
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+) -> Mapping[str, FloatArray]:
+    quiescent, swing, knee = at.nominal.hall_quiescent_V, at.nominal.hall_swing_V, p["knee"]
+
+    def change(volts: FloatArray) -> FloatArray:
+        x = (volts - quiescent) / swing
+        # Odd in x and zero at zero
+        limited = _beyond(x - knee) - _beyond(-x - knee)
+        return volts - swing * (p["cubic_loss"] * x**3 + p["limited_loss"] * limited)
+
+    return with_channel(values, "hall_V", change)
+
+
+HALL_SATURATION = Effect(
+    name="hall_saturation",
+    symptom="The Hall voltage falls behind the model where it is far from its quiescent value.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            name="cubic_loss",
+            unit="",
+            lower=-0.05,
+            upper=0.33,
+            sane=(0.0, 0.2),
+            description="Lost part of the largest swing, growing with the cube of the field.",
+        ),
+        EffectParameter(
+            name="limited_loss",
+            unit="",
+            lower=0.0,
+            upper=1.0,
+            sane=(0.0, 1.0),
+            description="Lost part of the sensitivity beyond the knee; 1 is a hard limit.",
+        ),
+        EffectParameter(
+            name="knee",
+            unit="",
+            lower=0.1,
+            upper=1.2,
+            sane=(0.4, 1.0),
+            description="Where the limit begins, as a part of the model's largest swing.",
+            null=0.8,
+            shape=True,
+        ),
+    ),
+    needs=("hall_V",),
+    experiment="Bring the magnet as near as it goes, at the largest current of each sign, and compare the Hall voltage "
+    "with that of a second element of a lower sensitivity.",
+    reference="Popovic, Hall Effect Devices (2004), section 4.5",
+    readings=_readings,
+)
+"""Recorded swing = expected swing - cubic and limited losses."""

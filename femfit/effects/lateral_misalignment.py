@@ -1,0 +1,61 @@
+"""The moving magnet does not hang on the coil's axis.
+
+What the coil, or the Hall element's test coil, does to the magnet is harmonic in the magnet's place and symmetric about
+the axis, so at an offset e it is J_0(e d/dd) of its value on the axis: f - (e^2/4) f''. The attraction between magnet
+and core alone is second order in the magnetisation; its core-side image follows the magnet, so only a share of
+the same term applies: none for an infinite plate, about 0.4 for a core that is small against the distance.
+
+References
+----------
+J. D. Jackson, Classical Electrodynamics, 3rd ed. (Wiley, 1999), section 3.7 and problem 3.1 (expansion about an axis).
+"""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.jet import CoenergyJet, Jet
+
+
+def _coenergy(
+    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
+) -> Jet:
+    energy = base(d, i, n_d + 2, n_i)
+    magnet_alone = np.zeros_like(energy.coefficients)
+    magnet_alone[0, :, 0] = base(d, np.zeros_like(i), n_d + 2, 0).coefficients[0, :, 0]
+    linear = energy - (1.0 - p["image_share"]) * Jet(magnet_alone)
+    bent = linear.along_distance().along_distance()
+    return energy.truncated(n_d, n_i) - 0.25 * p["offset_squared_m2"] * bent
+
+
+LATERAL_MISALIGNMENT = Effect(
+    name="lateral_misalignment",
+    symptom="Near the electromagnet the magnet's share of every channel is too small, most where it bends most.",
+    acts_on=("magnetics",),
+    parameters=(
+        EffectParameter(
+            name="offset_squared_m2",
+            unit="m^2",
+            lower=0.0,
+            upper=4e-5,
+            sane=(0.0, 9e-6),
+            description="Square of the lateral offset of the magnet from the coil's axis.",
+        ),
+        EffectParameter(
+            name="image_share",
+            unit="",
+            lower=-0.2,
+            upper=1.0,
+            sane=(0.0, 0.8),
+            description="Share of the term that applies to the attraction between magnet and core.",
+            null=0.4,
+            shape=True,
+        ),
+    ),
+    needs=("~distance_m", "force_N|flux_linkage_Wb|hall_V"),
+    experiment="Move the magnet sideways in steps of half a millimetre at the smallest distance: on the axis the Hall "
+    "voltage has its extremum.",
+    reference="Jackson, Classical Electrodynamics (1999), section 3.7",
+    coenergy=_coenergy,
+)
+"""W' -> W' - (e^2/4) d^2W'/dd^2, the magnet's own attraction to the core in part."""

@@ -1,0 +1,61 @@
+"""The magnet has lost a part of its magnetisation for good: all over, or in the layer next to its face.
+
+A magnet of height t without its layer of thickness l is a magnet weaker by l/t, whose middle lies l/2 further away.
+
+References
+----------
+P. Campbell, Permanent Magnet Materials and their Application (Cambridge University Press, 1994), chapter 3.
+"""
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.magnet_temperature import remanence_scaled
+
+
+def _coenergy(
+    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
+) -> Jet:
+    lost = p["layer_m"] / p["magnet_height_m"]
+    return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), d + 0.5 * p["layer_m"], i, n_d, n_i)
+
+
+MAGNET_DEMAGNETISATION = Effect(
+    name="magnet_demagnetisation",
+    symptom="The magnet's share of force, flux linkage and Hall voltage is too small everywhere, at any temperature.",
+    acts_on=("magnetics",),
+    parameters=(
+        EffectParameter(
+            name="loss",
+            unit="",
+            lower=-0.1,
+            upper=0.8,
+            sane=(-0.03, 0.3),
+            description="Lost part of the remanence; negative for a magnet that is stronger than its grade.",
+        ),
+        EffectParameter(
+            name="layer_m",
+            unit="m",
+            lower=0.0,
+            upper=2e-3,
+            sane=(0.0, 1e-3),
+            description="Thickness of the demagnetised layer next to the face.",
+        ),
+        EffectParameter(
+            name="magnet_height_m",
+            unit="m",
+            lower=3e-3,
+            upper=0.05,
+            sane=(3e-3, 0.02),
+            description="Height of the whole magnet.",
+            null=5e-3,
+            shape=True,
+        ),
+    ),
+    needs=("force_N|flux_linkage_Wb|hall_V",),
+    experiment="Compare the magnet's field on its axis, out of the bench, with that of a fresh one; or measure at both "
+    "signs of the current, where the coil's own share is the same.",
+    reference="Campbell, Permanent Magnet Materials and their Application (1994), chapter 3",
+    coenergy=_coenergy,
+)
+"""Remanence lost all over, and in the layer next to the face."""

@@ -1,0 +1,30 @@
+"""The moving mass is not the model's."""
+
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
+
+
+def _mass(mass: float, p: Parameters) -> float:
+    return (1.0 + p["mass_error"]) * mass
+
+
+MASS_ERROR = Effect(
+    name="mass_error",
+    symptom="The body hangs at another current and accelerates otherwise than the model's; bench readings are right.",
+    acts_on=("motion",),
+    parameters=(
+        EffectParameter(
+            name="mass_error",
+            unit="",
+            lower=-0.9,
+            upper=9.0,
+            sane=(-0.3, 0.3),
+            description="True over the model's mass, less one.",
+        ),
+    ),
+    needs=("time_s", "distance_m|hall_V"),
+    experiment="Weigh the moving part with everything that moves with it.",
+    reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
+    mass=_mass,
+    calibrations=(Calibration("mass_error", 1e-3, 5.0, "Weigh the moving part."),),
+)
+"""True mass = (1 + mass error) the model's."""

@@ -1,0 +1,73 @@
+"""The moving part conducts flux better than the model has it, so the inductance grows as it comes near.
+
+W' -> W' + (i^2 / 2) dL(d), with dL falling as a power of the distance: slowly for a wide part near the core, as (1/d)^6
+for a small part far away, whose moment grows with the coil's field there and is seen through the same field. The field
+at the Hall element changes by the same path: i -> i + share h (dB/di) / L.
+
+References
+----------
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1.
+"""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.jet import CoenergyJet, Jet, current_jet, distance_jet
+
+_POWERS = (1, 3, 6)
+
+
+def _coenergy(
+    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
+) -> Jet:
+    distance = distance_jet(d / at.nominal.distance_min_m, n_d, n_i).scaled(distance=1.0 / at.nominal.distance_min_m)
+    increase = 0.0 * distance
+    for power in _POWERS:
+        amplitude = p[f"increase_{power}"] * at.nominal.inductance_H
+        value = distance.value
+        falls = [amplitude * np.prod(-power - np.arange(k)) * value ** (-power - k) for k in range(n_d + 1)]
+        increase = increase + distance.compose(falls)
+    current = current_jet(i, n_d, n_i)
+    if np.isfinite(at.nominal.hall_T_per_A):
+        current.coefficients[1, 0, 0] = p["hall_share"] * at.nominal.hall_T_per_A / at.nominal.inductance_H
+    return base(d, i, n_d, n_i) + 0.5 * (current * current * increase)
+
+
+POSITION_DEPENDENT_INDUCTANCE = Effect(
+    name="position_dependent_inductance",
+    symptom="At small distances flux linkage and force have a further part: one in step with the current, the other "
+    "with its square.",
+    acts_on=("magnetics",),
+    parameters=(
+        *(
+            EffectParameter(
+                name=f"increase_{power}",
+                unit="",
+                lower=-0.5,
+                upper=5.0,
+                sane=(-0.05, 0.5),
+                description="Increase of the inductance at the smallest distance, as a part of the model's, falling "
+                f"with the power {power} of the distance.",
+                of="inductance_H",
+            )
+            for power in _POWERS
+        ),
+        EffectParameter(
+            name="hall_share",
+            unit="",
+            lower=-5.0,
+            upper=20.0,
+            sane=(-1.0, 3.0),
+            description="Change of the coil's field at the Hall element over that of its flux, both relative.",
+            null=1.0,
+            shape=True,
+        ),
+    ),
+    needs=("~distance_m", "~current_A", "force_N|flux_linkage_Wb"),
+    experiment="Measure the inductance with a small alternating current at several distances, or the force at both "
+    "signs of the current: the further part is even in it.",
+    reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
+    coenergy=_coenergy,
+)
+"""W' -> W' + (i^2 / 2) dL(d)."""

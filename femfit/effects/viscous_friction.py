@@ -1,0 +1,30 @@
+"""A force against the motion, in proportion to its velocity: air, grease, eddy currents in fixed conductors."""
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, like
+
+
+def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
+    return p["damping_per_s"] * at.nominal.mass_kg * like(at.velocity_m_s, d)
+
+
+VISCOUS_FRICTION = Effect(
+    name="viscous_friction",
+    symptom="Oscillations die out faster than the model's.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            name="damping_per_s",
+            unit="1/s",
+            lower=-10.0,
+            upper=1e4,
+            sane=(0.0, 50.0),
+            description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
+        ),
+    ),
+    needs=("time_s", "distance_m|hall_V"),
+    experiment="Let the body swing on a spring, the coil open, and record how its amplitude falls.",
+    reference="H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.5",
+    force=_force,
+)
+"""Force towards the electromagnet = damping m v, where v > 0 is falling away."""

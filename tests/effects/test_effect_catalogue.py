@@ -1,0 +1,193 @@
+"""Every effect that a diagnosis should know is in the catalogue, and every one keeps the contract."""
+
+import importlib
+import sys
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import femfit.effects
+from femfit.core.errors import ModelFileError
+from femfit.effects import catalogue
+from femfit.effects.base_amplitudes import BASE_AMPLITUDES
+from femfit.effects.catalogue import BUILT_IN, all_effects, effect_by_name
+from femfit.effects.effect import AddedEffect, Conditions, Effect
+from femfit.effects.hall_offset import HALL_OFFSET
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of, with_effects
+
+DEMANDED = (
+    "core_saturation",
+    "hysteresis",
+    "magnet_temperature",
+    "magnet_demagnetisation",
+    "coil_temperature",
+    "position_dependent_inductance",
+    "motional_emf",
+    "lateral_misalignment",
+    "end_stop_contact",
+    "constant_force",
+    "viscous_friction",
+    "coulomb_friction",
+    "mass_error",
+    "distance_offset",
+    "distance_scale",
+    "force_gain",
+    "force_offset",
+    "current_gain",
+    "current_offset",
+    "hall_offset",
+    "hall_drift",
+    "hall_temperature",
+    "hall_saturation",
+    "hall_coil_pickup",
+    "external_field",
+    "driver_dead_zone",
+    "driver_gain",
+    "flux_integrator_drift",
+)
+
+STAGES = {"bench", "magnetics", "force", "circuit", "motion", "sensor"}
+
+
+@pytest.fixture(scope="module")
+def points(levitation_model):
+    box = levitation_model.validity
+    # Off the knots of the base's spline, where its fourth derivative jumps
+    d = np.linspace(1.03 * box.distance_min_m, 0.97 * box.distance_max_m, 7)
+    i = np.linspace(box.current_min_A, box.current_max_A, 7)
+    return [x.ravel() for x in np.meshgrid(d, i)]
+
+
+@pytest.fixture(scope="module")
+def at(levitation_model, points):
+    t = np.arange(len(points[0]), dtype=float)
+    return Conditions(
+        nominal_of(levitation_model),
+        branch=np.where(t % 2, 1.0, -1.0),
+        coil_temperature_C=20.0 + 0.5 * t,
+        magnet_temperature_C=20.0 + 0.2 * t,
+        time_s=t,
+        elapsed=t + 10.0,
+        velocity_m_s=0.1 * np.cos(t),
+        current_rate_A_s=3.0 * np.sin(t),
+        motional_V=0.05 * np.cos(t),
+        current_turn_A=(0.0, 1.4),
+    )
+
+
+def usual(effect: Effect) -> AddedEffect:
+    """The effect with every amplitude in its usual range, off its null."""
+    values = {p.name: p.null + 0.3 * (max(p.sane, key=abs) - p.null) for p in effect.amplitudes}
+    return AddedEffect(effect, effect.null() | values)
+
+
+def test_the_catalogue_holds_every_effect_asked_for():
+    assert {effect.name for effect in BUILT_IN} >= set(DEMANDED)
+
+
+def test_every_file_of_the_room_is_listed():
+    folder = Path(femfit.effects.__file__).parent
+    found = {
+        value.name
+        for file in folder.glob("*.py")
+        for value in vars(importlib.import_module(f"femfit.effects.{file.stem}")).values()
+        if isinstance(value, Effect)
+    }
+    listed = {effect.name for effect in BUILT_IN}
+    assert found == listed
+    assert not listed & {effect.name for effect in BASE_AMPLITUDES}
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)
+def test_an_effect_says_what_users_need(effect):
+    assert set(effect.acts_on) <= STAGES
+    assert effect.amplitudes
+    assert len({p.name for p in effect.parameters}) == len(effect.parameters)
+    for p in effect.parameters:
+        assert p.lower <= p.sane[0] < p.sane[1] <= p.upper
+        assert p.lower <= p.null <= p.upper
+        assert p.null == 0.0 or p.shape
+        assert p.description.endswith(".")
+    assert effect.symptom.endswith(".")
+    assert effect.experiment.endswith(".")
+    assert effect.reference
+    assert {c.parameter for c in effect.calibrations} <= {p.name for p in effect.parameters}
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)
+def test_an_effect_at_its_null_changes_nothing(effect, levitation_model, points, at):
+    d, i = points
+    plain = predict_readings(levitation_model, d, i, at)
+    shapes = [{p.name: value} for p in effect.parameters if p.shape for value in (p.null, *p.sane)]
+    for shape in shapes or [{}]:
+        read = predict_readings(levitation_model, d, i, at, [AddedEffect(effect, effect.null() | shape)])
+        for channel, values in plain.items():
+            np.testing.assert_allclose(read[channel], values, rtol=1e-13)
+
+
+@pytest.mark.parametrize("effect", [e for e in BUILT_IN if e.coenergy], ids=lambda e: e.name)
+def test_force_and_flux_linkage_stay_reciprocal(effect, levitation_model, points, at):
+    if effect.memory:  # a state that is held: the change along a branch is no derivative of the co-energy
+        at = replace(at, memory=effect.memory.rest(*points, at, effect.null()))
+    d, i = points
+    added, h_i, h_d = [usual(effect)], 1e-5, 1e-7
+    # Central differences of 1e-5 A and 0.1 um of what has 15 digits
+    force = [predict_readings(levitation_model, d, i + s * h_i, at, added)["force_N"] for s in (1, -1)]
+    flux = [predict_readings(levitation_model, d + s * h_d, i, at, added)["flux_linkage_Wb"] for s in (1, -1)]
+    in_current, in_distance = (force[0] - force[1]) / (2 * h_i), (flux[0] - flux[1]) / (2 * h_d)
+    np.testing.assert_allclose(in_current, -in_distance, atol=2e-6 * np.abs(in_current).max())
+
+
+@pytest.mark.parametrize("effect", [e for e in BUILT_IN if e.coenergy], ids=lambda e: e.name)
+def test_an_effect_in_the_coenergy_changes_higher_derivatives_alike(effect, levitation_model, points):
+    d, i = points
+    magnetics, h_i, h_d = with_effects(levitation_model, [usual(effect)]).magnetics, 1e-5, 1e-7
+    iii, dii, ddi = magnetics.coenergy_derivatives(d, i, ((0, 3), (1, 2), (2, 1)))
+    up, down = (magnetics.coenergy_derivatives(d, i + s * h_i, ((0, 2),))[0] for s in (1, -1))
+    np.testing.assert_allclose(iii, (up - down) / (2 * h_i), atol=1e-4 * np.abs(iii).max() + 1e-8)
+    up, down = (magnetics.coenergy_derivatives(d + s * h_d, i, ((0, 2), (1, 1))) for s in (1, -1))
+    np.testing.assert_allclose(dii, (up[0] - down[0]) / (2 * h_d), atol=1e-4 * np.abs(dii).max() + 1e-8)
+    np.testing.assert_allclose(ddi, (up[1] - down[1]) / (2 * h_d), atol=1e-4 * np.abs(ddi).max())
+
+
+@pytest.fixture
+def third_party(monkeypatch):
+    """Another package with an effect of its own, and one that pretends to be femfit's."""
+    module = ModuleType("third_party_effects")
+    module.THEIRS, module.IMPOSTOR = replace(HALL_OFFSET, name="theirs"), replace(HALL_OFFSET, symptom="An impostor's.")
+    monkeypatch.setitem(sys.modules, "third_party_effects", module)
+
+    def install(**entries):
+        points = [EntryPoint(name, value, catalogue.GROUP) for name, value in entries.items()]
+
+        def entry_points(group, name=None):
+            return [p for p in points if p.group == group and name in {None, p.name}]
+
+        monkeypatch.setattr(catalogue, "entry_points", entry_points)
+        return module
+
+    return install
+
+
+def test_an_effect_of_another_package_is_found_by_its_name(third_party):
+    module = third_party(theirs="third_party_effects:THEIRS")
+    assert effect_by_name("theirs") is module.THEIRS
+    assert all_effects()["theirs"] is module.THEIRS
+
+
+def test_a_name_of_femfits_own_effects_cannot_be_taken(third_party):
+    third_party(hall_offset="third_party_effects:IMPOSTOR")
+    assert effect_by_name("hall_offset") is HALL_OFFSET
+    assert all_effects()["hall_offset"] is HALL_OFFSET
+
+
+@pytest.mark.parametrize("value", ["absent_package:X", "third_party_effects:ABSENT", "third_party_effects:IMPOSTOR"])
+def test_a_package_whose_effect_is_broken_is_named(third_party, value):
+    third_party(broken=value)
+    with pytest.raises(ModelFileError, match="broken"):
+        effect_by_name("broken")
