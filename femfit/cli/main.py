@@ -22,6 +22,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
         "femfit.cli.diagnose:diagnose",
         "Name the physical effect that measurements show and the model lacks.",
     ),
+    ("add", "femfit.cli.add:add", "Refit a model with an effect, judged on runs that were not fitted."),
     ("suggest", "femfit.cli.suggest:suggest", "The next measurement that separates what is still confounded."),
     ("integrate", "femfit.cli.integrate:integrate", "Drift-free flux or field from a coil's voltage."),
 )

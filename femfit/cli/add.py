@@ -1,0 +1,62 @@
+"""``femfit add``: refit a model with an effect, judged on runs left out."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+
+def add(
+    model: Path,
+    effect: str,
+    data: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    others: Annotated[tuple[str, ...], Parameter(name="--with", negative=())] = (),
+    base: Literal["auto", "always", "never"] = "auto",
+    coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
+    magnet_temperature_C: Annotated[float | None, Parameter(name="--magnet-temperature-C")] = None,
+    json: Path | None = None,
+) -> None:
+    """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.
+
+    Parameters
+    ----------
+    model : Path
+        Model file. Effects that it has already are refitted where the data can show them.
+    effect : str
+        Name in the catalogue, as femfit diagnose gives it.
+    data : Path
+        Bench table, CSV or Parquet, with its sidecar .toml beside it where noise is declared.
+    output : Path
+        New model file, which simulates, filters and exports like any other.
+    others : tuple of str
+        A further effect; repeat for more, in the order of adding.
+    base : str
+        Whether the base's own amplitudes (magnet strength, turns, resistance, known to 2 %) are fitted beside the
+        effect: where that helps on runs left out, always or never.
+    coil_temperature_C : float
+        Of the winding, at which the new model runs; default: the mean that was recorded.
+    magnet_temperature_C : float
+        Of the magnet, likewise.
+    json : Path
+        File for the result as JSON.
+    """
+    from dataclasses import replace
+
+    from femfit.cli.output import status, write_json
+    from femfit.core.measurement_file import read_bench_table
+    from femfit.diagnose.add import AddOptions, add_effects
+    from femfit.diagnose.add_text import add_lines
+    from femfit.model.json_file import read_model, write_model
+
+    options = AddOptions(base, coil_temperature_C, magnet_temperature_C)
+    with status("Reading") as say:
+        result = add_effects(read_model(model), read_bench_table(data), (effect, *others), options, say)
+    record = result.to_dict() | {"data": data.name}
+    provenance = dict(result.model.provenance)
+    provenance["added"] = [*provenance.get("added", []), record]
+    output.parent.mkdir(parents=True, exist_ok=True)
+    write_model(replace(result.model, provenance=provenance), output)
+    write_json(json, record)
+    print("\n".join([*add_lines(result), f"written: {output}"]))

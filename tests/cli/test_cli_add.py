@@ -1,0 +1,62 @@
+"""``femfit add`` as users type it."""
+
+import json
+
+import pytest
+
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.model.json_file import read_model, write_model
+from support.campaign import NOISE, campaign
+from support.command import femfit
+
+
+@pytest.fixture(scope="module")
+def files(levitation_model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("add")
+    write_model(levitation_model, folder / "model.json")
+    hidden = [
+        AddedEffect(effect_by_name(name), effect_by_name(name).null() | values)
+        for name, values in (("hall_offset", {"offset_V": 0.02}), ("distance_offset", {"offset_m": 2e-4}))
+    ]
+    campaign(levitation_model, 51, hidden, distances=6, currents=5, runs=4).rows.to_csv(folder / "bench.csv")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def added(files):
+    return femfit(
+        "add", files / "model.json", "hall_offset", files / "bench.csv", "-o", files / "new" / "model2.json",
+        "--with", "distance_offset", "--json", files / "add.json",
+    )  # fmt: skip
+
+
+def test_the_table_on_runs_left_out_is_printed_and_written(added, files):
+    assert added.returncode == 0, added.stderr
+    assert added.stderr == ""
+    assert "rms error on runs left out (4 runs" in added.stdout
+    data = json.loads((files / "add.json").read_text())
+    assert [one["name"] for one in data["added"]] == ["hall_offset", "distance_offset"]
+    # 240 readings a channel: 5 % of the rms, as much of the floor
+    assert data["unseen_after"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.2)
+    assert data["unseen_ratio"] < 1.1
+
+
+def test_the_new_model_remembers_its_measurement_and_simulates_and_exports(added, files):
+    new = files / "new" / "model2.json"
+    model = read_model(new)
+    assert [one.effect.name for one in model.effects] == ["hall_offset", "distance_offset"]
+    assert model.provenance["added"][0]["data"] == "bench.csv"
+    assert femfit("simulate", new, "--controller", "pid", "--filter", "ukf", "--seconds", 0.1).returncode == 0
+    assert femfit("export", new, "--to", "estimator", "-o", files / "package").returncode == 0
+
+
+def test_an_unknown_effect_is_refused_with_those_that_there_are(files):
+    done = femfit("add", files / "model.json", "gremlins", files / "bench.csv", "-o", files / "x.json")
+    assert done.returncode == 1
+    assert "core_saturation" in done.stderr
+    assert not (files / "x.json").exists()
+
+
+def test_an_output_must_be_given(files):
+    assert femfit("add", files / "model.json", "hall_offset", files / "bench.csv").returncode == 2
