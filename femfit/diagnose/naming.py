@@ -7,7 +7,7 @@ known effect for every unknown one.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -208,11 +208,11 @@ def decide(evidence: Evidence, levels: Levels) -> Decision:
     rest = evidence.rest
     before, excess = evidence.patterns.test(rest), evidence.patterns.excess(rest)
     scores, best = _scored(evidence, rest)
+    # What the gate cannot see of an effect between its patterns counts as well
+    excess = max(excess, max((s.chi2_fall - s.degrees_of_freedom for s in scores), default=0.0))
     smallest = min((s.p_value for s in scores), default=1.0) * max(len(best), 1)
     if min(before.p_value, smallest) > 0.5 * levels.gate or excess < _KNOWN_MISFIT * evidence.known_misfit:
         return Decision("nothing_missing", None, (), before, excess, scores, ())
-    # What the gate cannot see of an effect between its patterns counts as well
-    excess = max(excess, max((s.chi2_fall - s.degrees_of_freedom for s in scores), default=0.0))
     singles = _refitted(evidence, [[item] for item in best[: levels.refitted]])
     chosen = _first_passing(singles, levels, excess)
     if chosen is not None:
@@ -238,24 +238,51 @@ Scored = tuple[EffectColumns, FloatArray, FloatArray, float]
 
 
 def _scored(evidence: Evidence, rest: FloatArray) -> tuple[tuple[ScoredEffect, ...], list[Scored]]:
-    """Score every effect to first order; per effect the best combination of shape constants, best effect first."""
+    """Score every effect to first order; per effect its best shapes and shape constants, best effect first."""
     best: dict[str, Scored] = {}
     tries: dict[str, int] = {}
+    price = _price(rest)
     for one, white in evidence.columns:
-        amplitude, fall = bounded_amplitudes(rest, white, one.bounds)
+        found = _best_shapes(one, white, rest, price)
         name = one.effect.name
-        tries[name] = tries.get(name, 0) + 1
-        if name not in best or fall > best[name][3]:
-            best[name] = (one, white, amplitude, fall)
+        tries[name] = tries.get(name, 0) + len(one.amplitudes)
+        if name not in best or _worth(found, price) > _worth(best[name], price):
+            best[name] = found
     scores = []
     for name, (one, _, _, fall) in best.items():
         degrees = len(one.amplitudes)
         p_value = min(1.0, tries[name] * float(stats.chi2.sf(fall, degrees)))
         scores.append(ScoredEffect(name, p_value, fall, degrees))
-    scores.sort(key=lambda s: s.chi2_fall - 2.0 * s.degrees_of_freedom, reverse=True)
+    scores.sort(key=lambda s: s.chi2_fall - price * s.degrees_of_freedom, reverse=True)
     listed = [best[s.name] for s in scores]
     absent = [ScoredEffect(name, 1.0, 0.0, 0, note=why) for name, why in evidence.untestable.items()]
     return (*scores, *absent), listed
+
+
+def _best_shapes(one: EffectColumns, white: FloatArray, rest: FloatArray, price: float) -> Scored:
+    """The shapes of an effect's family that pay for their parameter: the best alone, then what it lacks."""
+    chosen: list[int] = []
+    amplitude, fall = np.zeros(0), 0.0
+    while len(chosen) < len(one.amplitudes):
+        trials = []
+        for k in set(range(len(one.amplitudes))) - set(chosen):
+            picked = [*chosen, k]
+            trials.append((*bounded_amplitudes(rest, white[:, picked], one.bounds[:, picked]), picked))
+        more, lower, picked = max(trials, key=lambda trial: trial[1])
+        if chosen and lower - fall < price:
+            break
+        amplitude, fall, chosen = more, lower, picked
+    part = replace(one, amplitudes=tuple(one.amplitudes[k] for k in chosen), columns=one.columns[:, chosen])
+    return part, white[:, chosen], amplitude, fall
+
+
+def _price(rest: FloatArray) -> float:
+    """What a parameter must lower the sum of squares by: the logarithm of the number of readings (Schwarz, 1978)."""
+    return float(np.log(max(len(rest), 2)))
+
+
+def _worth(item: Scored, price: float) -> float:
+    return item[3] - price * len(item[0].amplitudes)
 
 
 def _refitted(evidence: Evidence, starts: Sequence[Sequence[Scored]]) -> list[Candidate]:
@@ -263,9 +290,8 @@ def _refitted(evidence: Evidence, starts: Sequence[Sequence[Scored]]) -> list[Ca
     result = []
     for start in starts:
         fit = refit(evidence.observations, evidence.whitening, [(one, amplitude) for one, _, amplitude, _ in start])
-        price = np.log(max(len(fit.rest), 2)) * fit.used + 2.0 * sum(
-            added.effect.parameters[-1].shape for added in fit.effects
-        )
+        constants = sum(p.shape for _, p in fit.free)
+        price = _price(fit.rest) * (fit.used - 0.5 * constants)
         fitted = fit.jacobian[:, ~fit.active]
         result.append(
             Candidate(

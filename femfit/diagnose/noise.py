@@ -22,10 +22,10 @@ from femfit.diagnose.patterns import drift_patterns, smooth_patterns
 from femfit.diagnose.repeats import pure_error, repeat_cells
 from femfit.diagnose.whitening import Chains, NoiseModel, Whitening, chains_of, orthonormal_basis, random_columns
 
-_PRIOR_MOUNT_M, _PRIOR_MOUNT_DOF = 20e-6, 2.0
+_PRIOR_MOUNT_M, _PRIOR_MOUNT_DOF = 20e-6, 6.0
 """A body put back by hand against a stop comes back to about this; counts like so many mounts."""
 
-_PRIOR_RUN, _PRIOR_RUN_DOF = 0.1, 1.0
+_PRIOR_RUN, _PRIOR_RUN_DOF = 0.1, 4.0
 """A run's offset over the channel's sigma, and the same."""
 
 _LEAST_REPEATS = 12
