@@ -22,7 +22,8 @@ from femfit.core.arrays import FloatArray
 from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
-_EXPONENTS = (4, 10, 32)
+_EXPONENTS = (3, 6, 32)
+"""A soft onset (Rayleigh), a round knee, a sharp one."""
 _ITERATIONS = 60
 
 
@@ -64,12 +65,12 @@ def _envelope(x: FloatArray, amplitudes: dict[int, float], own: float, order: in
 
 
 def _power_sum(y: FloatArray, amplitudes: dict[int, float], derivative: int) -> FloatArray:
-    """A derivative of sum_n c_n y^n / n; the powers are even."""
-    total = np.zeros_like(y)
+    """A derivative of sum_n c_n |y|^n / n."""
+    total, size = np.zeros_like(y), np.abs(y)
     for n, amplitude in amplitudes.items():
         factor = np.prod(n - np.arange(derivative, dtype=np.float64)) / n
-        total += amplitude * factor * y ** max(n - derivative, 0)
-    return total
+        total += amplitude * factor * size ** max(n - derivative, 0)
+    return total * np.sign(y) if derivative % 2 else total
 
 
 def _kept(x: FloatArray, amplitudes: dict[int, float], own: float) -> FloatArray:
@@ -103,7 +104,7 @@ CORE_SATURATION = Effect(
                 description="Part of the largest ampere turns that the core takes at the largest flux, growing with "
                 f"its power {n - 1}.",
             )
-            for n, usual, upper in zip(_EXPONENTS, (0.5, 1.0, 3.0), (5.0, 20.0, 100.0), strict=True)
+            for n, usual, upper in zip(_EXPONENTS, (0.3, 1.0, 10.0), (10.0, 100.0, 1000.0), strict=True)
         ),
         EffectParameter(
             name="magnet_share",

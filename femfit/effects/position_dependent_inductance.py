@@ -2,7 +2,8 @@
 
 W' -> W' + (i^2 / 2) dL(d), with dL falling as a power of the distance: slowly for a wide part near the core, as (1/d)^6
 for a small part far away, whose moment grows with the coil's field there and is seen through the same field. The field
-at the Hall element changes by the same path: i -> i + share h (dB/di) / L.
+at the Hall element changes by the same path: i -> i + share h (dB/di) / L, relatively 20 to 40 times as much as the
+flux of a coil whose own flux hardly reaches the moving part.
 
 References
 ----------
@@ -56,11 +57,11 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
         EffectParameter(
             name="hall_share",
             unit="",
-            lower=-5.0,
-            upper=20.0,
-            sane=(-1.0, 3.0),
+            lower=-10.0,
+            upper=200.0,
+            sane=(0.0, 40.0),
             description="Change of the coil's field at the Hall element over that of its flux, both relative.",
-            null=1.0,
+            null=20.0,
             shape=True,
         ),
     ),

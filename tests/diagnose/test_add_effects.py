@@ -23,7 +23,7 @@ def effect(name, **values):
     return AddedEffect(found, found.null() | values)
 
 
-SATURATION = effect("core_saturation", mmf_loss_4=0.02)
+SATURATION = effect("core_saturation", mmf_loss_3=0.02)
 HALL = effect("hall_offset", offset_V=0.02)
 STRONG_MAGNET = effect("base_magnet_strength", remanence_error=0.02)
 

@@ -15,7 +15,7 @@ from support.campaign import NOISE, campaign
 
 QUICK = DiagnosisOptions(bootstrap=0)
 SATURATION = AddedEffect(
-    effect_by_name("core_saturation"), effect_by_name("core_saturation").null() | {"mmf_loss_4": 0.02}
+    effect_by_name("core_saturation"), effect_by_name("core_saturation").null() | {"mmf_loss_3": 0.02}
 )
 HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
 
@@ -113,7 +113,7 @@ def test_what_the_data_could_show_scales_with_the_noise(levitation_model):
         )
         for f in (1.0, 4.0)
     )
-    ratio = loud.detectable["core_saturation"]["mmf_loss_4"] / quiet.detectable["core_saturation"]["mmf_loss_4"]
+    ratio = loud.detectable["core_saturation"]["mmf_loss_3"] / quiet.detectable["core_saturation"]["mmf_loss_3"]
     assert ratio == pytest.approx(4.0, rel=0.25)  # up to what re-mounts take, and the noise estimate's own error
 
 

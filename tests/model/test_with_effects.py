@@ -11,7 +11,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.to_json import model_to_dict
 from femfit.model.with_effects import base_jet, nominal_of, with_effects
 
-SATURATION = AddedEffect(CORE_SATURATION, CORE_SATURATION.null() | {"mmf_loss_4": 0.1, "mmf_loss_10": 0.02})
+SATURATION = AddedEffect(CORE_SATURATION, CORE_SATURATION.null() | {"mmf_loss_3": 0.1, "mmf_loss_6": 0.02})
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +44,12 @@ def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, poi
     # dW'/dh of -c g(lambda) is -c g'(lambda) dB/di, by reciprocity of the winding and the test coil; small c: G is g
     d, i = points
     shares = {"magnet_share": 1.0, "hall_share": 1.0}
-    added = AddedEffect(CORE_SATURATION, CORE_SATURATION.null() | shares | {"mmf_loss_4": 1e-4})
+    added = AddedEffect(CORE_SATURATION, CORE_SATURATION.null() | shares | {"mmf_loss_3": 1e-4})
     nominal, base = nominal_of(levitation_model), levitation_model
     expected = (
         -1e-4
         * nominal.current_scale
-        * (base.magnetics.flux_linkage(d, i) / nominal.flux_linkage_Wb) ** 3
+        * (base.magnetics.flux_linkage(d, i) / nominal.flux_linkage_Wb) ** 2
         * base.sensor.field.derivatives(d, i)[2]
     )
     change = with_effects(levitation_model, [added]).sensor.field.field(d, i) - base.sensor.field.field(d, i)
