@@ -78,3 +78,20 @@ def _stepped(axis: RangeEntry, path: str, problems: list[str]) -> tuple[float, .
         )
         return ()
     return tuple(float(start + k * step) for k in range(count + 1))
+
+
+def decimal_sum(offset: float, factor: float, value: float) -> float:
+    """The double nearest to offset + factor * value, all three taken with the digits that print them.
+
+    Parameters
+    ----------
+    offset, factor, value : float
+        Finite.
+
+    Returns
+    -------
+    float
+        0.1, 3 and 0.2 give 0.7.
+    """
+    first, second, third = (Decimal(repr(float(number))) for number in (offset, factor, value))
+    return float(first + second * third)

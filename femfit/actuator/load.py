@@ -1,6 +1,5 @@
 """Read an actuator file: every problem at once, or the actuator in SI units."""
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,9 @@ from femfit.actuator.checks import (
 from femfit.actuator.complaints import AnyEntry, read_part, read_table
 from femfit.actuator.decimals import axis_values, scaled
 from femfit.actuator.drawing import Drawing, read_drawing
+from femfit.actuator.parameter_table import read_design
 from femfit.actuator.parts import AIR, Actuator, Coil, HallElement, MovingPart, Region, Supply, SweepAxes
 from femfit.actuator.schema import (
-    SCHEMA_VERSION,
     CoilEntry,
     CurrentAxis,
     DistanceAxis,
@@ -33,6 +32,7 @@ from femfit.actuator.schema import (
     SupplyEntry,
     SweepEntry,
 )
+from femfit.actuator.toml_text import parse, read_text
 from femfit.actuator.winding import smallest_winding_area, wire_resistance
 from femfit.core.errors import ActuatorFileError
 
@@ -59,15 +59,7 @@ def read_actuator(path: Path) -> Actuator:
         If the file cannot be read or has any problem; the error lists all of them.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise ActuatorFileError(str(path), ["does not exist. Give the path of an actuator .toml file."]) from error
-    except OSError as error:
-        raise ActuatorFileError(str(path), [f"cannot be read: {error.strerror}."]) from error
-    except UnicodeDecodeError as error:
-        raise ActuatorFileError(str(path), [f"must be UTF-8 text; byte {error.start} is not. Save it so."]) from error
-    return actuator_from_toml(text, str(path), path.parent)
+    return actuator_from_toml(read_text(path), str(path), path.parent)
 
 
 def actuator_from_toml(text: str, source: str = "actuator file", directory: Path | None = None) -> Actuator:
@@ -92,8 +84,35 @@ def actuator_from_toml(text: str, source: str = "actuator file", directory: Path
     ActuatorFileError
         If there is any problem; the error lists all of them.
     """
-    data = _parse(text, source)
+    return actuator_from_tables(parse(text, source), source, directory)
+
+
+def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | None = None) -> Actuator:
+    """Build an actuator from a file's tables.
+
+    Parameters
+    ----------
+    data : dict
+        As read from TOML.
+    source : str
+        Name for messages.
+    directory : Path, optional
+        That the names of further files are relative to; the working directory otherwise.
+
+    Returns
+    -------
+    Actuator
+        In SI units, checked; as the file draws it, whatever its ``[sweep.parameters]`` change.
+
+    Raises
+    ------
+    ActuatorFileError
+        If there is any problem; the error lists all of them.
+    """
     problems: list[str] = []
+    design = read_design(data, problems)
+    if design is not None:
+        data = {**data, "sweep": design.axes(data)}
     header = read_table(FileEntry, data, "", problems)
     _section(ElectromagnetEntry, data, "electromagnet", problems)
     body = _section(MovingEntry, data, "moving", problems)
@@ -119,22 +138,6 @@ def actuator_from_toml(text: str, source: str = "actuator file", directory: Path
         hall=_hall(hall),
         reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),
     )
-
-
-def _parse(text: str, source: str) -> dict[str, Any]:
-    try:
-        data = tomllib.loads(text)
-    except RecursionError as error:
-        raise ActuatorFileError(source, ["must be TOML; its brackets are nested too deeply."]) from error
-    except ValueError as error:  # TOMLDecodeError, or a number with too many digits
-        raise ActuatorFileError(source, [f"must be TOML; {error}. Correct that place first."]) from error
-    version = data.get("schema")
-    if isinstance(version, int) and version > SCHEMA_VERSION:
-        raise ActuatorFileError(
-            source,
-            [f"schema is {version}; this femfit reads up to schema {SCHEMA_VERSION}. Update femfit, or write it so."],
-        )
-    return data
 
 
 def _section(entry: type[AnyEntry], data: dict[str, Any], key: str, problems: list[str]) -> AnyEntry | None:

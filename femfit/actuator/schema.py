@@ -185,8 +185,59 @@ class DistanceAxis(Entry):
     distance_mm: Axis = Field(description="Give ascending distances > 0 as a list or as { start, stop, step }.")
 
 
-class SweepEntry(CurrentAxis, DistanceAxis):
+class DesignEntry(Entry):
+    """How a sweep's parameters are combined."""
+
+    parameters: dict[str, Any] = Field(
+        {}, description="Give what else is swept as a table [sweep.parameters], or leave it out."
+    )
+    design: Literal["grid", "list", "latin_hypercube"] = Field(
+        "grid", description="Give how parameters are combined: every combination, line by line, or drawn at random."
+    )
+    samples: int | None = Field(
+        None, ge=2, le=MAX_AXIS_POINTS, description="Give the number of samples of a latin_hypercube."
+    )
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="Give the seed of a latin_hypercube.")
+
+
+class SweepEntry(CurrentAxis, DistanceAxis, DesignEntry):
     """``[sweep]``."""
+
+
+ParameterValue = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+
+class KeyEntry(Entry):
+    """``{ key = ..., factor = ..., offset = ... }``: a number of the file that follows a parameter."""
+
+    key: str = Field(description="Give a key path of this file in quotes.")
+    factor: ParameterValue = Field(1.0, description="Give what the parameter is multiplied by, -1 to mirror it.")
+    offset: ParameterValue = Field(0.0, description="Give what is added then, in the file's unit.")
+
+
+class NamedParameterEntry(Entry):
+    """``[sweep.parameters.NAME]``: a name of one's own for one or more numbers of the file."""
+
+    keys: Annotated[list[Any], Field(min_length=1, max_length=100)] = Field(
+        description="Give the key paths that follow the parameter as a list."
+    )
+    values: Any = Field(description="Give a list, { start, stop, step }, or { min, max } for a latin_hypercube.")
+
+
+class ValuesEntry(Entry):
+    """A list of values."""
+
+    values: Annotated[list[ParameterValue], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = Field(
+        description="Give at least one number."
+    )
+
+
+class SampledEntry(Entry):
+    """``{ min = ..., max = ..., step = ... }``: a range that a latin_hypercube draws from."""
+
+    min: ParameterValue = Field(description="Give the lowest value.")
+    max: ParameterValue = Field(description="Give the highest value, above min.")
+    step: float | None = Field(None, gt=0, description="Give a step for values like whole turns, or leave it out.")
 
 
 class ReferenceEntry(Entry):

@@ -29,6 +29,9 @@ COLUMNS: dict[str, str] = {
 }
 """The contract's columns, in their order; further axes of a sweep follow as further columns."""
 
+VARIANT = "variant"
+"""Column of a parameter sweep: the number of the variant, from 1; the parameters follow it."""
+
 REQUIRED = ("current_A", "distance_m", "force_N")
 TABLE_STEM = "sweep"
 MANIFEST_NAME = "manifest.json"
@@ -77,12 +80,15 @@ def write_sweep_table(table: SweepTable, directory: Path) -> Path:
     directory.mkdir(parents=True, exist_ok=True)
     parquet = directory / f"{TABLE_STEM}.parquet"
     partial = directory / f".{TABLE_STEM}.partial"
-    table.rows.to_parquet(partial, index=False)
-    partial.replace(parquet)
-    table.rows.to_csv(partial, index=False)
-    partial.replace(directory / f"{TABLE_STEM}.csv")
-    partial.write_text(json.dumps(dict(table.manifest), indent=1) + "\n", encoding="utf-8")
-    partial.replace(directory / MANIFEST_NAME)
+    try:
+        table.rows.to_parquet(partial, index=False)
+        partial.replace(parquet)
+        table.rows.to_csv(partial, index=False)
+        partial.replace(directory / f"{TABLE_STEM}.csv")
+        partial.write_text(json.dumps(dict(table.manifest), indent=1) + "\n", encoding="utf-8")
+        partial.replace(directory / MANIFEST_NAME)
+    finally:
+        partial.unlink(missing_ok=True)  # what a full disk left of it
     return parquet
 
 

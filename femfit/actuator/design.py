@@ -1,0 +1,101 @@
+"""The points of a parameter sweep: every combination, line by line, or a Latin hypercube.
+
+References
+----------
+M. D. McKay, R. J. Beckman and W. J. Conover, Technometrics 21 (1979) 239: Latin hypercube sampling.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+
+from femfit.actuator.decimals import decimal_sum
+from femfit.actuator.schema import MAX_AXIS_POINTS, SampledEntry
+
+Points = tuple[tuple[float, ...], ...]
+"""One tuple a point, one value a parameter."""
+
+
+def grid_points(values: Sequence[Sequence[float]], problems: list[str]) -> Points:
+    """Every combination, the last parameter fastest.
+
+    Parameters
+    ----------
+    values : sequence of sequence of float
+        Of each parameter.
+    problems : list of str
+        Appended to.
+
+    Returns
+    -------
+    tuple of tuple of float
+        Empty if there are too many.
+    """
+    count = int(np.prod([float(len(column)) for column in values]))
+    if count > MAX_AXIS_POINTS:
+        problems.append(
+            f"sweep.parameters must have at most {MAX_AXIS_POINTS} combinations; they have {count}. Give fewer values, "
+            'or take design = "latin_hypercube".'
+        )
+        return ()
+    return tuple(product(*values))
+
+
+def list_points(names: Sequence[str], values: Sequence[Sequence[float]], problems: list[str]) -> Points:
+    """The first values together, the second ones together, and so on.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the parameters.
+    values : sequence of sequence of float
+        Of each parameter.
+    problems : list of str
+        Appended to.
+
+    Returns
+    -------
+    tuple of tuple of float
+        Empty if the lists differ in length.
+    """
+    if len({len(column) for column in values}) > 1:
+        lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(names, values, strict=True))
+        problems.append(
+            f'sweep.parameters must have equally many values for design = "list"; they are {lengths}. Complete the '
+            'lists, or take design = "grid".'
+        )
+        return ()
+    return tuple(zip(*values, strict=True))
+
+
+def latin_hypercube(ranges: Sequence[SampledEntry], samples: int, seed: int) -> Points:
+    """Samples of which each of equally many slices of every range holds one.
+
+    Parameters
+    ----------
+    ranges : sequence of SampledEntry
+        Of each parameter.
+    samples : int
+        How many.
+    seed : int
+        The same seed gives the same samples.
+
+    Returns
+    -------
+    tuple of tuple of float
+        With a step, values are those of the steps whose equal shares of the range the samples fall into.
+    """
+    from scipy.stats import qmc  # noqa: PLC0415  half a second that other actuator files need not spend
+
+    shares = qmc.LatinHypercube(len(ranges), rng=np.random.default_rng(seed)).random(samples)
+    return tuple(
+        tuple(_at_share(entry, float(share)) for entry, share in zip(ranges, row, strict=True)) for row in shares
+    )
+
+
+def _at_share(entry: SampledEntry, share: float) -> float:
+    if entry.step is None:
+        return entry.min + share * (entry.max - entry.min)
+    steps = round((entry.max - entry.min) / entry.step)
+    return decimal_sum(entry.min, min(int(share * (steps + 1)), steps), entry.step)
