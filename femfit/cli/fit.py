@@ -11,6 +11,7 @@ def fit(
     table: Path,
     *,
     model: str = "coenergy",
+    where: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     bounds: str = "law",
     bound: Annotated[tuple[str, ...], Parameter(negative=())] = (),
@@ -31,6 +32,8 @@ def fit(
         Sweep table, or the directory that holds it.
     model : str
         coenergy, the name of a force law, or all: rank every law and write the recommended one.
+    where : tuple of str
+        Which variant of a parameter sweep, for example variant=3 or coil.turns=250; repeat for more parameters.
     output : Path
         Model file; beside the table by default.
     bounds : str
@@ -60,6 +63,7 @@ def fit(
     from femfit.actuator.summary import sweep_manifest_entry
     from femfit.cli.output import write_json
     from femfit.core.sweep_table import read_sweep_table
+    from femfit.core.variant_choice import choose_variant
     from femfit.fit.build import FitOptions, fit_model
     from femfit.fit.text import fit_lines
     from femfit.model.json_file import write_model
@@ -76,7 +80,7 @@ def fit(
         mass_kg=None if mass_g is None else 1e-3 * mass_g,
         resistance_ohm=resistance_ohm,
     )
-    result = fit_model(read_sweep_table(table), options)
+    result = fit_model(choose_variant(read_sweep_table(table), dict(_single_value(text) for text in where)), options)
     target = output or (table if table.is_dir() else table.parent) / f"model_{model}.json"
     target.parent.mkdir(parents=True, exist_ok=True)
     write_model(result.model, target)
@@ -87,6 +91,19 @@ def fit(
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip() not in {"", "none"})
+
+
+def _single_value(text: str) -> tuple[str, float]:
+    from femfit.core.errors import TableError
+
+    name, separator, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not separator or math.isnan(number):
+        raise TableError(f"--where must read COLUMN=VALUE, for example variant=3; instead received {text!r}.")
+    return name.strip(), number
 
 
 def _single_bound(text: str) -> tuple[str, tuple[float, float]]:

@@ -1,8 +1,9 @@
 """``femfit sweep``: an actuator file to a sweep table."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter, validators
 
@@ -12,9 +13,10 @@ def sweep(
     *,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     workers: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
+    scheduler: str | None = None,
     json: Path | None = None,
 ) -> None:
-    """Solve the field over the actuator's currents and distances, and write the table.
+    """Solve the field over the actuator's currents, distances and parameters, and write the table.
 
     An interrupted sweep goes on where it stopped when the same command is given again.
 
@@ -25,28 +27,46 @@ def sweep(
     output : Path
         Run directory; runs/NAME by default.
     workers : int
-        Processes; one a core by default.
+        Processes of this machine; one a core by default.
+    scheduler : str
+        Address of a Dask scheduler (tcp://host:port), whose workers solve instead.
     json : Path
         File for a summary as JSON.
     """
     from time import perf_counter
 
-    from femfit.actuator.load import read_actuator
+    from femfit.actuator.variants import read_variants
     from femfit.cli.output import progress_bar, write_json
+    from femfit.core.errors import FieldSolverError
     from femfit.fem.sweep import run_sweep
     from femfit.fem.sweep_summary import summarise
 
-    parts = read_actuator(actuator)
-    directory = output or Path("runs") / parts.name
+    variants = read_variants(actuator)
+    name = variants.actuator.name
+    directory = output or Path("runs") / name
     start = perf_counter()
-    with progress_bar(f"sweep {parts.name}") as progress:
-        table = run_sweep(parts, directory, workers=workers or len(os.sched_getaffinity(0)), progress=progress)
+    with progress_bar(f"sweep {name}") as progress:
+        table = run_sweep(
+            variants,
+            directory,
+            workers=workers or len(os.sched_getaffinity(0)),
+            scheduler=scheduler,
+            progress=progress,
+        )
     summary = summarise(table) | {"seconds": perf_counter() - start, "directory": str(directory)}
-    print(
-        f"{directory}: {summary['rows']} points, {summary['failed']} failed, in {summary['seconds']:.1f} s; force "
-        f"{summary['force_min_N']:.4g} to {summary['force_max_N']:.4g} N, its discretisation error estimated at most "
-        f"{100 * summary['force_error_relative_max']:.3f} %"
-    )
+    write_json(json, summary)
+    points = f"{summary['rows']} points" + (f" of {len(variants.variants)} variants" if variants.columns else "")
+    print(f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}")
     for reason, count in summary["failures"].items():
         print(f"  {count} points {reason}")
-    write_json(json, summary)
+    if summary["failed"] == summary["rows"]:
+        raise FieldSolverError(f"No point of {actuator} could be solved; the reasons are above and in the table.")
+
+
+def _force(summary: Mapping[str, Any]) -> str:
+    if summary["force_min_N"] is None:
+        return ""
+    return (
+        f"; force {summary['force_min_N']:.4g} to {summary['force_max_N']:.4g} N, its discretisation error estimated "
+        f"at most {100 * summary['force_error_relative_max']:.3f} %"
+    )

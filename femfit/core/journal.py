@@ -1,21 +1,25 @@
-"""A journal of finished work that survives a kill at any moment.
+"""A journal of finished work that survives a kill at any moment, and a disk that is full for a while.
 
 One JSON line a finished item, written and synchronised before the next; the first line names the configuration. A line
 cut short by a kill is dropped on reading. Python writes floats with all their digits, so that what is read again equals
 what was computed, bit for bit.
 """
 
+import errno
+import fcntl
 import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 from femfit.core.errors import RunDirectoryError
 
 JOURNAL_NAME = "journal.jsonl"
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""A full disk, a full quota, a file beyond the limit: what is finished waits in memory until there is room."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class JournalHeader:
 
 
 class Journal:
-    """Append-only record of finished items, used as a context manager.
+    """Append-only record of finished items, used as a context manager; one process at a time.
 
     Parameters
     ----------
@@ -44,23 +48,31 @@ class Journal:
     Raises
     ------
     RunDirectoryError
-        If the directory's journal belongs to another configuration.
+        If the directory's journal belongs to another configuration, or another process writes it.
     """
 
     def __init__(self, directory: Path, header: JournalHeader) -> None:
         directory.mkdir(parents=True, exist_ok=True)
-        self._path = directory / JOURNAL_NAME
         self.finished: dict[str, Any] = {}
-        complete = self._read(header, directory)
-        self._file: IO[bytes] = self._path.open("r+b" if complete else "wb")
-        if complete:
-            self._file.truncate(complete)  # drops a line that a kill cut short
-            self._file.seek(complete)
-        else:
+        self._waiting: list[bytes] = []
+        self._file = (directory / JOURNAL_NAME).open("a+b", buffering=0)
+        try:
+            self._lock(directory)
+            self._length = self._read(header, directory)
+            self._file.truncate(self._length)  # drops a line that a kill cut short
+        except BaseException:
+            self._file.close()
+            raise
+        if not self._length:
             self._write_line({"configuration_hash": header.configuration_hash})
 
+    @property
+    def on_disk(self) -> int:
+        """How many finished items are in the file; fewer than all while the disk is full."""
+        return max(len(self.finished) - len(self._waiting), 0)
+
     def record(self, key: str, result: Mapping[str, Any]) -> None:
-        """Append a finished item and wait until it is on disk.
+        """Append a finished item and wait until it is on disk, unless that is full.
 
         Parameters
         ----------
@@ -69,8 +81,8 @@ class Journal:
         result : mapping
             JSON-ready.
         """
-        self._write_line({"key": key, "result": result})
         self.finished[key] = result
+        self._write_line({"key": key, "result": result})
 
     def __enter__(self) -> "Journal":
         return self
@@ -81,16 +93,38 @@ class Journal:
         self._file.close()
 
     def _write_line(self, content: Mapping[str, Any]) -> None:
-        self._file.write(json.dumps(content).encode() + b"\n")
-        self._file.flush()
+        """Write a line behind those that wait; what finds no room waits for the next time."""
+        self._waiting.append(json.dumps(content).encode() + b"\n")
+        while self._waiting:
+            try:
+                self._append(self._waiting[0])
+            except OSError as error:
+                if error.errno not in NO_ROOM:
+                    raise
+                self._file.truncate(self._length)  # what was written of the line
+                return
+            self._length += len(self._waiting.pop(0))
+
+    def _append(self, line: bytes) -> None:
+        written = 0
+        while written < len(line):
+            written += self._file.write(line[written:]) or 0
         os.fsync(self._file.fileno())
+
+    def _lock(self, directory: Path) -> None:
+        """Keep other processes out; the system unlocks when this one ends, however it does."""
+        try:
+            fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise RunDirectoryError(
+                f"{directory} is in use by another femfit process. Wait for it, or use another directory with -o."
+            ) from error
 
     def _read(self, header: JournalHeader, directory: Path) -> int:
         """Fill ``finished`` from an existing journal; return the length of its complete lines."""
-        if not self._path.exists():
-            return 0
         length, first = 0, True
-        for line in self._path.read_bytes().splitlines(keepends=True):
+        self._file.seek(0)
+        for line in self._file.read().splitlines(keepends=True):
             entry = _parse(line)
             if entry is None:
                 break

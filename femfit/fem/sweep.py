@@ -1,37 +1,33 @@
-"""The sweep: every distance solved, in parallel over processes, with a journal that a kill cannot spoil."""
+"""The sweep: every distance of every variant solved, in parallel, with a journal that a kill cannot spoil."""
 
 import hashlib
 import json
-import math
-from collections.abc import Callable, Mapping
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from importlib.metadata import version
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from femfit import __version__
 from femfit.actuator.parts import Actuator
-from femfit.actuator.summary import sweep_manifest_entry
-from femfit.core.errors import FieldSolverError
+from femfit.actuator.variants import VariantSweep, only
+from femfit.core.errors import FemfitError, FieldSolverError, RunDirectoryError
 from femfit.core.journal import Journal, JournalHeader
-from femfit.core.sweep_table import COLUMNS, SweepTable, write_sweep_table
+from femfit.core.sweep_table import SweepTable, write_sweep_table
 from femfit.fem.layout import Layout, layout_of, stretch_groups
 from femfit.fem.settings import SolverSettings
+from femfit.fem.sweep_pool import solve_in_processes
+from femfit.fem.sweep_rows import sweep_manifest, sweep_rows
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from femfit.fem.problem import FieldProblem
 
 Progress = Callable[[int, int], None]
-FIELD_COLUMNS = ("force_N", "flux_linkage_Wb", "inductance_H", "coenergy_J", "hall_T", "force_error_N")
-ATTEMPTS = 2  # pools that may break before the remaining distances are tried one by one
+
+_ONE_AT_A_TIME = threading.Lock()
+"""A cluster's worker may have several threads, but a mesh has one state: it is stretched to one distance."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +46,8 @@ class DistanceTask:
         Distances that share a mesh.
     distance : float
         In m.
+    variant : int
+        Number of the variant, from 1.
     """
 
     actuator: Actuator
@@ -57,18 +55,20 @@ class DistanceTask:
     settings: SolverSettings
     group: tuple[float, ...]
     distance: float
+    variant: int = 1
 
     @property
     def key(self) -> str:
         """Name in the journal."""
-        return repr(self.distance)
+        return f"{self.variant}: {self.distance!r}"
 
 
 def run_sweep(
-    actuator: Actuator,
+    sweep: Actuator | VariantSweep,
     directory: Path,
     *,
     workers: int = 2,
+    scheduler: str | None = None,
     settings: SolverSettings | None = None,
     progress: Progress | None = None,
 ) -> SweepTable:
@@ -76,12 +76,14 @@ def run_sweep(
 
     Parameters
     ----------
-    actuator : Actuator
-        Checked.
+    sweep : Actuator or VariantSweep
+        Checked; with its variants, if parameters are swept.
     directory : Path
         For journal, table and manifest; made if absent.
     workers : int
         Processes; 1 solves in this one.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers solve instead.
     settings : SolverSettings, optional
         Order and element sizes; the defaults otherwise.
     progress : callable, optional
@@ -90,29 +92,43 @@ def run_sweep(
     Returns
     -------
     SweepTable
-        Rows ordered by current, then distance.
+        Rows ordered by variant, current, distance. Rows that could not be solved have their reason in ``status``.
 
     Raises
     ------
     RunDirectoryError
-        If the directory holds another configuration's journal.
+        If the directory holds another configuration's journal, is in use, or the disk is full at the end.
+    FieldSolverError
+        If not even a plan of the meshes can be made for any variant.
+    ClusterError
+        If the scheduler cannot be used or is lost.
     """
     settings = settings or SolverSettings()
-    tasks = plan_sweep(actuator, settings)
-    configuration = _configuration(actuator, settings)
-    report = _row_progress(progress, len(actuator.sweep.currents_A), len(tasks))
+    sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
+    tasks, failed = _plan(sweep, settings)
+    configuration = _configuration(sweep, settings)
+    currents = len(sweep.variants[0].sweep.currents_A)
+
+    def report() -> None:
+        if progress is not None:
+            progress(len(journal.finished) * currents, len(tasks) * currents)
+
+    def done(task: DistanceTask, result: Mapping[str, Any]) -> None:
+        journal.record(task.key, result)
+        report()
+
     with Journal(directory, JournalHeader(configuration["hash"])) as journal:
-        report(len(journal.finished))
+        report()
         left = [task for task in tasks if task.key not in journal.finished]
-        _solve_all(left, workers, journal, report)
-        results = {task.distance: journal.finished[task.key] for task in tasks}
-    table = SweepTable(_rows(actuator, results), _manifest(actuator, configuration))
-    write_sweep_table(table, directory)
+        _solve_all(left, workers, scheduler, done)
+        solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
+        table = SweepTable(sweep_rows(sweep, solved | failed), sweep_manifest(sweep, configuration))
+        _write(table, directory, journal)
     return table
 
 
-def plan_sweep(actuator: Actuator, settings: SolverSettings) -> list[DistanceTask]:
-    """The tasks of a sweep, in order of distance.
+def plan_sweep(actuator: Actuator, settings: SolverSettings, variant: int = 1) -> list[DistanceTask]:
+    """The tasks of an actuator's sweep, in order of distance.
 
     Parameters
     ----------
@@ -120,6 +136,8 @@ def plan_sweep(actuator: Actuator, settings: SolverSettings) -> list[DistanceTas
         Checked.
     settings : SolverSettings
         Order and element sizes.
+    variant : int
+        Number of the variant.
 
     Returns
     -------
@@ -128,7 +146,9 @@ def plan_sweep(actuator: Actuator, settings: SolverSettings) -> list[DistanceTas
     """
     layout = layout_of(actuator, settings)
     groups = stretch_groups(actuator.sweep.distances_m, layout, settings)
-    return [DistanceTask(actuator, layout, settings, group, distance) for group in groups for distance in group]
+    return [
+        DistanceTask(actuator, layout, settings, group, distance, variant) for group in groups for distance in group
+    ]
 
 
 def solve_task(task: DistanceTask) -> dict[str, Any]:
@@ -145,10 +165,12 @@ def solve_task(task: DistanceTask) -> dict[str, Any]:
         JSON-ready: ``status`` and, when it is ok, ``rows``: the table's columns, one value a current.
     """
     try:
-        problem = _prepared(task.actuator, task.group, task.layout, task.settings)
-        return {"status": "ok", "rows": problem.rows(task.distance, task.actuator.sweep.currents_A)}
-    except FieldSolverError as error:
-        return {"status": f"failed: {error}"}
+        with _ONE_AT_A_TIME:
+            problem = _prepared(task.actuator, task.group, task.layout, task.settings)
+            return {"status": "ok", "rows": problem.rows(task.distance, task.actuator.sweep.currents_A)}
+    except _failures() as error:
+        _prepared.cache_clear()  # what was interrupted half-way must not serve the next distance
+        return {"status": f"failed: {_reason(error)}"}
 
 
 @lru_cache(maxsize=1)
@@ -162,96 +184,77 @@ def _prepared(actuator: Actuator, group: tuple[float, ...], layout: Layout, sett
     return prepare(actuator, group, layout, settings)
 
 
-def _solve_all(tasks: list[DistanceTask], workers: int, journal: Journal, report: Callable[[int], None]) -> None:
-    if workers == 1 or len(tasks) < 2:
+def _failures() -> tuple[type[Exception], ...]:
+    """What meshing and solving raise when a drawing or the memory is beyond them."""
+    from netgen.libngpy._meshing import NgException  # noqa: PLC0415  loaded by now
+
+    return (NgException, RuntimeError, MemoryError, ArithmeticError)
+
+
+def _reason(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    if isinstance(error, FemfitError):
+        return text
+    if isinstance(error, MemoryError) or "allocate" in text:
+        return f"out of memory ({text}). Run fewer workers at a time, or on a machine with more memory"
+    return f"the field solver stopped ({text}). Look for extreme dimensions or materials in the actuator file"
+
+
+def _plan(
+    sweep: VariantSweep, settings: SolverSettings
+) -> tuple[list[DistanceTask], dict[tuple[int, float], dict[str, Any]]]:
+    """The tasks of all variants; and the results of those for which there is nothing to solve."""
+    tasks: list[DistanceTask] = []
+    failed: dict[tuple[int, float], dict[str, Any]] = {}
+    for number, variant in enumerate(sweep.variants, 1):
+        problem = variant.problem
+        if variant.actuator is not None:
+            try:
+                tasks += plan_sweep(variant.actuator, settings, number)
+                continue
+            except FieldSolverError as error:
+                problem = str(error)
+        failed |= {(number, distance): {"status": f"failed: {problem}"} for distance in variant.sweep.distances_m}
+    if not tasks:
+        raise FieldSolverError(next(iter(failed.values()))["status"].removeprefix("failed: "))
+    return tasks, failed
+
+
+def _solve_all(
+    tasks: Sequence[DistanceTask],
+    workers: int,
+    scheduler: str | None,
+    done: Callable[[DistanceTask, dict[str, Any]], None],
+) -> None:
+    if scheduler is not None and tasks:
+        from femfit.fem.sweep_cluster import solve_on_cluster  # noqa: PLC0415  Dask is an extra
+
+        solve_on_cluster(tasks, solve_task, done, scheduler)
+    elif workers == 1 or len(tasks) < 2:
         for task in tasks:
-            journal.record(task.key, solve_task(task))
-            report(len(journal.finished))
-        return
-    for _ in range(ATTEMPTS):
-        left = [task for task in tasks if task.key not in journal.finished]
-        if not left:
-            return
-        try:
-            with _pool(min(workers, len(left))) as pool:
-                _collect(pool, left, journal, report)
-        except BrokenProcessPool:
-            continue
-    for task in (task for task in tasks if task.key not in journal.finished):
-        _solve_alone(task, journal)
-        report(len(journal.finished))
+            done(task, solve_task(task))
+    else:
+        solve_in_processes(tasks, solve_task, done, workers)
 
 
-def _solve_alone(task: DistanceTask, journal: Journal) -> None:
-    """Solve in a process of its own, so that one that dies costs its own row only."""
+def _write(table: SweepTable, directory: Path, journal: Journal) -> None:
+    """Write the table; on a full disk say what is kept."""
     try:
-        with _pool(1) as pool:
-            result = pool.submit(solve_task, task).result()
-    except BrokenProcessPool:
-        result = {"status": "failed: the worker process died (out of memory, or killed)"}
-    journal.record(task.key, result)
+        write_sweep_table(table, directory)
+    except OSError as error:
+        raise RunDirectoryError(
+            f"The table could not be written to {directory}: {error.strerror or error}. {journal.on_disk} of "
+            f"{len(journal.finished)} results are in the journal. Make room, and give the same command again: it "
+            "solves what is missing and writes the table."
+        ) from error
 
 
-def _collect(pool: Executor, tasks: list[DistanceTask], journal: Journal, report: Callable[[int], None]) -> None:
-    futures = {pool.submit(solve_task, task): task for task in tasks}
-    try:
-        for future in as_completed(futures):
-            journal.record(futures[future].key, future.result())
-            report(len(journal.finished))
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-
-
-def _pool(workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-
-
-def _row_progress(progress: Progress | None, currents: int, distances: int) -> Callable[[int], None]:
-    if progress is None:
-        return lambda _done: None
-    return partial(lambda call, done: call(done * currents, distances * currents), progress)
-
-
-def _rows(actuator: Actuator, results: Mapping[float, Mapping[str, Any]]) -> "pd.DataFrame":
-    import pandas as pd  # noqa: PLC0415  loads while the workers solve
-
-    currents = np.array(actuator.sweep.currents_A)
-    frames = [_distance_rows(currents, distance, result) for distance, result in results.items()]
-    rows = pd.concat([pd.DataFrame(frame) for frame in frames], ignore_index=True)
-    rows = rows.reindex(columns=[name for name in COLUMNS if name in rows])
-    if rows["hall_T"].isna().all():
-        rows = rows.drop(columns="hall_T")
-    return rows.sort_values(["current_A", "distance_m"], kind="stable", ignore_index=True)
-
-
-def _distance_rows(currents: np.ndarray[Any, Any], distance: float, result: Mapping[str, Any]) -> dict[str, Any]:
-    nothing = np.full(len(currents), math.nan)
-    return {
-        "current_A": currents,
-        "distance_m": np.full(len(currents), distance),
-        **dict.fromkeys(FIELD_COLUMNS, nothing),
-        "status": result["status"],
-        **result.get("rows", {}),
-    }
-
-
-def _configuration(actuator: Actuator, settings: SolverSettings) -> dict[str, Any]:
+def _configuration(sweep: VariantSweep, settings: SolverSettings) -> dict[str, Any]:
     content = {
-        "actuator": asdict(actuator),
+        "actuator": asdict(sweep.actuator),
+        "variants": [asdict(variant) for variant in sweep.variants],
         "settings": asdict(settings),
         "versions": {"femfit": __version__, "ngsolve": version("ngsolve")},
     }
     text = json.dumps(content, sort_keys=True)
     return {**content, "hash": hashlib.sha256(text.encode()).hexdigest()}
-
-
-def _manifest(actuator: Actuator, configuration: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "kind": "sweep",
-        "name": actuator.name,
-        "actuator": sweep_manifest_entry(actuator),
-        "settings": configuration["settings"],
-        "versions": configuration["versions"],
-        "configuration_hash": configuration["hash"],
-    }

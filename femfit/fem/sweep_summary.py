@@ -16,7 +16,7 @@ def summarise(table: SweepTable) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON-ready; the relative error is over the rows whose force is not zero.
+        JSON-ready; the relative error is over the rows whose force is not zero. Forces are None if every row failed.
     """
     status = table.rows["status"]
     good = table.valid_rows()
@@ -27,7 +27,7 @@ def summarise(table: SweepTable) -> dict[str, Any]:
         "rows": len(table.rows),
         "failed": len(table.rows) - len(good),
         "failures": failures,
-        "force_min_N": float(good["force_N"].min()),
-        "force_max_N": float(good["force_N"].max()),
+        "force_min_N": float(good["force_N"].min()) if len(good) else None,
+        "force_max_N": float(good["force_N"].max()) if len(good) else None,
         "force_error_relative_max": float(relative),
     }

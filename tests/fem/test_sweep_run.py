@@ -147,7 +147,8 @@ def test_a_mesher_that_gives_up_is_a_status_and_no_crash(few, monkeypatch):
     def give_up(*_):
         raise FieldSolverError("no mesh")
 
-    monkeypatch.setattr(sweep_module, "_prepared", give_up)
+    monkeypatch.setattr("femfit.fem.problem.prepare", give_up)
+    sweep_module._prepared.cache_clear()
     assert sweep_module.solve_task(plan_sweep(few, QUICK)[0]) == {"status": "failed: no mesh"}
 
 
