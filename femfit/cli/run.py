@@ -47,12 +47,11 @@ def run(
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    from femfit.actuator.load import read_actuator
     from femfit.cli.output import progress_bar, write_json
     from femfit.fem.sweep import run_sweep
     from femfit.fem.sweep_summary import summarise
 
-    parts = read_actuator(actuator)
+    parts = _single_actuator(actuator)
     directory = output or Path("runs") / parts.name
     steps = _Steps()
     with steps.timed("sweep"), progress_bar(f"sweep {parts.name}") as progress:
@@ -96,6 +95,28 @@ def run(
             "seconds": steps.times,
         },
     )
+
+
+def _single_actuator(path: Path) -> "Actuator":
+    """The file's actuator, refused before the sweep where the fit would refuse it after."""
+    from femfit.actuator.variants import read_variants
+    from femfit.core.errors import ActuatorFileError
+    from femfit.fit.coenergy_basis import check_grid
+
+    sweep = read_variants(path)
+    if len(sweep.variants) > 1 or sweep.columns:
+        raise ActuatorFileError(
+            str(path),
+            [
+                (
+                    f"sweep.parameters make {len(sweep.variants)} variants, and a run is of one actuator. "
+                    "Give femfit sweep and then femfit fit with --where, or leave the parameters out."
+                )
+            ],
+        )
+    axes = sweep.actuator.sweep
+    check_grid(len(axes.currents_A), len(axes.distances_m))
+    return sweep.actuator
 
 
 class _Steps:

@@ -14,6 +14,7 @@ from femfit.model.bspline import basis_matrix
 
 U_DEGREE = 4
 FEWEST_CURRENTS = 3
+FEWEST_DISTANCES = U_DEGREE + 1
 ROUNDS = 2
 """How often distance and current are searched in turn."""
 
@@ -101,13 +102,8 @@ def choose_basis(rows: FitRows) -> tuple[CoenergyBasis, float]:
     FitError
         If there are too few currents or distances.
     """
+    check_grid(len(rows.currents), len(rows.distances), _fewest_distances(rows))
     in_distance, in_current = _distance_trials(rows), _current_trials(rows)
-    if not in_distance or not in_current:
-        raise FitError(
-            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {_fewest_distances(rows)} distances; instead "
-            f"received {len(rows.currents)} currents and {len(rows.distances)} distances. Sweep more "
-            + ("currents." if len(rows.currents) < FEWEST_CURRENTS else "distances, or fit a law.")
-        )
     folds = held_out_masks(rows)
     basis, error = CoenergyBasis(**in_distance[0], **in_current[0]), np.inf
     for trials in (in_distance, in_current) * ROUNDS:
@@ -144,9 +140,32 @@ def _size(basis: CoenergyBasis) -> int:
     return basis.shape[0] * basis.shape[1]
 
 
+def check_grid(currents: int, distances: int, fewest_distances: int = FEWEST_DISTANCES) -> None:
+    """Refuse a grid that is too small for any co-energy.
+
+    Parameters
+    ----------
+    currents, distances : int
+        How many there are.
+    fewest_distances : int
+        How many distances are needed; by default with flux linkages, as a sweep has them.
+
+    Raises
+    ------
+    FitError
+        If there are too few currents or distances.
+    """
+    if currents < FEWEST_CURRENTS or distances < fewest_distances:
+        raise FitError(
+            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest_distances} distances; instead received "
+            f"{currents} currents and {distances} distances. Sweep more "
+            + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
+        )
+
+
 def _fewest_distances(rows: FitRows, cells: int = 1) -> int:
     """Distances that so many cells need: flux linkage tells W' itself beside its slope, so that fewer will do."""
-    return U_DEGREE + cells + (2 if rows.flux_linkage is None else 0)
+    return FEWEST_DISTANCES - 1 + cells + (2 if rows.flux_linkage is None else 0)
 
 
 def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
