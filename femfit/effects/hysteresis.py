@@ -2,7 +2,9 @@
 
 The core acts as if the current were i - sum_r w_r z_r with states that saturate as the current moves on (Dahl;
 Coleman and Hodgdon): dz_r/di = (1 - sign(di) z_r) / r, for three radii r. On a slow cycle between two turning points
-z_r has a closed form, which a bench reading takes; where the branch is unknown, z = 0.
+z_r has a closed form, which a bench reading takes; where the branch is unknown, z = 0. Weights of either sign together
+make loops that are narrow at their tips, as Rayleigh's. A loop whose width changes along the current has a part that
+goes with the flux: W' -> W' - (w_t z lambda^2) / 2.
 
 References
 ----------
@@ -19,6 +21,8 @@ from femfit.effects.jet import CoenergyJet, Jet
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
+
+_TAPERED = "medium"
 
 
 def _states(i: FloatArray, at: Conditions) -> Mapping[str, FloatArray]:
@@ -59,11 +63,14 @@ def _coenergy(
 ) -> Jet:
     states = {**_states(i, at), **{name: like(value, i) for name, value in at.memory.items()}}
     lag = at.nominal.current_scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
-    result = base(d, i - lag, n_d, n_i)
-    coefficients = result.coefficients.copy()
+    energy = base(d, i - lag, n_d, n_i + 1)
+    coefficients = energy.truncated(n_d, n_i).coefficients.copy()
     if p["hall_share"] != 1.0:
         coefficients[1] = base(d, i - p["hall_share"] * lag, n_d, n_i).coefficients[1]
-    return Jet(coefficients)
+    linkage = energy.along_current().coefficients.copy()
+    linkage[1] *= p["hall_share"]
+    taper = p["taper"] * states[f"hysteresis_{_TAPERED}"] * at.nominal.current_scale / at.nominal.flux_linkage_Wb
+    return Jet(coefficients) - (0.5 * taper) * (Jet(linkage) * Jet(linkage))
 
 
 HYSTERESIS = Effect(
@@ -75,14 +82,23 @@ HYSTERESIS = Effect(
             EffectParameter(
                 name=f"width_{name}",
                 unit="",
-                lower=-0.05,
-                upper=0.5,
-                sane=(0.0, 0.1),
+                lower=-2.0,
+                upper=2.0,
+                sane=(-0.3, 0.3),
                 description=f"Half width of the loop as a part of the largest current, reached over {part:g} of the "
                 "currents' span.",
                 of="current_scale",
             )
             for name, part in _RADII.items()
+        ),
+        EffectParameter(
+            name="taper",
+            unit="",
+            lower=-2.0,
+            upper=2.0,
+            sane=(-0.3, 0.3),
+            description="Growth of the half width from no flux to the largest, as a part of the largest current.",
+            of="current_scale",
         ),
         EffectParameter(
             name="hall_share",
