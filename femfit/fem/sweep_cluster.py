@@ -4,10 +4,11 @@ The scheduler gives the tasks of a worker that dies to another one. What comes b
 lost and none comes twice; a task whose workers die again and again is a failed row.
 """
 
+import logging
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -46,7 +47,7 @@ def solve_on_cluster(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task]
         If Dask is not installed, the scheduler does not answer or has no workers, a worker has another version of
         femfit or of the field solver, or the connection is lost.
     """
-    with _client(scheduler) as client:
+    with _dask_quiet(), _client(scheduler) as client:
         from distributed import KilledWorker  # noqa: PLC0415  an extra, like all of Dask
 
         executor = client.get_executor(pure=False)
@@ -138,3 +139,19 @@ def _client(scheduler: str) -> "Iterator[Client]":
         yield client
     finally:
         client.close()
+
+
+@contextmanager
+def _dask_quiet() -> Iterator[None]:
+    """Keep Dask from logging a lost connection as tracebacks; our error says it in a line."""
+    with suppress(ImportError):
+        import distributed  # noqa: F401, PLC0415  sets its loggers' levels
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

@@ -89,7 +89,9 @@ def work_off(
                     result = DIED
                 done(out.pop(future), result)
     except BaseException:
-        executor.shutdown(wait=False, cancel_futures=True)
+        for future in out:
+            future.cancel()
+        executor.shutdown(wait=False)
         raise
 
 
