@@ -11,17 +11,19 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy import stats
 
 from femfit.core.arrays import FloatArray
 from femfit.diagnose.columns import EffectColumns, effect_columns, why_untestable
 from femfit.diagnose.diagnosis import Gate, ScoredEffect, Verdict
-from femfit.diagnose.gate import PatternSpace, pattern_space
+from femfit.diagnose.gate import PatternSpace, pattern_space, tail_probability
 from femfit.diagnose.noise import estimate_noise
 from femfit.diagnose.observations import Observations
 from femfit.diagnose.refit import Refit, bounded_amplitudes, refit
-from femfit.diagnose.whitening import NoiseModel, Whitening, chains_of
+from femfit.diagnose.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.effects.effect import Effect
+
+_SEEN = 0.05
+"""Part of an effect's length beside fitted ones below which nothing can be said of it."""
 
 _KNOWN_MISFIT = 4.0
 """A structured misfit up to twice (in amplitude) the model's own to its sweep is no missing physics."""
@@ -37,8 +39,8 @@ class Levels:
         Probability that the first gate opens where nothing is missing.
     after : float
         Below this p-value the second gate finds structure left.
-    enough : float
-        Part of the structured excess that a name must explain where the second gate does not pass.
+    enough, enough_of_two : float
+        Part of the structured excess that one name, or two, must explain where the second gate does not pass.
     second : float
         Part that each of two effects must explain beyond the other.
     tie, tie_share : float
@@ -50,7 +52,8 @@ class Levels:
 
     gate: float = 0.01
     after: float = 0.005
-    enough: float = 0.95
+    enough: float = 0.97
+    enough_of_two: float = 0.99
     second: float = 0.01
     tie: float = 9.0
     tie_share: float = 0.02
@@ -72,12 +75,19 @@ class Candidate:
         Structured excess that it leaves.
     gate : Gate
         The test after it.
+    further : float
+        Smallest p-value of a further effect beside it, times the number of effects.
     """
 
     fit: Refit
     cost: float
     excess: float
     gate: Gate
+    further: float
+
+    def passes(self, levels: Levels) -> bool:
+        """Whether it leaves neither structure nor anything for a further effect to explain."""
+        return min(self.gate.p_value, self.further) > levels.after
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +232,8 @@ def decide(evidence: Evidence, levels: Levels) -> Decision:
     chosen = _first_passing(pairs, levels, excess)
     if chosen is not None:
         return _named("named", chosen, pairs, levels, before, excess, scores)
-    for found in (singles, pairs):
-        enough = [one for one in found if one.excess <= (1.0 - levels.enough) * excess]
+    for found, share in ((singles, levels.enough), (pairs, levels.enough_of_two)):
+        enough = [one for one in found if one.excess <= (1.0 - share) * excess]
         if enough:
             return _named("form_insufficient", min(enough, key=_cost), found, levels, before, excess, scores)
     return Decision("unexplained", None, (), before, excess, scores, tuple(sorted(singles + pairs, key=_cost)))
@@ -251,7 +261,7 @@ def _scored(evidence: Evidence, rest: FloatArray) -> tuple[tuple[ScoredEffect, .
     scores = []
     for name, (one, _, _, fall) in best.items():
         degrees = len(one.amplitudes)
-        p_value = min(1.0, tries[name] * float(stats.chi2.sf(fall, degrees)))
+        p_value = min(1.0, tries[name] * tail_probability(fall, degrees, evidence.patterns.degrees_of_freedom))
         scores.append(ScoredEffect(name, p_value, fall, degrees))
     scores.sort(key=lambda s: s.chi2_fall - price * s.degrees_of_freedom, reverse=True)
     listed = [best[s.name] for s in scores]
@@ -295,13 +305,34 @@ def _refitted(evidence: Evidence, starts: Sequence[Sequence[Scored]]) -> list[Ca
         fitted = fit.jacobian[:, ~fit.active]
         result.append(
             Candidate(
-                fit,
-                fit.chi2 + price,
-                evidence.patterns.excess(fit.rest, fitted),
-                evidence.patterns.test(fit.rest, fitted),
+                fit=fit,
+                cost=fit.chi2 + price,
+                excess=evidence.patterns.excess(fit.rest, fitted),
+                gate=evidence.patterns.test(fit.rest, fitted),
+                further=_further(evidence, fit.names, fit.rest, fitted),
             )
         )
     return sorted(result, key=_cost)
+
+
+def _further(evidence: Evidence, names: Sequence[str], rest: FloatArray, fitted: FloatArray) -> float:
+    """Smallest p-value of an effect beside fitted ones, for as many as were tried."""
+    left = orthonormal_basis(fitted)
+    rest = rest - left @ (left.T @ rest)
+    smallest, tried, price = 1.0, 0, _price(rest)
+    for one, white in evidence.columns:
+        if one.effect.name in names:
+            continue
+        beside = white - left @ (left.T @ white)
+        length, before = np.linalg.norm(beside, axis=0), np.linalg.norm(white, axis=0)
+        seen = np.flatnonzero(length > _SEEN * before)
+        tried += len(one.amplitudes)
+        if len(seen):
+            part = replace(one, amplitudes=tuple(one.amplitudes[k] for k in seen), columns=one.columns[:, seen])
+            best, _, _, fall = _best_shapes(part, beside[:, seen], rest, price)
+            p_value = tail_probability(fall, len(best.amplitudes), evidence.patterns.degrees_of_freedom)
+            smallest = min(smallest, p_value)
+    return min(1.0, tried * smallest)
 
 
 def _best_pairs(rest: FloatArray, best: Sequence[Scored], levels: Levels) -> list[list[Scored]]:
@@ -326,7 +357,7 @@ def _best_pairs(rest: FloatArray, best: Sequence[Scored], levels: Levels) -> lis
 
 def _first_passing(candidates: Sequence[Candidate], levels: Levels, excess: float) -> Candidate | None:
     """The cheapest candidate after which the gate passes, unless a cheaper one fails it by far less misfit."""
-    passing = [c for c in candidates if c.gate.p_value > levels.after and c.excess < 0.5 * excess]
+    passing = [c for c in candidates if c.passes(levels) and c.excess < 0.5 * excess]
     return min(passing, key=_cost) if passing else None
 
 

@@ -123,7 +123,7 @@ def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, 
             return float(spread + 2.0 * free * np.log(max(diagonal[-1], 1e-300)))
 
         best = optimize.minimize_scalar(cost, bounds=(0.0, _LARGEST_RHO), method="bounded", options={"xatol": 0.01})
-        rho[c] = best.x if cost(float(best.x)) < cost(0.0) - 3.0 else 0.0
+        rho[c] = best.x if cost(float(best.x)) < cost(0.0) - 0.5 else 0.0
     repeats = np.array([noise.source.get(name) == "repeats" for name in noise.channels])
     independent = np.where(repeats, noise.repeats * (1.0 - rho**2) / (1.0 + rho**2), noise.degrees_of_freedom)
     count = np.bincount(observations.channel, minlength=len(rho))

@@ -34,16 +34,20 @@ class Patterns:
         Each zero outside of its channel.
     channel : array of int, shape (k,)
         Of each column.
+    degree : array of int, shape (k,)
+        How fine each column is: its total degree in all covariates.
     along : tuple of frozenset of str, length k
         Covariates that each column changes with.
     """
 
     columns: FloatArray
     channel: IntArray
+    degree: IntArray
     along: tuple[frozenset[str], ...]
 
 
-Labelled = list[tuple[FloatArray, frozenset[str]]]
+Labelled = list[tuple[FloatArray, int, frozenset[str]]]
+"""(column, degree, covariates)"""
 
 
 def smooth_patterns(observations: Observations) -> Patterns:
@@ -79,20 +83,24 @@ def drift_patterns(observations: Observations) -> Patterns:
 
 
 def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labelled]) -> Patterns:
-    blocks, channel, along = [np.zeros((len(observations.value), 0))], [], []
+    blocks = [np.zeros((len(observations.value), 0))]
+    channel: list[int] = []
+    kept: Labelled = []
     for c in range(len(observations.channels)):
         here = np.flatnonzero(observations.channel == c)
         labelled = of_channel(here) if len(here) >= _LEAST_READINGS else []
         if not labelled:
             continue
-        columns = np.stack([column for column, _ in labelled], axis=1)
+        columns = np.stack([column for column, _, _ in labelled], axis=1)
         keep = _independent(columns)[: max(1, len(here) // 3)]
         wide = np.zeros((len(observations.value), len(keep)))
         wide[here] = columns[:, keep]
         blocks.append(wide)
         channel += [c] * len(keep)
-        along += [labelled[k][1] for k in keep]
-    return Patterns(np.concatenate(blocks, axis=1), np.array(channel, dtype=int), tuple(along))
+        kept += [labelled[k] for k in keep]
+    degree = np.array([degree for _, degree, _ in kept], dtype=int)
+    along = tuple(names for _, _, names in kept)
+    return Patterns(np.concatenate(blocks, axis=1), np.array(channel, dtype=int), degree, along)
 
 
 def _surface(observations: Observations, here: IntArray) -> Labelled:
@@ -100,7 +108,9 @@ def _surface(observations: Observations, here: IntArray) -> Labelled:
     result = _tensor(x, y, _DEGREE)
     branch = observations.column("branch")[here]
     if np.ptp(branch) > 0.0:
-        result += [(branch * column, names | {"branch"}) for column, names in _tensor(x, y, _BRANCH_DEGREE)]
+        result += [
+            (branch * column, 1 + degree, names | {"branch"}) for column, degree, names in _tensor(x, y, _BRANCH_DEGREE)
+        ]
     return result
 
 
@@ -110,27 +120,22 @@ def _place(observations: Observations, here: IntArray) -> tuple[FloatArray, Floa
 
 def _drift(observations: Observations, here: IntArray) -> Labelled:
     x, y = _place(observations, here)
-    one = np.ones(len(here))
     result: Labelled = []
     for name in ("coil_temperature_C", "magnet_temperature_C"):
         t = observations.column(name)[here]
         if np.isfinite(t).all() and t.std() > _LEAST_SPREAD_C:
             t, alone = _unit(t), frozenset({name})
-            result += [
-                (t * one, alone),
-                (t * t, alone),
-                (t * x, alone | {"distance_m"}),
-                (t * y, alone | {"current_A"}),
-            ]
-            result += [(t * x * y, alone | {"distance_m", "current_A"}), (t * x * x, alone | {"distance_m"})]
+            near, carried = alone | {"distance_m"}, alone | {"current_A"}
+            result += [(t, 1, alone), (t * t, 2, alone), (t * x, 2, near), (t * y, 2, carried)]
+            result += [(t * x * y, 3, near | carried), (t * x * x, 3, near)]
     clocks: list[FloatArray] = []
     for name in ("order", "elapsed"):
         t = observations.column(name)[here]
         if np.ptp(t) > 0.0 and not any(np.array_equal(t, other) for other in clocks):
             clocks.append(t)
             t, alone = _unit(t), frozenset({name})
-            result += [(t, alone), (t * t, alone), (t**3, alone), (t * x, alone | {"distance_m"})]
-            result.append((t * y, alone | {"current_A"}))
+            result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
+            result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
     return result
 
 
@@ -141,7 +146,11 @@ def _tensor(x: FloatArray, y: FloatArray, degree: int) -> Labelled:
     pairs = sorted(((a, b) for a in range(n_x + 1) for b in range(n_y + 1) if a + b <= degree), key=sum)
     names = ({"distance_m"}, {"current_A"})
     return [
-        (in_x[:, a] * in_y[:, b], frozenset().union(*(n for n, power in zip(names, (a, b), strict=True) if power)))
+        (
+            in_x[:, a] * in_y[:, b],
+            a + b,
+            frozenset().union(*(n for n, power in zip(names, (a, b), strict=True) if power)),
+        )
         for a, b in pairs
     ]
 

@@ -69,7 +69,7 @@ def test_an_effect_that_is_left_out_of_the_catalogue_is_not_given_another_name(l
 
 
 def test_without_repeats_or_declared_noise_the_data_are_compared_only(levitation_model):
-    table = campaign(levitation_model, 7, [HALL], runs=1)
+    table = campaign(levitation_model, 7, [HALL], runs=1, rho=0.0)
     rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
     result = diagnose_bench(levitation_model, rising, QUICK)
     assert result.verdict == "compare_only"
