@@ -1,0 +1,1 @@
+"""Measurement campaigns with a sealed key: plan, truth, noise, files. Knows no effect."""

@@ -1,0 +1,197 @@
+"""Families of field solutions: the drawing as it is, and with one thing changed by one number.
+
+Where everything is linear, fields are at most quadratic in a remanence, so three solutions give every value exactly; a
+bore's eccentricity enters by its square; saturation and the holder's iron are blended with the drawing.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from importlib.metadata import version
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from femfit.actuator.parts import Actuator
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import MissingPartError
+from femfit.trial.truth import drawing_variants as drawn
+from femfit.trial.truth.field_table import Fields, FieldTable, load_field_table, save_field_table, solve_field_table
+
+_ECCENTRICITY = (0.5, 0.8)
+"""Of the clearance."""
+
+_IRON = 600.0
+"""Relative permeability above which a soft part is taken for iron."""
+
+REMANENCE_STEP, LAYER_STEP, CORE_STEP = 0.1, 0.5, 0.02
+_POLARISATION_T = {1.0: 0.6, 2.5: 0.45}
+"""Ferrite: J_s by the sharpness of the knee; NiZn and MnZn grades hold 0.25 to 0.5 T."""
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Fields as a function of one number p that is 0 for the drawing.
+
+    Parameters
+    ----------
+    values : tuple of float
+        P of each solution, without 0.
+    tables : tuple of FieldTable
+        The solutions.
+    reference : FieldTable
+        P = 0.
+    """
+
+    values: tuple[float, ...]
+    tables: tuple[FieldTable, ...]
+    reference: FieldTable
+
+    def change(self, p: FloatArray | float, distance: FloatArray, current: FloatArray) -> Fields:
+        """The fields at p less those of the drawing: the polynomial through the solutions.
+
+        Parameters
+        ----------
+        p : array, shape (n,), or float
+            In the family's unit.
+        distance, current : array, shape (n,)
+            In m and A.
+
+        Returns
+        -------
+        Fields
+            n points.
+        """
+        base = self.reference.at(distance, current)
+        total = base.times(0.0)
+        for k, (value, table) in enumerate(zip(self.values, self.tables, strict=True)):
+            others = [0.0, *self.values[:k], *self.values[k + 1 :]]
+            weight = np.asarray(1.0)
+            for other in others:
+                weight = weight * (p - other) / (value - other)
+            total += (table.at(distance, current) - base).times(weight)
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The field solutions of one actuator.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        As drawn.
+    base : FieldTable
+        As drawn.
+    families : mapping of str to Family
+        Those asked for of ``magnets`` (relative change of every remanence), ``layer`` (of the magnet's third next to
+        the gap), ``core`` (remanence of the fixed iron in T), ``ring`` (iron of a holder), ``bore`` (squared
+        eccentricity in m^2), ``saturation-N`` (for each sharpness N).
+    """
+
+    actuator: Actuator
+    base: FieldTable
+    families: Mapping[str, Family]
+
+
+def family_drawings(actuator: Actuator) -> dict[str, dict[float, Actuator]]:
+    """The drawings of every family that an actuator admits, by p; 0 where its reference is not the drawing.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        As drawn, with linear materials.
+
+    Returns
+    -------
+    dict of str to dict of float to Actuator
+        To be solved.
+    """
+    result = {"core": {step: drawn.remanent_core(actuator, step) for step in (-CORE_STEP, CORE_STEP)}}
+    if drawn.has_magnet(actuator):
+        result["magnets"] = {step: drawn.scaled_magnets(actuator, step) for step in (-REMANENCE_STEP, REMANENCE_STEP)}
+        result["layer"] = {step: drawn.weak_layer(actuator, step) for step in (-LAYER_STEP, -2.0 * LAYER_STEP)}
+    try:
+        _, bore, plunger = drawn.plunger_bore(actuator)
+    except MissingPartError:
+        result["ring"] = {0.0: drawn.without_magnets(actuator), 1.0: drawn.with_iron_ring(actuator)}
+    else:
+        offsets = [share * (bore - plunger) for share in _ECCENTRICITY]
+        result["bore"] = {offset**2: drawn.eccentric_bore(actuator, offset) for offset in offsets}
+        result["ring"] = {1.0: drawn.with_bore(actuator, plunger + 1.3 * (bore - plunger))}
+    iron = any(region.material.relative_permeability > _IRON for region in actuator.fixed)
+    for sharpness, polarisation in _POLARISATION_T.items():
+        hold = (4.0 if iron else 1.0) * polarisation
+        result[f"saturation-{sharpness:g}"] = {1.0: drawn.saturable_core(actuator, hold, sharpness)}
+    return result
+
+
+def load_truth(
+    actuator: Actuator,
+    cache: Path,
+    families: Collection[str] | None = None,
+    workers: int = 2,
+    progress: Callable[[str], None] | None = None,
+) -> Truth:
+    """The field solutions of an actuator, from the cache or solved.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        As drawn, with linear materials.
+    cache : Path
+        Directory for the tables; made if absent.
+    families : collection of str or None
+        Those needed; all that the drawing admits where None.
+    workers : int
+        Processes.
+    progress : callable or None
+        Receives what is being done.
+
+    Returns
+    -------
+    Truth
+        With the families asked for.
+    """
+    cache.mkdir(parents=True, exist_ok=True)
+    wanted = {
+        name: members for name, members in family_drawings(actuator).items() if families is None or name in families
+    }
+    drawings = {"base": actuator} | {
+        f"{name}{value:+.3g}": drawing for name, members in wanted.items() for value, drawing in members.items()
+    }
+    files = {name: cache / f"{actuator.name}-{name}-{_digest(drawing)}.npz" for name, drawing in drawings.items()}
+    left = [name for name, file in files.items() if not file.exists()]
+    if left and progress:
+        progress(f"Solving {len(left)} drawings of {actuator.name}")
+    solve = partial(
+        solve_field_table,
+        distances=(0.8 * actuator.sweep.distances_m[0], 1.06 * actuator.sweep.distances_m[-1]),
+        current=1.05 * max(map(abs, actuator.sweep.currents_A)),
+    )
+    for name, table in zip(left, _each(solve, [drawings[name] for name in left], workers), strict=True):
+        save_field_table(table, files[name])
+    tables = {name: load_field_table(file) for name, file in files.items()}
+    result = {}
+    for name, members in wanted.items():
+        values = tuple(value for value in members if value != 0.0)
+        reference = tables[f"{name}+0"] if 0.0 in members else tables["base"]
+        result[name] = Family(values, tuple(tables[f"{name}{value:+.3g}"] for value in values), reference)
+    return Truth(actuator, tables["base"], result)
+
+
+def _each(solve: Callable[[Actuator], FieldTable], drawings: Sequence[Actuator], workers: int) -> Iterator[FieldTable]:
+    if workers == 1 or len(drawings) < 2:
+        yield from map(solve, drawings)
+        return
+    with ProcessPoolExecutor(min(workers, len(drawings)), mp_context=get_context("spawn")) as pool:
+        yield from pool.map(solve, drawings)
+
+
+def _digest(actuator: Actuator) -> str:
+    text = json.dumps([asdict(actuator), version("ngsolve")], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
