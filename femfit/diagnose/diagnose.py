@@ -8,12 +8,12 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.measurement import BenchTable
 from femfit.diagnose.diagnosis import Diagnosis, NamedEffect, ScoredEffect, Where
-from femfit.diagnose.localise import localise
 from femfit.diagnose.magnitude import detectable_magnitudes, error_fall
 from femfit.diagnose.naming import Candidate, Decision, Evidence, Levels, decide, gather
 from femfit.diagnose.observations import Observations, bench_observations
 from femfit.diagnose.refit import Refit
 from femfit.diagnose.simulated_noise import simulated_noise
+from femfit.diagnose.where import where_it_fails
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
 from femfit.model.actuator_model import ActuatorModel
@@ -220,7 +220,9 @@ def _diagnosis(
         verdict=decision.verdict,
         missing=missing,
         ranking=ranking,
-        where=localise(evidence) if decision.verdict != "nothing_missing" else Where("", (), "The model fits."),
+        where=where_it_fails(observations, evidence.whitening)
+        if decision.verdict != "nothing_missing"
+        else Where("", (), "The model fits."),
         noise_floor=evidence.noise.floor,
         rms=_rms(observations, observations.residual),
         rms_after=_rms(observations, after),

@@ -1,0 +1,110 @@
+"""Where a model fails: the channel, what the misfit changes with, and one plain sentence."""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.diagnose.diagnosis import Where
+from femfit.diagnose.observations import Observations
+from femfit.diagnose.patterns import Patterns, smooth_patterns
+from femfit.diagnose.region import describe_region
+from femfit.diagnose.whitening import Whitening, orthonormal_basis
+
+_LEAST_SHARE = 0.1
+"""Part of a channel's structured excess that a covariate must add to be reported."""
+
+_ALIASES = {"elapsed": "order"}
+"""Clocks that mean the same to a reader."""
+
+
+def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
+    """Find the channel with the most structured misfit over its noise, its covariates, and a sentence.
+
+    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs; channel
+    and covariates are chosen with the noise along runs whitened alone, since a misfit along the distance looks to the
+    full whitening like re-mounts and would be passed over.
+
+    Parameters
+    ----------
+    observations : Observations
+        M readings.
+    whitening : Whitening
+        Of their noise.
+
+    Returns
+    -------
+    Where
+        Covariates in the order in which they explain the structure; none where the misfit is the same everywhere.
+    """
+    patterns = smooth_patterns(observations)
+    smooth = structured_misfit(patterns, whitening.full(patterns.columns), whitening.full(observations.residual))
+    columns, rest = whitening.serial(patterns.columns), whitening.serial(observations.residual)
+    counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
+    excess = np.array([_excess(columns[:, patterns.channel == c], rest) for c in range(len(counts))])
+    worst = int(np.argmax(excess / counts))
+    channel = observations.channels[worst]
+    covariates = _covariates(columns, patterns, worst, rest, smooth)
+    return Where(channel, covariates, describe_region(observations, channel, covariates, smooth))
+
+
+def structured_misfit(patterns: Patterns, columns: FloatArray, rest: FloatArray) -> FloatArray:
+    """The smooth part of recorded minus predicted.
+
+    Parameters
+    ----------
+    patterns : Patterns
+        k of them.
+    columns : array, shape (M, k)
+        The patterns, whitened.
+    rest : array, shape (M,)
+        The residual, whitened.
+
+    Returns
+    -------
+    array, shape (M,)
+        In the readings' units.
+    """
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    amplitude = np.linalg.lstsq(columns / size, rest, rcond=1e-8)[0] / size
+    return np.asarray(patterns.columns @ amplitude)
+
+
+def _covariates(
+    columns: FloatArray, patterns: Patterns, channel: int, rest: FloatArray, smooth: FloatArray
+) -> tuple[str, ...]:
+    """Covariates in the order in which each adds most to what the ones before explain with their products.
+
+    The gain of a covariate is the geometric mean of two shares: of the structure, and of its excess over noise. The
+    first alone follows the noise, the second alone the readings that are many.
+    """
+    here = np.flatnonzero(patterns.channel == channel)
+    rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
+    names = sorted(set().union(*(patterns.along[k] for k in here)))
+    chosen: list[str] = []
+
+    def explained(among: list[str]) -> FloatArray:
+        inside = [k for k in here if patterns.along[k] <= frozenset(among)]
+        seen = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
+        return np.array([seen @ seen, max(_excess(columns[:, inside], rest), 0.0)])
+
+    total, reached = explained(names), explained([])
+    while len(chosen) < len(names):
+        shares = {name: _share(explained([*chosen, name]) - reached, total) for name in names if name not in chosen}
+        best = max(shares, key=lambda name: shares[name])
+        if shares[best] < _LEAST_SHARE:
+            break
+        chosen.append(best)
+        reached = explained(chosen)
+    return tuple(dict.fromkeys(_ALIASES.get(name, name) for name in chosen))
+
+
+def _share(gain: FloatArray, total: FloatArray) -> float:
+    return float(np.sqrt(np.prod(np.maximum(gain, 0.0) / np.maximum(total, 1e-300))))
+
+
+def _excess(columns: FloatArray, rest: FloatArray) -> float:
+    """Squared length of the whitened residual along whitened columns, less what noise gives."""
+    if not columns.shape[1]:
+        return 0.0
+    basis = orthonormal_basis(columns)
+    along = basis.T @ rest
+    return float(along @ along - basis.shape[1])
