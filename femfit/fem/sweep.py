@@ -18,7 +18,7 @@ from femfit.core.journal import Journal, JournalHeader
 from femfit.core.sweep_table import SweepTable, write_sweep_table
 from femfit.fem.layout import Layout, layout_of, stretch_groups
 from femfit.fem.settings import SolverSettings
-from femfit.fem.sweep_pool import solve_in_processes
+from femfit.fem.sweep_pool import AGAIN, solve_in_processes
 from femfit.fem.sweep_rows import sweep_manifest, sweep_rows
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def run_sweep(
 
     with Journal(directory, JournalHeader(configuration["hash"])) as journal:
         report()
-        left = [task for task in tasks if task.key not in journal.finished]
+        left = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
         _solve_all(left, workers, scheduler, done)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
         table = SweepTable(sweep_rows(sweep, solved | failed), sweep_manifest(sweep, configuration))
@@ -162,15 +162,26 @@ def solve_task(task: DistanceTask) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON-ready: ``status`` and, when it is ok, ``rows``: the table's columns, one value a current.
+        JSON-ready: ``status`` and, when it is ok, ``rows``: the table's columns, one value a current; ``again`` where
+        the memory was too small, not the drawing at fault.
     """
     try:
         with _ONE_AT_A_TIME:
-            problem = _prepared(task.actuator, task.group, task.layout, task.settings)
-            return {"status": "ok", "rows": problem.rows(task.distance, task.actuator.sweep.currents_A)}
+            rows = _problem(task).rows(task.distance, task.actuator.sweep.currents_A)
+            return {"status": "ok", "rows": rows}
     except _failures() as error:
         _prepared.cache_clear()  # what was interrupted half-way must not serve the next distance
-        return {"status": f"failed: {_reason(error)}"}
+        return _failure(error)
+
+
+def _problem(task: DistanceTask) -> "FieldProblem":
+    """On the group's mesh, or on one of the distance's own where that cannot be made."""
+    try:
+        return _prepared(task.actuator, task.group, task.layout, task.settings)
+    except FieldSolverError:
+        if len(task.group) == 1:
+            raise
+        return _prepared(task.actuator, (task.distance,), task.layout, task.settings)
 
 
 @lru_cache(maxsize=1)
@@ -191,13 +202,19 @@ def _failures() -> tuple[type[Exception], ...]:
     return (NgException, RuntimeError, MemoryError, ArithmeticError)
 
 
-def _reason(error: Exception) -> str:
+def _failure(error: Exception) -> dict[str, Any]:
     text = " ".join(str(error).split())
     if isinstance(error, FemfitError):
-        return text
+        return {"status": f"failed: {text}"}
     if isinstance(error, MemoryError) or "allocate" in text:
-        return f"out of memory ({text}). Run fewer workers at a time, or on a machine with more memory"
-    return f"the field solver stopped ({text}). Look for extreme dimensions or materials in the actuator file"
+        return {
+            "status": f"failed: out of memory ({text}). Give the same command with fewer workers, or more memory",
+            AGAIN: True,
+        }
+    return {
+        "status": f"failed: the field solver stopped ({text}). Look for extreme dimensions or materials in the "
+        "actuator file"
+    }
 
 
 def _plan(

@@ -19,7 +19,10 @@ Result = dict[str, Any]
 Solve = Callable[[Task], Result]
 Done = Callable[[Task, Result], None]
 
-DIED: Result = {"status": "failed: the worker process died (out of memory, or killed)"}
+AGAIN = "again"
+"""Mark of a result that the machine, not the task, is to blame for: the same command tries it again."""
+
+DIED: Result = {"status": "failed: the worker process died (out of memory, or killed)", AGAIN: True}
 SPARE = 1  # tasks handed out beyond the workers, so that none waits for its next one
 
 

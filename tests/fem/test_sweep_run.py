@@ -1,11 +1,6 @@
 """The sweep as a run: table, journal, resumption, workers that die."""
 
 import dataclasses
-import json
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pandas as pd
@@ -19,7 +14,6 @@ from femfit.fem.settings import SolverSettings
 from femfit.fem.sweep import plan_sweep, run_sweep
 from femfit.fem.sweep_summary import summarise
 from support.actuators import GEOMETRY
-from support.dying_worker import die_at_20_mm
 
 QUICK = SolverSettings(order=3)
 
@@ -98,31 +92,6 @@ def test_a_journal_cut_in_its_first_line_starts_afresh(few, tmp_path):
     assert summarise(run_sweep(with_distances(few, (0.02,)), tmp_path, workers=1, settings=QUICK))["failed"] == 0
 
 
-def test_a_sweep_killed_at_any_moment_resumes_to_the_same_table(rig, tmp_path):
-    actuator = with_distances(rig, np.round(np.linspace(0.015, 0.03, 16), 6).tolist())
-    whole = run_sweep(actuator, tmp_path / "whole", workers=1)
-    script = (
-        "import dataclasses, sys; from pathlib import Path; from femfit.actuator.load import read_actuator\n"
-        "from femfit.fem.sweep import run_sweep\n"
-        "a = read_actuator(Path(sys.argv[1])); d = tuple(float(x) for x in sys.argv[3:])\n"
-        "a = dataclasses.replace(a, sweep=dataclasses.replace(a.sweep, distances_m=d))\n"
-        "run_sweep(a, Path(sys.argv[2]), workers=1)\n"
-    )
-    target = tmp_path / "killed"
-    command = [sys.executable, "-c", script, str(GEOMETRY / "emaws-rig.toml"), str(target)]
-    command += [repr(d) for d in actuator.sweep.distances_m]
-    journal = target / "journal.jsonl"
-    for lines in (3, 8):
-        child = subprocess.Popen(command)
-        while child.poll() is None and (not journal.exists() or journal.read_bytes().count(b"\n") < lines):
-            time.sleep(0.01)
-        child.send_signal(signal.SIGKILL)
-        child.wait()
-    assert lines <= journal.read_bytes().count(b"\n") < 17
-    resumed = run_sweep(actuator, target, workers=1)
-    pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)
-
-
 def failing_at(distance, solve):
     def solve_or_fail(task):
         if task.distance == distance:
@@ -150,39 +119,6 @@ def test_a_mesher_that_gives_up_is_a_status_and_no_crash(few, monkeypatch):
     monkeypatch.setattr("femfit.fem.problem.prepare", give_up)
     sweep_module._prepared.cache_clear()
     assert sweep_module.solve_task(plan_sweep(few, QUICK)[0]) == {"status": "failed: no mesh"}
-
-
-def test_a_worker_that_dies_costs_its_own_rows_only(few, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep_module, "solve_task", die_at_20_mm)
-    table = run_sweep(few, tmp_path, workers=2, settings=QUICK)
-    status = table.rows.groupby("distance_m")["status"].first()
-    assert status[0.02] == "failed: the worker process died (out of memory, or killed)"
-    assert (status.drop(0.02) == "ok").all()
-
-
-def test_a_full_disk_stops_the_sweep_and_keeps_what_is_finished(few, tmp_path, monkeypatch):
-    from femfit.core.journal import Journal
-
-    write = Journal._write_line
-    monkeypatch.setattr(Journal, "_write_line", refuse_after(3, write))
-    with pytest.raises(OSError, match="No space left"):
-        run_sweep(few, tmp_path, workers=1, settings=QUICK)
-    monkeypatch.setattr(Journal, "_write_line", write)
-    entries = [json.loads(line) for line in (tmp_path / "journal.jsonl").read_text().splitlines()]
-    assert len(entries) == 3
-    assert summarise(run_sweep(few, tmp_path, workers=1, settings=QUICK))["failed"] == 0
-
-
-def refuse_after(count, write):
-    written = []
-
-    def limited(self, content):
-        if len(written) == count:
-            raise OSError(28, "No space left on device")
-        written.append(content)
-        write(self, content)
-
-    return limited
 
 
 def test_groups_cover_every_distance_once(rig):

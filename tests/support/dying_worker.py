@@ -1,9 +1,15 @@
-"""A worker that kills its own process, for tests of what a sweep makes of it."""
+"""Workers that come to grief at 20 mm, for tests of what a sweep makes of it."""
 
+import dataclasses
 import os
+import resource
 import signal
+from pathlib import Path
 
 from femfit.fem.sweep import solve_task
+
+LEFT = 40_000_000
+"""Bytes, enough to think and too few to solve: a field of order 9 takes some hundreds of millions."""
 
 
 def die_at_20_mm(task):
@@ -11,3 +17,17 @@ def die_at_20_mm(task):
     if task.distance == 0.02:
         os.kill(os.getpid(), signal.SIGKILL)
     return solve_task(task)
+
+
+def starve_at_20_mm(task):
+    """Solve a task, at 20 mm one that needs far more memory than there is."""
+    if task.distance != 0.02:
+        return solve_task(task)
+    solve_task(task)  # what is imported does not count
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + LEFT, limits[1]))
+    try:
+        return solve_task(dataclasses.replace(task, settings=dataclasses.replace(task.settings, order=9)))
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limits)

@@ -1,0 +1,73 @@
+"""The journal: a disk that is full for a while, two processes, lines cut short anywhere."""
+
+import json
+import resource
+
+import pytest
+
+from femfit.core.errors import RunDirectoryError
+from femfit.core.journal import JOURNAL_NAME, Journal, JournalHeader
+
+HEADER = JournalHeader("a" * 64)
+RESULTS = {str(n): {"status": "ok", "force_N": n / 3.0} for n in range(5)}
+
+
+def written(directory):
+    return [json.loads(line) for line in (directory / JOURNAL_NAME).read_bytes().splitlines()]
+
+
+@pytest.fixture
+def small_files():
+    """Limits the size of files, as a full disk does."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (limits[1] if size is None else size, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_results_wait_in_memory_while_the_disk_is_full_and_are_written_when_there_is_room(tmp_path, small_files):
+    with Journal(tmp_path, HEADER) as journal:
+        journal.record("0", RESULTS["0"])
+        room = (tmp_path / JOURNAL_NAME).stat().st_size
+        small_files(room + 10)
+        for key in ("1", "2"):
+            journal.record(key, RESULTS[key])
+            assert (tmp_path / JOURNAL_NAME).stat().st_size == room  # no half line is left
+        assert (len(journal.finished), journal.on_disk) == (3, 1)
+        small_files(None)
+        journal.record("3", RESULTS["3"])
+        assert (len(journal.finished), journal.on_disk) == (4, 4)
+    assert [entry["key"] for entry in written(tmp_path)[1:]] == ["0", "1", "2", "3"]
+    with Journal(tmp_path, HEADER) as again:
+        assert again.finished == {key: RESULTS[key] for key in ("0", "1", "2", "3")}
+
+
+def test_a_disk_that_is_full_from_the_start_holds_nothing_and_loses_nothing(tmp_path, small_files):
+    small_files(10)
+    with Journal(tmp_path, HEADER) as journal:
+        journal.record("0", RESULTS["0"])
+        assert journal.on_disk == 0
+        small_files(None)
+        journal.record("1", RESULTS["1"])
+        assert journal.on_disk == 2
+    assert len(written(tmp_path)) == 3
+
+
+def test_a_directory_in_use_is_refused_until_its_process_ends(tmp_path):
+    with Journal(tmp_path, HEADER), pytest.raises(RunDirectoryError, match="in use by another femfit process"):
+        Journal(tmp_path, HEADER)
+    Journal(tmp_path, HEADER).__exit__(None, None, None)
+
+
+def test_a_journal_cut_anywhere_gives_back_its_whole_lines(tmp_path):
+    with Journal(tmp_path, HEADER) as journal:
+        for key, result in RESULTS.items():
+            journal.record(key, result)
+    content = (tmp_path / JOURNAL_NAME).read_bytes()
+    for length in range(0, len(content), 5):
+        (tmp_path / JOURNAL_NAME).write_bytes(content[:length])
+        with Journal(tmp_path, HEADER) as journal:
+            whole = max(content[:length].count(b"\n") - 1, 0)
+            assert journal.finished == {str(n): RESULTS[str(n)] for n in range(whole)}
+            for key in list(RESULTS)[whole:]:
+                journal.record(key, RESULTS[key])
+        assert (tmp_path / JOURNAL_NAME).read_bytes() == content
