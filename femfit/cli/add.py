@@ -16,6 +16,7 @@ def add(
     base: Literal["auto", "always", "never"] = "auto",
     coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
     magnet_temperature_C: Annotated[float | None, Parameter(name="--magnet-temperature-C")] = None,
+    report: Path | None = None,
     json: Path | None = None,
 ) -> None:
     """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.
@@ -39,6 +40,8 @@ def add(
         Of the winding, at which the new model runs; default: the mean that was recorded.
     magnet_temperature_C : float
         Of the magnet, likewise.
+    report : Path
+        HTML file: the diagnosis of the model as it was, and how far the error fell.
     json : Path
         File for the result as JSON.
     """
@@ -52,7 +55,8 @@ def add(
 
     options = AddOptions(base, coil_temperature_C, magnet_temperature_C)
     with status("Reading") as say:
-        result = add_effects(read_model(model), read_bench_table(data), (effect, *others), options, say)
+        actuator, table = read_model(model), read_bench_table(data)
+        result = add_effects(actuator, table, (effect, *others), options, say)
     record = result.to_dict() | {"data": data.name}
     provenance = dict(result.model.provenance)
     provenance["added"] = [*provenance.get("added", []), record]
@@ -60,3 +64,12 @@ def add(
     write_model(replace(result.model, provenance=provenance), output)
     write_json(json, record)
     print("\n".join([*add_lines(result), f"written: {output}"]))
+    if report is not None:
+        from femfit.cli.diagnosis_report import write_bench_report
+        from femfit.diagnose.diagnose import DiagnosisOptions, examine
+        from femfit.diagnose.observations import bench_observations
+
+        with status("Diagnosing the model as it was") as say:
+            examination = examine(bench_observations(actuator, table), DiagnosisOptions(bootstrap=0), say)
+            write_bench_report(report, (model, actuator), (data, table), examination, result, say)
+        print(f"written: {report}")

@@ -13,6 +13,7 @@ def diagnose(
     exclude: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     bootstrap: int = 40,
     seed: int = 0,
+    report: Path | None = None,
     json: Path | None = None,
 ) -> None:
     """Compare measurements with a model and name the physical effect that is missing.
@@ -29,17 +30,28 @@ def diagnose(
         Clean campaigns simulated for the false-naming rate; 0 for none.
     seed : int
         Of that simulation.
+    report : Path
+        HTML file: what was measured, where the model fails, what would explain it, what to measure next.
     json : Path
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
     from femfit.core.measurement_file import read_bench_table
-    from femfit.diagnose.diagnose import DiagnosisOptions, diagnose_bench
+    from femfit.diagnose.diagnose import DiagnosisOptions, examine
+    from femfit.diagnose.observations import bench_observations
     from femfit.diagnose.text import diagnosis_lines
     from femfit.model.json_file import read_model
 
     options = DiagnosisOptions(exclude=exclude, bootstrap=bootstrap, seed=seed)
     with status("Reading") as say:
-        result = diagnose_bench(read_model(model), read_bench_table(data), options, say)
-    write_json(json, result.to_dict())
-    print("\n".join(diagnosis_lines(result)))
+        actuator, table = read_model(model), read_bench_table(data)
+        observations = bench_observations(actuator, table)
+        examination = examine(observations, options, say)
+        if report is not None:
+            from femfit.cli.diagnosis_report import write_bench_report
+
+            write_bench_report(report, (model, actuator), (data, table), examination, say=say)
+    write_json(json, examination.diagnosis.to_dict())
+    print("\n".join(diagnosis_lines(examination.diagnosis)))
+    if report is not None:
+        print(f"written: {report}")

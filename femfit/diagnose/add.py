@@ -126,6 +126,7 @@ def add_effects(
     before, after = (observations.value - observations.predict(e) for e in (given, fitted.fit.effects))
     gate = pattern_space(observations, whitening)
     fit = fitted.fit
+    sizes = effect_sizes(observations, fit)
     return AddResult(
         model=with_effects(_at_temperature(model, observations, options), (*kept, *fit.effects)),
         added=fit.effects[base:],
@@ -143,8 +144,8 @@ def add_effects(
             "floor": floor_as_read(observations, noise),
         },
         steps=(Step("model", first.rms), *steps),
-        sizes=effect_sizes(observations, fit),
-        suspicious=suspicious_values(fit),
+        sizes=sizes,
+        suspicious=suspicious_values(fit, sizes),
         gate_before=gate.test(whitening.full(before)),
         gate_after=gate.test(fit.rest, fit.jacobian[:, ~fit.active]),
         readings=len(observations.value),

@@ -82,13 +82,15 @@ def _standard_error(observations: Observations, fit: Refit, k: int, at: int) -> 
     return float(np.sqrt(max(slope @ fit.covariance[np.ix_(own, own)] @ slope, 0.0))) if own else 0.0
 
 
-def suspicious_values(fit: Refit) -> tuple[str, ...]:
+def suspicious_values(fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, ...]:
     """What is unusual of fitted parameters.
 
     Parameters
     ----------
     fit : Refit
         Of the effects.
+    sizes : tuple of EffectSize
+        What they change.
 
     Returns
     -------
@@ -113,8 +115,7 @@ def suspicious_values(fit: Refit) -> tuple[str, ...]:
         if abs(value - p.null) > 1e-3 * (p.sane[1] - p.sane[0]):
             result.append(f"{added.effect.name}: {p.name} = {value:.3g} stands at its bound, so it has no interval.")
     for added in fit.effects:
-        amplitudes = [p for p in added.effect.amplitudes if p.name in added.ci95]
-        moved = [p for p in amplitudes if not added.ci95[p.name][0] <= p.null <= added.ci95[p.name][1]]
-        if added.effect.name not in base and len(added.effect.amplitudes) == 1 and not moved:
-            result.append(f"{added.effect.name} may be absent: its 95 % interval includes the value for no effect.")
+        name = added.effect.name
+        if name not in base and all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name):
+            result.append(f"{name} may be absent: the 95 % interval of its change includes none in every channel.")
     return tuple(result)

@@ -2,18 +2,16 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from importlib.resources import files
 from pathlib import Path
 
-from femfit import __version__
 from femfit.actuator.parts import Actuator
-from femfit.core.errors import RunDirectoryError
 from femfit.report.content import ReportContent, picture_point
 from femfit.report.embed import png_uri
 from femfit.report.field_sample import FieldSample
 from femfit.report.offscreen import OffScreenPicture, draw_off_screen
+from femfit.report.page import Page, render_page, write_page
 from femfit.report.paper import CITATION
-from femfit.report.section import DataTable, Picture, Section, text
+from femfit.report.section import Picture, Section, text
 from femfit.report.section_actuator import actuator_section
 from femfit.report.section_candidates import candidates_section
 from femfit.report.section_field import field_section
@@ -23,8 +21,6 @@ from femfit.report.section_loop import loop_section
 from femfit.report.section_paper_laws import paper_laws_section
 from femfit.report.section_sweep import sweep_section
 from femfit.report.summary import summary
-
-LARGEST_BYTES = 3_000_000
 
 Draw = Callable[[Actuator, FieldSample], OffScreenPicture]
 
@@ -51,19 +47,7 @@ def write_report(content: ReportContent, path: Path, draw: Draw = draw_off_scree
     RunDirectoryError
         If the file would not stay below 3 MB.
     """
-    page = render_report(content, draw)
-    encoded = page.encode()
-    if len(encoded) > LARGEST_BYTES:
-        raise RunDirectoryError(
-            f"The report must stay below {LARGEST_BYTES / 1e6:g} MB; it has {len(encoded) / 1e6:.2f} MB. Sweep fewer "
-            f"points."
-        )
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_bytes(encoded)
-    partial.replace(path)
-    return path
+    return write_page(render_report(content, draw), path)
 
 
 def render_report(content: ReportContent, draw: Draw = draw_off_screen) -> str:
@@ -81,20 +65,14 @@ def render_report(content: ReportContent, draw: Draw = draw_off_screen) -> str:
     str
         A whole page.
     """
-    from jinja2 import Environment
-
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.tests["picture"] = lambda block: isinstance(block, Picture)
-    environment.tests["table"] = lambda block: isinstance(block, DataTable)
-    folder = files("femfit.report")
-    template = environment.from_string((folder / "report.html.j2").read_text(encoding="utf-8"))
-    return template.render(
-        actuator=content.actuator,
-        style=(folder / "report.css").read_text(encoding="utf-8"),
-        summary=summary(content),
-        sections=_sections(content, draw),
-        version=__version__,
-        paper=CITATION,
+    return render_page(
+        Page(
+            title=content.actuator.name,
+            lead=content.actuator.description,
+            summary=summary(content),
+            sections=_sections(content, draw),
+            paper=CITATION,
+        )
     )
 
 

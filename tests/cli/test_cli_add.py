@@ -27,7 +27,7 @@ def files(levitation_model, tmp_path_factory):
 def added(files):
     return femfit(
         "add", files / "model.json", "hall_offset", files / "bench.csv", "-o", files / "new" / "model2.json",
-        "--with", "distance_offset", "--json", files / "add.json",
+        "--with", "distance_offset", "--json", files / "add.json", "--report", files / "add.html",
     )  # fmt: skip
 
 
@@ -40,6 +40,12 @@ def test_the_table_on_runs_left_out_is_printed_and_written(added, files):
     # 240 readings a channel: 5 % of the rms, as much of the floor
     assert data["unseen_after"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.2)
     assert data["unseen_ratio"] < 1.1
+
+
+def test_the_report_shows_the_diagnosis_and_the_fall(added, files):
+    page = (files / "add.html").read_text(encoding="utf-8")
+    assert 'id="figure-waterfall"' in page
+    assert "What would explain it" in page
 
 
 def test_the_new_model_remembers_its_measurement_and_simulates_and_exports(added, files):

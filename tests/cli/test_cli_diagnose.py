@@ -30,10 +30,14 @@ def test_diagnose_prints_what_the_data_could_show_and_names_what_is_missing(file
     assert data["noise_floor"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.3)
 
 
-def test_an_excluded_effect_is_not_named(files):
-    done = femfit("diagnose", files / "model.json", files / "bench.csv", "--bootstrap", 0, "--exclude", "hall_offset")
+def test_an_excluded_effect_is_not_named_and_the_report_is_written(files):
+    done = femfit(
+        "diagnose", files / "model.json", files / "bench.csv", "--bootstrap", 0, "--exclude", "hall_offset",
+        "--report", files / "d.html",
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "Missing: hall_offset" not in done.stdout
+    assert "What to measure next" in (files / "d.html").read_text(encoding="utf-8")
 
 
 def test_suggest_answers_for_measured_data_and_for_a_plan(files):

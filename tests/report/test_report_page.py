@@ -3,7 +3,6 @@
 import base64
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import pytest
 
@@ -14,9 +13,9 @@ from femfit.report.offscreen import OffScreenPicture
 from femfit.report.section import DataTable
 from femfit.report.section_loop import loop_section
 from femfit.report.summary import summary
+from support.page import Page
 
 PNG = b"\x89PNG\r\n\x1a\n" + b"\0" * 16
-VOID_TAGS = {"meta", "img", "br", "link", "input", "hr"}
 
 PAPER_FIGURES = {
     6: "force-map",
@@ -40,41 +39,6 @@ def drawn(_actuator, _sample):
 
 def not_drawn(_actuator, _sample):
     return OffScreenPicture(None, "no EGL here")
-
-
-class Page(HTMLParser):
-    """Collects what the tests look at, and insists on closed tags in order."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open_tags, self.ids, self.images, self.links, self.loads, self.words = [], [], {}, [], [], []
-        self.feed(text)
-        self.close()
-        assert not self.open_tags
-
-    def handle_starttag(self, tag, attrs):
-        values = dict(attrs)
-        if tag not in VOID_TAGS:
-            self.open_tags.append(tag)
-        if "id" in values:
-            self.ids.append(values["id"])
-        if tag == "img":
-            self.images[self.ids[-1].removeprefix("figure-")] = values
-        if tag == "a":
-            self.links.append(values["href"])
-        self.loads += [values[key] for key in ("src", "srcset", "poster", "data") if key in values]
-        assert tag not in {"script", "iframe", "link", "object"}
-
-    def handle_endtag(self, tag):
-        assert self.open_tags.pop() == tag
-
-    def handle_data(self, data):
-        if self.open_tags and self.open_tags[-1] != "style":
-            self.words.append(data)
-
-    @property
-    def text(self):
-        return " ".join(" ".join(self.words).replace("\u00a0", " ").split())
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,63 @@
+"""The HTML report that ``femfit diagnose`` and ``femfit add`` write."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from femfit.core.measurement import BenchTable
+    from femfit.diagnose.add_result import AddResult
+    from femfit.diagnose.diagnose import Examination
+    from femfit.model.actuator_model import ActuatorModel
+
+
+def write_bench_report(
+    path: Path,
+    model: "tuple[Path, ActuatorModel]",
+    data: "tuple[Path, BenchTable]",
+    examination: "Examination",
+    added: "AddResult | None" = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Write the report of a bench table's diagnosis.
+
+    Parameters
+    ----------
+    path : Path
+        Of the HTML file.
+    model : (Path, ActuatorModel)
+        File and what was read from it.
+    data : (Path, BenchTable)
+        File and what was read from it.
+    examination : Examination
+        Of the two.
+    added : AddResult or None
+        Where an effect was added.
+    say : callable
+        Receives what is being done.
+    """
+    from hashlib import sha256
+
+    from femfit.diagnose.diagnose import considered_effects
+    from femfit.diagnose.observations import bench_observations
+    from femfit.diagnose.suggest import suggest_measurements
+    from femfit.report.diagnosis_content import content_of
+    from femfit.report.diagnosis_html import write_diagnosis_report
+
+    suggestions = []
+    if examination.evidence is not None and len(examination.explanations) > 1:
+        say("Trying measurements")
+        suggestions = suggest_measurements(
+            model[1], data[1], examination.evidence.noise, examination.explanations, considered_effects()
+        )
+    say("Writing the report")
+    content = content_of(
+        model[1],
+        data[1],
+        bench_observations(model[1], data[1]),
+        examination,
+        suggestions=suggestions,
+        added=added,
+        hashes=tuple((file.name, sha256(file.read_bytes()).hexdigest()) for file in (model[0], data[0])),
+    )
+    write_diagnosis_report(content, path)

@@ -1,0 +1,114 @@
+"""What the report of a diagnosis is made of: results that were computed before."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from femfit.core.arrays import FloatArray
+from femfit.core.measurement import BenchTable
+from femfit.diagnose.add_result import AddResult
+from femfit.diagnose.diagnose import Examination
+from femfit.diagnose.diagnosis import Diagnosis
+from femfit.diagnose.observations import Observations, bench_observations
+from femfit.diagnose.suggest import Suggestion
+from femfit.model.actuator_model import ActuatorModel
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisContent:
+    """A diagnosis, and what was done about it.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        That was compared.
+    observations : Observations
+        The readings beside it.
+    examination : Examination
+        The diagnosis with what it rests on.
+    suggestions : sequence of Suggestion
+        Next measurements, best first.
+    added : AddResult or None
+        Where an effect was added.
+    after : array, shape (M,), or None
+        Recorded minus what the model predicts with the effects that were added, or that the diagnosis names.
+    source : str
+        Name of the measurement's file.
+    test_object, notes : str
+        From its sidecar.
+    hashes : tuple of (str, str)
+        Files and their SHA-256.
+    """
+
+    model: ActuatorModel
+    observations: Observations
+    examination: Examination
+    suggestions: Sequence[Suggestion] = ()
+    added: AddResult | None = None
+    after: FloatArray | None = None
+    source: str = "measurement"
+    test_object: str = ""
+    notes: str = ""
+    hashes: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """The result."""
+        return self.examination.diagnosis
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Noise of a single reading, for the channels where it is known."""
+        return dict(self.diagnosis.noise_floor)
+
+
+def content_of(
+    model: ActuatorModel,
+    table: BenchTable,
+    observations: Observations,
+    examination: Examination,
+    *,
+    suggestions: Sequence[Suggestion] = (),
+    added: AddResult | None = None,
+    hashes: tuple[tuple[str, str], ...] = (),
+) -> DiagnosisContent:
+    """The content of a bench table's diagnosis.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        That was compared.
+    table : BenchTable
+        As read.
+    observations : Observations
+        Of model and table.
+    examination : Examination
+        Of the observations.
+    suggestions : sequence of Suggestion
+        Next measurements, best first.
+    added : AddResult or None
+        Where an effect was added.
+    hashes : tuple of (str, str)
+        Files and their SHA-256.
+
+    Returns
+    -------
+    DiagnosisContent
+        For :func:`femfit.report.diagnosis_html.write_diagnosis_report`.
+    """
+    after = None
+    if added is not None:
+        after = bench_observations(added.model, table).residual
+    elif examination.explanations:
+        after = observations.value - observations.predict(examination.explanations[0].effects)
+    return DiagnosisContent(
+        model=model,
+        observations=observations,
+        examination=examination,
+        suggestions=suggestions,
+        added=added,
+        after=after,
+        source=table.source,
+        test_object=table.test_object,
+        notes=table.notes,
+        hashes=hashes,
+    )

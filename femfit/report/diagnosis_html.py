@@ -1,0 +1,126 @@
+"""A diagnosis as one HTML file that reads as an argument and needs nothing beside it."""
+
+from importlib.metadata import version
+from pathlib import Path
+
+from markupsafe import Markup
+
+from femfit import __version__
+from femfit.report.diagnosis_content import DiagnosisContent
+from femfit.report.numbers import significant
+from femfit.report.page import Page, render_page, write_page
+from femfit.report.section import Block, DataTable, Section, text
+from femfit.report.section_explained import alternatives_section, explained_section, next_section
+from femfit.report.section_fall import fall_section
+from femfit.report.section_measured import measured_section
+from femfit.report.section_misfit import misfit_section
+
+
+def write_diagnosis_report(content: DiagnosisContent, path: Path) -> Path:
+    """Write the report of a diagnosis.
+
+    Parameters
+    ----------
+    content : DiagnosisContent
+        Results.
+    path : Path
+        Of the HTML file; its directory is made if absent.
+
+    Returns
+    -------
+    Path
+        Of the written file.
+
+    Raises
+    ------
+    RunDirectoryError
+        If the file would not stay below 3 MB.
+    """
+    return write_page(render_diagnosis(content), path)
+
+
+def render_diagnosis(content: DiagnosisContent) -> str:
+    """The report as HTML text.
+
+    Parameters
+    ----------
+    content : DiagnosisContent
+        Results.
+
+    Returns
+    -------
+    str
+        A whole page.
+    """
+    sections = [
+        measured_section(content),
+        misfit_section(content),
+        explained_section(content),
+        alternatives_section(content),
+        next_section(content),
+        fall_section(content),
+        _provenance(content),
+    ]
+    return render_page(
+        Page(
+            title=f"{content.model.name}: the bench and the model",
+            lead=f"{content.source} beside the model's predictions",
+            summary=_summary(content),
+            sections=[section for section in sections if section is not None],
+        )
+    )
+
+
+def _summary(content: DiagnosisContent) -> tuple[Markup, ...]:
+    diagnosis = content.diagnosis
+    names = " and ".join(one.name for one in diagnosis.missing)
+    verdicts = {
+        "nothing_missing": "Nothing is missing; the model explains these data within their noise.",
+        "named": f"{names} is missing from the model; with it the misfit is within the noise.",
+        "form_insufficient": f"{names} is missing from the model and explains nearly all; its exact form is another.",
+        "unexplained": "Something is missing, and none of the catalogue's effects explains it.",
+        "compare_only": "The data can be compared with the model, but without a noise floor nothing can be named.",
+    }
+    said = [text("<strong>Verdict.</strong> {}", verdicts[diagnosis.verdict].replace(" is missing from", _is(content)))]
+    if diagnosis.where.channel:
+        said.append(text("<strong>Where.</strong> {}", diagnosis.where.sentence))
+    members = [" and ".join(one.members) for one in diagnosis.missing if len(one.members) > 1]
+    if members:
+        said.append(text("<strong>But.</strong> These data do not tell {} apart.", "; nor ".join(members)))
+    if content.suggestions:
+        said.append(text("<strong>Next.</strong> {}", content.suggestions[0].text))
+    if content.added is not None:
+        said.append(
+            text(
+                "<strong>Added.</strong> {}: on runs left out the error is {} times the noise.",
+                " and ".join(added.effect.name for added in content.added.added),
+                f"{content.added.unseen_ratio:.2f}",
+            )
+        )
+    elif content.after is not None and diagnosis.noise_floor:
+        ratio = [
+            max(rms[name] / diagnosis.noise_floor[name] for name in diagnosis.noise_floor)
+            for rms in (diagnosis.rms, diagnosis.rms_after)
+        ]
+        said.append(
+            text(
+                "<strong>Error.</strong> The worst channel falls from {} to {} times its noise.",
+                significant(ratio[0], 3),
+                significant(ratio[1], 3),
+            )
+        )
+    return tuple(said)
+
+
+def _is(content: DiagnosisContent) -> str:
+    return " is missing from" if len(content.diagnosis.missing) == 1 else " are missing from"
+
+
+def _provenance(content: DiagnosisContent) -> Section:
+    blocks: list[Block] = []
+    if content.hashes:
+        rows = tuple((name, text("<code>{}</code>", value)) for name, value in content.hashes)
+        blocks.append(DataTable(Markup("SHA-256"), (), rows))
+    versions = (("femfit", __version__), *((name, version(name)) for name in ("numpy", "scipy", "matplotlib")))
+    blocks.append(DataTable(Markup("Versions"), (), tuple(versions)))
+    return Section("provenance", "Where the numbers come from", tuple(blocks))

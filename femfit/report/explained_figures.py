@@ -1,0 +1,108 @@
+"""What would explain a misfit, and how far the error fell."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femfit.diagnose.amounts import CHANNEL_WORDS
+from femfit.diagnose.diagnosis import ScoredEffect
+from femfit.report.numbers import plain
+from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, VERMILION, WIDTH, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHOWN = 12
+
+
+@styled
+def ranking_figure(
+    ranking: Sequence[ScoredEffect], excess: float, named: Sequence[str], members: Sequence[str]
+) -> "Figure":
+    """Share of the structured misfit that each effect explains by itself.
+
+    Parameters
+    ----------
+    ranking : sequence of ScoredEffect
+        Testable ones, best first.
+    excess : float
+        Structured misfit in whitened units.
+    named : sequence of str
+        What the verdict names.
+    members : sequence of str
+        What the data cannot tell from it.
+
+    Returns
+    -------
+    Figure
+        A bar an effect; a dot for its share on runs left out, where it was refitted.
+    """
+    shown = list(ranking)[:SHOWN]
+    figure = new_figure(0.9 + 0.24 * len(shown))
+    axes = figure.subplots()
+    y = np.arange(len(shown))
+    share = [100.0 * min(max(s.chi2_fall - s.degrees_of_freedom, 0.0) / max(excess, 1e-12), 1.0) for s in shown]
+    colours = [VERMILION if s.name in named else ORANGE if s.name in members else "#b8c0c8" for s in shown]
+    axes.barh(y, share, color=colours, height=0.7)
+    for k, s in enumerate(shown):
+        if np.isfinite(s.error_fall):
+            axes.plot(100.0 * float(np.clip(s.error_fall, 0.0, 1.0)), k, "o", color=INK, markersize=4.5)
+    axes.set_yticks(y, [s.name for s in shown])
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.set(xlim=(0.0, 104.0), xlabel="structured misfit explained, each effect alone (%)")
+    axes.plot([], [], "o", color=INK, markersize=4.5, label="on runs left out")
+    for colour, label in ((VERMILION, "named"), (ORANGE, "not told from it")):
+        if colour in colours:
+            axes.barh([0], [0], color=colour, label=label)
+    axes.legend(loc="lower right")
+    return figure
+
+
+@styled
+def waterfall_figure(steps: Sequence[tuple[str, dict[str, float]]], floor: dict[str, float]) -> "Figure":
+    """How each step lowers the error of each channel towards the noise.
+
+    Parameters
+    ----------
+    steps : sequence of (str, dict of str to float)
+        What was added, and the error per channel with it and everything before; the first is the model as it was.
+    floor : dict of str to float
+        Noise of a single reading per channel.
+
+    Returns
+    -------
+    Figure
+        A panel a channel, in units of its noise: the model's error, what each step takes off or adds, what is left.
+    """
+    names = [name for name in steps[0][1] if name in floor]
+    labels = [*(text for text, _ in steps), "after"]
+    figure = new_figure(0.85 + 0.3 * len(labels), width=min(WIDTH, 2.2 + 1.6 * len(names)))
+    panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    for ax, name in zip(panels, names, strict=True):
+        _waterfall(ax, [values[name] / floor[name] for _, values in steps])
+        ax.set_title(CHANNEL_WORDS[name])
+        ax.set_xlabel("rms error / noise")
+    panels[0].set_yticks(range(len(labels)), labels)
+    panels[0].invert_yaxis()
+    return figure
+
+
+def _waterfall(ax: "Axes", heights: Sequence[float]) -> None:
+    """Bars from top to bottom: all of the first, the changes, all of the last; a dashed line at the noise."""
+    top = max(*heights, 1.0)
+    bars = [(0.0, heights[0], VERMILION)]
+    bars += [(min(a, b), abs(b - a), GREEN if b <= a else ORANGE) for a, b in pairwise(heights)]
+    bars.append((0.0, heights[-1], BLUE))
+    for k, (left, width, colour) in enumerate(bars):
+        ax.barh(k, max(width, 0.006 * top), left=left, color=colour, height=0.66)
+    for k, value in ((0, heights[0]), (len(bars) - 1, heights[-1])):
+        ax.text(value + 0.02 * top, k, f"{value:.2f}" if value < 10.0 else plain(value, 3), va="center", fontsize=8.5)
+    for k, value in enumerate(heights):
+        ax.plot([value, value], [k + 0.33, k + 0.67], color=MUTED, linewidth=0.7)
+    ax.axvline(1.0, color=INK, linewidth=1.0, dashes=(4, 3))
+    ax.set_xlim(0.0, 1.25 * top)
+    ax.grid(visible=False, axis="y")

@@ -1,0 +1,218 @@
+"""What was measured, and where the model fails: pictures over the settings of a campaign."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.diagnose.amounts import CHANNEL_WORDS
+from femfit.diagnose.observations import Observations
+from femfit.report.style import BLUE, CATEGORIES, MUTED, VERMILION, WIDTH, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MM = 1e3
+
+CELLS = 25
+"""Most columns and rows of a map: finer settings are averaged."""
+
+LEAST_LIMIT = 2.0
+"""A map's colours span at least so many standard deviations: noise alone should look pale."""
+
+BINS = 12
+
+
+@styled
+def settings_figure(observations: Observations) -> "Figure":
+    """Where and when readings were taken.
+
+    Parameters
+    ----------
+    observations : Observations
+        The campaign.
+
+    Returns
+    -------
+    Figure
+        Settings by run; temperatures over the campaign where they were recorded.
+    """
+    rows = observations.covariates
+    warm = [n for n in ("coil_temperature_C", "magnet_temperature_C") if np.isfinite(rows[n].to_numpy()).any()]
+    figure = new_figure(3.0)
+    axes = figure.subplots(1, 2 if warm else 1, squeeze=False)[0]
+    runs = rows["run"].to_numpy(dtype=int)
+    spread = 0.02 * float(np.ptp(rows["distance_m"])) if runs.max() else 0.0
+    for run in range(int(runs.max()) + 1):
+        here = rows[runs == run]
+        shift = spread * (run - 0.5 * runs.max()) / max(runs.max(), 1)  # beside each other, not on top
+        axes[0].plot(
+            MM * (here["distance_m"] + shift),
+            here["current_A"],
+            ".",
+            markersize=3.0,
+            color=CATEGORIES[run % len(CATEGORIES)],
+            label=f"run {run + 1}" if run < len(CATEGORIES) else None,
+        )
+    axes[0].set(xlabel="distance d (mm)", ylabel="current i (A)", title="settings")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", markerscale=3.0)
+    for name, colour in zip(warm, (VERMILION, BLUE), strict=False):
+        axes[1].plot(rows["elapsed"], rows[name], color=colour, label=name.removesuffix("_temperature_C"))
+    if warm:
+        axes[1].set(xlabel="order of the readings", ylabel="temperature (°C)", title="temperatures")
+        axes[1].legend()
+    return figure
+
+
+@styled
+def residual_maps_figure(
+    observations: Observations, rows: Sequence[tuple[str, FloatArray]], scale: dict[str, float], sigma: bool
+) -> "Figure":
+    """Maps of recorded minus predicted over distance and current, a column a channel.
+
+    Parameters
+    ----------
+    observations : Observations
+        The campaign.
+    rows : sequence of (str, array of shape (M,))
+        Title and residual of each row of maps, in the readings' units; all rows share a channel's colours.
+    scale : dict of str to float
+        What a channel's residual is divided by.
+    sigma : bool
+        Whether that is its noise, so that the colours count standard deviations.
+
+    Returns
+    -------
+    Figure
+        Averages over the readings of each cell.
+    """
+    names = observations.channels
+    figure = new_figure(0.5 + 1.9 * len(rows), width=min(WIDTH, 1.4 + 2.2 * len(names)))
+    panels = figure.subplots(len(rows), len(names), squeeze=False, sharex=True, sharey=True)
+    edges = [_edges(MM * observations.column("distance_m")), _edges(observations.column("current_A"))]
+    for c, name in enumerate(names):
+        here = observations.of(name)
+        maps = [_cell_means(observations, residual / scale.get(name, np.nan), here, edges) for _, residual in rows]
+        finite = np.concatenate([np.abs(m[np.isfinite(m)]) for m in maps])
+        limit = float(np.quantile(finite, 0.98)) if finite.size else 1.0
+        limit = max(limit, LEAST_LIMIT) if sigma else max(limit, 1e-300)
+        for (title, _), values, ax in zip(rows, maps, panels[:, c], strict=True):
+            image = ax.pcolormesh(edges[0], edges[1], values.T, cmap="RdBu_r", vmin=-limit, vmax=limit, rasterized=True)
+            ax.grid(visible=False)
+            ax.set_title(f"{CHANNEL_WORDS[name]}{', ' + title if title else ''}", fontsize=8.5)
+        panels[-1, c].set_xlabel("distance d (mm)")
+        bar = figure.colorbar(image, ax=list(panels[:, c]), location="bottom", pad=0.02, aspect=18)
+        bar.ax.tick_params(labelsize=8)
+        bar.set_label("in noise σ" if sigma else f"in {name.rpartition('_')[2]}", fontsize=8.5)
+    for ax in panels[:, 0]:
+        ax.set_ylabel("current i (A)")
+    return figure
+
+
+def _edges(values: FloatArray) -> FloatArray:
+    """Borders between the levels of a setting, or of equal cells where there are many levels."""
+    levels = np.unique(np.round(values, 6))
+    gaps = np.diff(levels)
+    if len(levels) > 1:  # levels that a stage met a little beside each other are one
+        keep = np.concatenate([[True], gaps > 0.02 * np.ptp(levels) / min(len(levels), CELLS)])
+        levels = levels[keep]
+    if len(levels) > CELLS:
+        return np.linspace(levels[0], levels[-1], CELLS + 1)
+    if len(levels) == 1:
+        half = 0.05 * max(abs(float(levels[0])), 1e-3)
+        return np.array([levels[0] - half, levels[0] + half])
+    middle = 0.5 * (levels[1:] + levels[:-1])
+    return np.concatenate([[2 * levels[0] - middle[0]], middle, [2 * levels[-1] - middle[-1]]])
+
+
+def _cell_means(
+    observations: Observations, values: FloatArray, here: BoolArray, edges: Sequence[FloatArray]
+) -> FloatArray:
+    """Mean of each cell, shape (columns, rows); NaN where nothing was read."""
+    places = [
+        np.clip(np.searchsorted(e, x[here], side="right") - 1, 0, len(e) - 2)
+        for e, x in zip(edges, (MM * observations.column("distance_m"), observations.column("current_A")), strict=True)
+    ]
+    shape = (len(edges[0]) - 1, len(edges[1]) - 1)
+    flat = np.ravel_multi_index((places[0], places[1]), shape)
+    count = np.bincount(flat, minlength=shape[0] * shape[1])
+    total = np.bincount(flat, weights=values[here], minlength=shape[0] * shape[1])
+    mean = np.full(len(count), np.nan)
+    mean[count > 0] = total[count > 0] / count[count > 0]
+    return mean.reshape(shape)
+
+
+@styled
+def covariate_figure(
+    observations: Observations, residual: FloatArray, after: FloatArray | None, channel: str, names: Sequence[str]
+) -> "Figure":
+    """One channel's residual against temperature, time, branch or run.
+
+    Parameters
+    ----------
+    observations : Observations
+        The campaign.
+    residual, after : array, shape (M,)
+        Before and after, over the channel's noise; None where nothing was added.
+    channel : str
+        Which.
+    names : sequence of str
+        Columns of the campaign.
+
+    Returns
+    -------
+    Figure
+        A panel a column; means with twice their standard error.
+    """
+    figure = new_figure(2.7, width=min(WIDTH, 2.8 + 2.5 * len(names)))
+    panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    here = observations.of(channel)
+    series = [(residual, VERMILION, "model")] + ([] if after is None else [(after, BLUE, "with the effect")])
+    for ax, name in zip(panels, names, strict=True):
+        x = observations.column(name)[here]
+        for values, colour, label in series:
+            _binned(ax, x, values[here], colour, label)
+        ax.axhline(0.0, color=MUTED, linewidth=0.8)
+        ax.set_xlabel(COVARIATE_LABELS.get(name, name))
+        if name in {"branch", "run"}:
+            levels = np.unique(x)
+            ax.set_xticks(levels, [_level(name, value) for value in levels])
+    panels[0].set_ylabel(f"{CHANNEL_WORDS[channel]}: recorded − predicted (σ)")
+    if after is not None:
+        panels[0].legend()
+    return figure
+
+
+COVARIATE_LABELS = {
+    "coil_temperature_C": "coil temperature (°C)",
+    "magnet_temperature_C": "magnet temperature (°C)",
+    "order": "order within the run",
+    "elapsed": "order of the readings",
+    "branch": "branch of the current",
+    "run": "run",
+    "distance_m": "distance (m)",
+    "current_A": "current (A)",
+}
+"""What axes call the columns of a campaign."""
+
+
+def _level(name: str, value: float) -> str:
+    if name == "run":
+        return str(int(value) + 1)
+    return {1.0: "rising", -1.0: "falling"}.get(float(value), "unknown")
+
+
+def _binned(ax: "Axes", x: FloatArray, y: FloatArray, colour: str, label: str) -> None:
+    known = np.isfinite(x)
+    x, y = x[known], y[known]
+    levels = np.unique(x)
+    cuts = levels if len(levels) <= BINS else np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)[:-1])
+    group = np.searchsorted(np.unique(cuts), x, side="right")
+    table = pd.DataFrame({"x": x, "y": y}).groupby(group).agg({"x": "mean", "y": ["mean", "sem"]})
+    ax.errorbar(
+        table["x"]["mean"], table["y"]["mean"], 2.0 * table["y"]["sem"].fillna(0.0),
+        fmt="o-", color=colour, markersize=3.5, linewidth=1.0, elinewidth=0.9, label=label,
+    )  # fmt: skip

@@ -1,0 +1,268 @@
+"""The diagnosis report's sections on what would explain the misfit, what else could, and what to measure next."""
+
+import numpy as np
+from markupsafe import Markup
+
+from femfit.diagnose.diagnosis import NamedEffect
+from femfit.effects.catalogue import all_effects
+from femfit.report.diagnosis_content import DiagnosisContent
+from femfit.report.embed import svg_uri
+from femfit.report.explained_figures import ranking_figure
+from femfit.report.formula import formula_markup
+from femfit.report.numbers import NO_BREAK, NOTHING, plain, significant
+from femfit.report.section import Block, DataTable, Picture, Section, text
+from femfit.report.section_misfit import p_value
+
+SHOWN = 6
+"""Suggestions in the table."""
+
+
+def explained_section(content: DiagnosisContent) -> Section | None:
+    """What the verdict names, how it ranks, and what the data could have shown.
+
+    Parameters
+    ----------
+    content : DiagnosisContent
+        Any.
+
+    Returns
+    -------
+    Section or None
+        None where nothing can be said for want of a noise floor.
+    """
+    diagnosis, decision = content.diagnosis, content.examination.decision
+    if decision is None:
+        return None
+    blocks: list[Block] = [_verdict(content)]
+    named = [one.name for one in diagnosis.missing]
+    members = [name for one in diagnosis.missing for name in one.members[1:]]
+    testable = [score for score in diagnosis.ranking if not score.note]
+    if diagnosis.verdict != "nothing_missing" and testable:
+        blocks.append(
+            Picture(
+                "ranking-effects",
+                svg_uri(ranking_figure(testable, decision.excess, named, members), "ranking-effects"),
+                "Share of the structured misfit that each effect of the catalogue explains by itself.",
+                Markup(
+                    "How much of the misfit above the noise each effect explains by itself, re-mounts and run offsets "
+                    "taken out. An effect that imitates the true one reaches far, too: what decides is whether the "
+                    "misfit that is left is noise."
+                ),
+            )
+        )
+    blocks += [_named_table(one) for one in diagnosis.missing]
+    return Section("explained", "What would explain it", tuple(blocks))
+
+
+def _verdict(content: DiagnosisContent) -> Markup:
+    diagnosis = content.diagnosis
+    names = Markup(" and ").join(text("<strong>{}</strong>", one.name) for one in diagnosis.missing)
+    after = diagnosis.gate_after
+    left = "" if after is None else text(" What is left passes the same test (p {}).", p_value(after.p_value))
+    sentences = {
+        "nothing_missing": Markup("Nothing is missing: the model explains these data within their noise."),
+        "named": text("{} {} it.{}", names, "explains" if len(diagnosis.missing) == 1 else "explain", left),
+        "form_insufficient": text(
+            "{} {} nearly all of it, but the exact form is another than the catalogue's: structure is left (p {}).",
+            names,
+            "explains" if len(diagnosis.missing) == 1 else "explain",
+            p_value(after.p_value) if after else NOTHING,
+        ),
+        "unexplained": Markup(
+            "<strong>Something is missing, and it is no effect of the catalogue, nor any two of them.</strong> The "
+            "best candidates below leave a misfit that is not noise, so that none of them is named."
+        ),
+    }
+    rate = diagnosis.false_naming_rate
+    known = (
+        ""
+        if rate is None
+        else text(
+            " In clean campaigns simulated from this noise, something is named in {} %.", significant(100.0 * rate, 2)
+        )
+    )
+    return text("{}{}", sentences.get(diagnosis.verdict, ""), known)
+
+
+def _named_table(one: NamedEffect) -> DataTable:
+    effect = all_effects().get(one.name)
+    units = {} if effect is None else {p.name: p for p in effect.parameters}
+    rows = []
+    for name, value in one.parameters.items():
+        low, high = one.ci95.get(name, (np.nan, np.nan))
+        p = units.get(name)
+        rows.append(
+            (
+                name,
+                significant(value, 4),
+                f"{significant(low, 3)} … {significant(high, 3)}" if np.isfinite(low) else "at its bound",
+                f"{plain(p.sane[0])} … {plain(p.sane[1])}" if p else NOTHING,
+                formula_markup(p.unit) if p else "",
+                p.description if p else "",
+            )
+        )
+    doubt = "" if one.sane else Markup(" <strong>Its size is unusual: check it by another measurement.</strong>")
+    return DataTable(
+        text(
+            "{}. {} Explains {} % of the misfit above the noise on runs left out.{}",
+            one.name,
+            effect.symptom if effect else "",
+            significant(100.0 * one.error_fall, 3),
+            doubt,
+        ),
+        ("parameter", "fitted", "95 % interval", "usual", "unit", "what it is"),
+        tuple(rows),
+    )
+
+
+def alternatives_section(content: DiagnosisContent) -> Section | None:
+    """The classes that the data do not split, effects they cannot show, and magnitudes they would have shown.
+
+    Parameters
+    ----------
+    content : DiagnosisContent
+        Any.
+
+    Returns
+    -------
+    Section or None
+        None for want of a noise floor.
+    """
+    diagnosis = content.diagnosis
+    if content.examination.decision is None:
+        return None
+    blocks: list[Block] = [
+        text(
+            "<strong>{} could as well be {}</strong>: on these data their misfits differ by less than chance makes "
+            "them. The name is a class, not yet a cause.",
+            one.name,
+            " or ".join(one.members[1:]),
+        )
+        for one in diagnosis.missing
+        if len(one.members) > 1
+    ]
+    if diagnosis.missing and not blocks:
+        names = " and ".join(one.name for one in diagnosis.missing)
+        blocks.append(text("No other effect of the catalogue explains these data as well as {}.", names))
+    if not diagnosis.missing:
+        blocks.append(
+            Markup("An effect that is smaller than the magnitude below would not have shown, and may be there.")
+        )
+    blocks.append(_detectable(content))
+    hidden = [(score.name, score.note) for score in diagnosis.ranking if score.note]
+    if hidden:
+        items = Markup("").join(text("<li>{}: {}</li>", name, note) for name, note in hidden)
+        blocks.append(text("These data could not have shown:<ul>{}</ul>", items))
+    return Section("alternatives", "What else could", tuple(blocks))
+
+
+def _detectable(content: DiagnosisContent) -> DataTable:
+    effects = all_effects()
+    rows = []
+    for name, amplitudes in content.diagnosis.detectable.items():
+        units = {p.name: p.unit for p in effects[name].parameters} if name in effects else {}
+        sizes = Markup(", ").join(
+            text("{} {}{}", key, significant(value, 2), _unit(units.get(key, "")))
+            for key, value in amplitudes.items()
+            if np.isfinite(value)
+        )
+        rows.append((name, sizes or NOTHING))
+    return DataTable(
+        Markup("Smallest magnitude of each effect that these settings and this noise show nine times in ten"),
+        ("effect", "magnitude"),
+        tuple(rows),
+    )
+
+
+def _unit(unit: str) -> Markup:
+    return NO_BREAK + formula_markup(unit) if unit else Markup("")
+
+
+def next_section(content: DiagnosisContent) -> Section | None:
+    """The measurement that would decide.
+
+    Parameters
+    ----------
+    content : DiagnosisContent
+        Any.
+
+    Returns
+    -------
+    Section or None
+        None where nothing is missing.
+    """
+    diagnosis = content.diagnosis
+    if diagnosis.verdict == "nothing_missing":
+        return None
+    blocks: list[Block] = []
+    if diagnosis.verdict == "compare_only":
+        blocks.append(
+            Markup(
+                "Measure some settings at least twice, the body taken off and put back between, or declare the "
+                "noise of each channel in a .toml beside the data. Then the same command can name what is missing."
+            )
+        )
+    elif diagnosis.verdict == "unexplained":
+        blocks.append(
+            text(
+                "Look at the bench where the map is coloured. {} If the cause is physics that the catalogue lacks, an "
+                "effect is one small file.",
+                _nearest(content),
+            )
+        )
+    elif content.suggestions:
+        blocks += [
+            Markup("What would split the class, cheapest of the most telling first:"),
+            _suggestions(content),
+        ]
+    elif any(len(one.members) > 1 for one in diagnosis.missing):
+        blocks.append(Markup("No measurement that femfit knows would split this class at the sizes found here."))
+    else:
+        effects = all_effects()
+        items = Markup("").join(
+            text("<li><strong>{}</strong>: {}</li>", one.name, effects[one.name].experiment)
+            for one in diagnosis.missing
+            if one.name in effects
+        )
+        blocks.append(text("These data decide by themselves. An independent check:<ul>{}</ul>", items))
+    return Section("next", "What to measure next", tuple(blocks))
+
+
+def _nearest(content: DiagnosisContent) -> Markup:
+    found = content.examination.decision
+    if found is None or not found.candidates:
+        return Markup("")
+    best = found.candidates[0]
+    share = 100.0 * (1.0 - best.excess / found.excess) if found.excess > 0.0 else 0.0
+    return text(
+        "The nearest of the catalogue, {}, takes away {} % of the misfit above the noise and leaves the rest.",
+        " with ".join(best.fit.names),
+        significant(float(np.clip(share, 0.0, 100.0)), 3),
+    )
+
+
+def _suggestions(content: DiagnosisContent) -> DataTable:
+    rows = []
+    for k, one in enumerate(list(content.suggestions)[:SHOWN], start=1):
+        pairs = [(*_unlike(a, b), sigma) for a, b, sigma in one.separates]
+        if len(pairs) > 1 and not one.remains:
+            a, b, sigma = min(pairs, key=lambda pair: pair[2])
+            said = text("all of them; the nearest, {} from {}, by {} σ", a, b, significant(sigma, 2))
+        else:
+            said = Markup("<br>").join(text("{} from {} by {} σ", a, b, significant(s, 2)) for a, b, s in pairs)
+        if one.remains:
+            left = "; ".join(" and ".join(_unlike(a, b)) for a, b in one.remains)
+            said += text("<br>leaves together: {}", left)
+        rows.append((str(k), one.text, f"{one.cost:.0f}", said))
+    return DataTable(
+        Markup("Cost is counted in readings of the usual sweep"),
+        ("", "measurement", "cost", "separates"),
+        tuple(rows),
+    )
+
+
+def _unlike(a: str, b: str) -> tuple[str, str]:
+    """Two explanations without the effects that both have."""
+    first, second = a.split(" + "), b.split(" + ")
+    left = [name for name in first if name not in second], [name for name in second if name not in first]
+    return " + ".join(left[0]) or a, " + ".join(left[1]) or b

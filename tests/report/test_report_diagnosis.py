@@ -1,0 +1,133 @@
+"""The report of a diagnosis as a reader's browser gets it, for every verdict."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.measurement import CHANNELS
+from femfit.diagnose.add import add_effects
+from femfit.diagnose.diagnose import DiagnosisOptions, considered_effects, examine
+from femfit.diagnose.observations import bench_observations
+from femfit.diagnose.suggest import Suggestion, suggest_measurements
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.report.diagnosis_content import content_of
+from femfit.report.diagnosis_html import render_diagnosis, write_diagnosis_report
+from support.campaign import campaign
+from support.page import Page
+
+SIZE = {"distances": 7, "currents": 5}
+
+
+def hidden(name, **values):
+    effect = effect_by_name(name)
+    return AddedEffect(effect, effect.null() | values)
+
+
+HALL = hidden("hall_offset", offset_V=0.02)
+
+
+def page_of(model, table, added=(), **more):
+    observations = bench_observations(model, table)
+    examination = examine(observations, DiagnosisOptions(bootstrap=0))
+    fits, advice = examination.explanations, ()
+    if len(fits) > 1:
+        advice = suggest_measurements(model, table, examination.evidence.noise, fits, considered_effects())
+    result = add_effects(model, table, added) if added else None
+    content = content_of(model, table, observations, examination, suggestions=advice, added=result, **more)
+    return content, Page(render_diagnosis(content))
+
+
+@pytest.fixture(scope="module")
+def added(levitation_model):
+    table = replace(
+        campaign(levitation_model, 61, [HALL], runs=4, **SIZE), source="rig.csv", test_object="Rig <3>", notes="warm"
+    )
+    return page_of(levitation_model, table, ["hall_offset"], hashes=(("rig.csv", "ab" * 32),))
+
+
+def test_the_page_reads_as_an_argument_in_order(added):
+    _, page = added
+    places = [page.text.index(f"{k}. {title}") for k, title in enumerate(
+        ("What was measured", "Where the model fails", "What would explain it", "What else could",
+         "What to measure next", "How far the error fell", "Where the numbers come from"), start=1)]  # fmt: skip
+    assert places == sorted(places)
+    assert set(page.images) == {"settings", "misfit-maps", "ranking-effects", "waterfall", "after-maps"}
+
+
+def test_the_page_holds_everything_and_loads_nothing(added, tmp_path):
+    content, page = added
+    assert all(uri.startswith("data:image/") for uri in page.loads)
+    assert all(link.removeprefix("#") in page.ids for link in page.links)
+    assert all(image["alt"] for image in page.images.values())
+    file = write_diagnosis_report(content, tmp_path / "new" / "report.html")
+    assert file.stat().st_size < 3_000_000
+    assert not re.search(r"url\(|@import|https?://", file.read_text(encoding="utf-8"))
+
+
+def test_what_the_user_wrote_is_escaped(added):
+    _, page = added
+    assert "Rig <3>" in page.text
+
+
+def test_the_noise_and_its_source_stand_beside_each_channel(added):
+    content, page = added
+    assert "known from" in page.text
+    for sigma in content.diagnosis.noise_floor.values():
+        assert sigma > 0.0
+    assert page.text.count("repeats") >= len(content.diagnosis.noise_floor)
+
+
+def test_the_fall_of_the_error_is_that_of_runs_left_out(added):
+    content, page = added
+    assert f"{content.added.unseen_ratio:.2f} times the noise" in page.text
+    assert "on runs that were not fitted" in page.text
+
+
+def test_nothing_missing_is_said_without_a_ranking_or_a_waterfall(levitation_model):
+    _, page = page_of(levitation_model, campaign(levitation_model, 62, **SIZE))
+    assert "Nothing is missing" in page.text
+    assert set(page.images) == {"settings", "misfit-maps"}
+    assert "Smallest magnitude" in page.text
+
+
+def test_a_class_of_several_is_said_first_and_what_splits_it_follows(levitation_model):
+    table = campaign(levitation_model, 63, [hidden("distance_offset", offset_m=3e-4)], **SIZE)
+    given = tuple(name for name in table.given if name not in CHANNELS or name == "force_N")
+    unread = {name: np.nan for name in CHANNELS if name != "force_N"}
+    content, page = page_of(levitation_model, replace(table, rows=table.rows.assign(**unread), given=given))
+    (named,) = content.diagnosis.missing
+    assert len(named.members) > 1
+    assert "do not tell" in page.text
+    assert "could as well be" in page.text
+    assert "femfit add" in page.text
+    first, second = named.members[:2]
+    advice = Suggestion("Read the Hall output as well.", 60.0, ((first, second, 8.0),), ())
+    advised = Page(render_diagnosis(replace(content, suggestions=(advice,))))
+    assert advised.text.count("Read the Hall output as well.") == 2
+    assert f"{first} from {second} by 8.0 σ" in advised.text
+    silent = Page(render_diagnosis(replace(content, suggestions=())))
+    assert "No measurement that femfit knows" in silent.text
+
+
+def test_something_unknown_is_called_unknown_and_its_place_is_shown(levitation_model):
+    def ripple(readings, rows):
+        wave = 2e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
+        return readings | {"force_N": readings["force_N"] + wave}
+
+    content, page = page_of(levitation_model, campaign(levitation_model, 64, change=ripple))
+    assert content.diagnosis.verdict == "unexplained"
+    assert "none of the catalogue's effects explains it" in page.text
+    assert "waterfall" not in page.images
+    assert "ranking-effects" in page.images
+
+
+def test_without_a_noise_floor_the_page_says_what_to_measure(levitation_model):
+    table = campaign(levitation_model, 65, [HALL], runs=1, **SIZE)
+    rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
+    content, page = page_of(levitation_model, rising)
+    assert content.diagnosis.verdict == "compare_only"
+    assert "at least twice" in page.text
+    assert set(page.images) == {"settings", "misfit-maps"}
