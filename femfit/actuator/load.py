@@ -29,6 +29,7 @@ from femfit.actuator.schema import (
     HallPlace,
     MovingEntry,
     ReferenceEntry,
+    SolverEntry,
     SupplyEntry,
     SweepEntry,
 )
@@ -119,6 +120,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     winding = _section(CoilEntry, data, "coil", problems)
     hall = _section(HallEntry, data, "hall", problems)
     supply = _section(SupplyEntry, data, "supply", problems)
+    solver = _section(SolverEntry, data, "solver", problems)
     reference = _section(ReferenceEntry, data, "reference", problems)
     currents, distances = _axes(data, problems)
     drawing = read_drawing(data, directory or Path(), problems)
@@ -137,6 +139,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         sweep=SweepAxes(currents, tuple(scaled(d) for d in distances)),
         hall=_hall(hall),
         reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),
+        tolerance=solver.tolerance if solver else None,
     )
 
 

@@ -238,6 +238,8 @@ class Actuator:
         Free text.
     reference_distances_m : tuple of float
         Steps of the closed-loop reference; empty: derived from the model.
+    tolerance : float or None
+        Relative accuracy of force and flux linkage that the field solver has to meet; None: one fixed fineness.
     """
 
     name: str
@@ -249,3 +251,4 @@ class Actuator:
     hall: HallElement | None = None
     description: str = ""
     reference_distances_m: tuple[float, ...] = ()
+    tolerance: float | None = None

@@ -38,6 +38,7 @@ class FileEntry(Entry):
     hall: dict[str, Any] | None = Field(None, description="Give the Hall element as a table [hall], or leave it out.")
     supply: dict[str, Any] = Field(description="Give the driver as a table [supply].")
     sweep: dict[str, Any] = Field(description="Give the grid as a table [sweep] with current_A and distance_mm.")
+    solver: dict[str, Any] | None = Field(None, description="Give [solver] tolerance, or leave it out.")
     reference: dict[str, Any] | None = Field(None, description="Give [reference] distance_mm, or leave it out.")
 
 
@@ -238,6 +239,14 @@ class SampledEntry(Entry):
     min: ParameterValue = Field(description="Give the lowest value.")
     max: ParameterValue = Field(description="Give the highest value, above min.")
     step: float | None = Field(None, gt=0, description="Give a step for values like whole turns, or leave it out.")
+
+
+class SolverEntry(Entry):
+    """``[solver]``: how accurate the field solver has to be."""
+
+    tolerance: float | None = Field(
+        None, ge=1e-5, le=0.1, description="Give the relative accuracy of force and flux linkage, as 1e-3 for 0.1 %."
+    )
 
 
 class ReferenceEntry(Entry):

@@ -37,16 +37,26 @@ class LinearActuator:
         Of the whole sweep.
     settings : SolverSettings
         Order and element sizes.
+    estimate : bool
+        Whether every distance is also solved one order lower, for the force's error.
     """
 
-    def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
+    def __init__(
+        self,
+        actuator: Actuator,
+        group: tuple[float, ...],
+        layout: Layout,
+        settings: SolverSettings,
+        *,
+        estimate: bool = True,
+    ) -> None:
         self.actuator = actuator
         self.layout = layout
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
         g = weight(self.mesh)
         self._orders = tuple(
-            _Discretisation(self.mesh, actuator, layout, g, p) for p in (settings.order, settings.order - 1)
+            _Discretisation(self.mesh, actuator, layout, g, settings.order - lower) for lower in range(1 + estimate)
         )
 
     @property
@@ -68,10 +78,10 @@ class LinearActuator:
             Coefficients of force, flux linkage, co-energy and Hall field.
         """
         with self._moving.at(distance):
-            fine, coarse = (discretisation.evaluate() for discretisation in self._orders)
+            fine, *coarse = (discretisation.evaluate() for discretisation in self._orders)
         return DistanceSolution(
             force=fine.force,
-            force_change=fine.force - coarse.force,
+            force_change=fine.force - coarse[0].force if coarse else None,
             flux_linkage=fine.flux_linkage,
             coenergy=fine.coenergy,
             hall=fine.hall,

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from femfit.actuator.parts import Actuator
+
 
 @dataclass(frozen=True)
 class SolverSettings:
@@ -23,6 +25,9 @@ class SolverSettings:
         condition of a dipole field, so what is left falls with the fifth power of this factor.
     stretch_limit : float
         Largest ratio of distances that one mesh is stretched over before a new one is made.
+    tolerance : float or None
+        Relative accuracy of force and flux linkage; order and element sizes are then chosen to meet it, those above
+        are not used (:mod:`femfit.fem.tolerance`).
     """
 
     order: int = 5
@@ -31,6 +36,7 @@ class SolverSettings:
     grading: float = 0.5
     outer_radius_factor: float = 16.0
     stretch_limit: float = 1.8
+    tolerance: float | None = None
 
     def finer(self) -> "SolverSettings":
         """Settings for checking these: one order more and corners a quarter of the size, about ten times the work."""
@@ -42,3 +48,19 @@ class SolverSettings:
             outer_radius_factor=2.0 * self.outer_radius_factor,
             stretch_limit=1.0,
         )
+
+
+def settings_for(actuator: Actuator) -> SolverSettings:
+    """The defaults, with the actuator's own tolerance.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Any.
+
+    Returns
+    -------
+    SolverSettings
+        For its sweep.
+    """
+    return SolverSettings(tolerance=actuator.tolerance)

@@ -23,8 +23,8 @@ class DistanceSolution:
     ----------
     force : array, shape (3,)
         F_0 in N, F_1 in N/A, F_2 in N/A^2.
-    force_change : array, shape (3,)
-        Its change from one polynomial order lower.
+    force_change : array, shape (3,), or None
+        Its change from one polynomial order lower, where that was solved.
     flux_linkage : array, shape (2,)
         In Wb and H.
     coenergy : float
@@ -36,7 +36,7 @@ class DistanceSolution:
     """
 
     force: FloatArray
-    force_change: FloatArray
+    force_change: FloatArray | None
     flux_linkage: FloatArray
     coenergy: float
     hall: FloatArray | None
@@ -56,17 +56,18 @@ def superpose(currents: FloatArray, solution: DistanceSolution) -> dict[str, Flo
     Returns
     -------
     dict of array, shape (n,)
-        By column name. The error's terms add in magnitude, so that no cancellation flatters it.
+        By column name. The error's terms add in magnitude, so that no cancellation flatters it; it is absent where the
+        force's change is unknown.
     """
     flux, inductance = solution.flux_linkage
-    change = np.abs(solution.force_change)
     columns = {
         "force_N": _polynomial(currents, solution.force),
         "flux_linkage_Wb": _polynomial(currents, [flux, inductance]),
         "inductance_H": np.full(len(currents), inductance),
         "coenergy_J": _polynomial(currents, [solution.coenergy, flux, 0.5 * inductance]),
-        "force_error_N": ERROR_SAFETY * _polynomial(np.abs(currents), change),
     }
+    if solution.force_change is not None:
+        columns["force_error_N"] = ERROR_SAFETY * _polynomial(np.abs(currents), np.abs(solution.force_change))
     if solution.hall is not None:
         columns["hall_T"] = _polynomial(currents, solution.hall)
     return columns

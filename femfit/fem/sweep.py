@@ -17,7 +17,7 @@ from femfit.core.errors import FemfitError, FieldSolverError, RunDirectoryError
 from femfit.core.journal import Journal, JournalHeader
 from femfit.core.sweep_table import SweepTable, write_sweep_table
 from femfit.fem.layout import Layout, layout_of, stretch_groups
-from femfit.fem.settings import SolverSettings
+from femfit.fem.settings import SolverSettings, settings_for
 from femfit.fem.sweep_pool import AGAIN, solve_in_processes
 from femfit.fem.sweep_rows import sweep_manifest, sweep_rows
 
@@ -85,7 +85,7 @@ def run_sweep(
     scheduler : str, optional
         Address of a Dask scheduler, whose workers solve instead.
     settings : SolverSettings, optional
-        Order and element sizes; the defaults otherwise.
+        Order and element sizes; the defaults with the actuator's tolerance otherwise.
     progress : callable, optional
         Called with (rows done, rows in all).
 
@@ -103,8 +103,8 @@ def run_sweep(
     ClusterError
         If the scheduler cannot be used or is lost.
     """
-    settings = settings or SolverSettings()
     sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
+    settings = settings or settings_for(sweep.actuator)
     tasks, failed = _plan(sweep, settings)
     configuration = _configuration(sweep, settings)
     currents = len(sweep.variants[0].sweep.currents_A)
