@@ -12,11 +12,13 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     # name, target, one line of help
     ("run", "femfit.cli.run:run", "Sweep, fit, export, close the loop and report, in turn."),
     ("sweep", "femfit.cli.sweep:sweep", "Solve the field over an actuator's currents and distances."),
+    ("view", "femfit.cli.view:view", "Draw geometry, mesh, flux lines, |B| and permeability; write a .vtu file."),
     ("import", "femfit.cli.import_table:import_table", "Bring in a table of FEMM or another program as a sweep table."),
     ("import-fem", "femfit.cli.import_fem:import_fem", "Read a FEMM model (.fem) as an actuator file."),
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
     ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
     ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
+    ("compare", "femfit.cli.compare:compare", "How far a model is from measurements, against their noise, and where."),
     (
         "diagnose",
         "femfit.cli.diagnose:diagnose",
@@ -24,6 +26,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ),
     ("add", "femfit.cli.add:add", "Refit a model with an effect, judged on runs that were not fitted."),
     ("suggest", "femfit.cli.suggest:suggest", "The next measurement that separates what is still confounded."),
+    ("trial", "femfit.cli.trial:trial", "How often the diagnosis is right, on campaigns with a hidden effect."),
     ("integrate", "femfit.cli.integrate:integrate", "Drift-free flux or field from a coil's voltage."),
 )
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,12 +64,14 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
     Returns
     -------
     dict
-        JSON-ready; ``variants`` has what each variant's model needs beside its rows.
+        JSON-ready; ``inputs`` is the whole actuator, and ``variants`` has what each variant's model needs beside its
+        rows.
     """
     manifest = {
         "kind": "sweep",
         "name": sweep.actuator.name,
         "actuator": sweep_manifest_entry(sweep.actuator),
+        "inputs": asdict(sweep.actuator),
         "settings": configuration["settings"],
         "versions": configuration["versions"],
         "configuration_hash": configuration["hash"],
@@ -80,6 +83,7 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
             VARIANT: number,
             **dict(zip(sweep.columns, variant.values, strict=True)),
             "actuator": None if variant.actuator is None else sweep_manifest_entry(variant.actuator),
+            "inputs": None if variant.actuator is None else asdict(variant.actuator),
         }
         for number, variant in enumerate(sweep.variants, 1)
     ]

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femfit.actuator.parts import Actuator, Region
+from femfit.core.arrays import FloatArray
 from femfit.report.kinds import COLOURS, HALL_COLOUR, kind_of
-from femfit.report.mirror import Outline, full_section, moving_corners, standing_corners
+from femfit.report.mirror import full_section, moving_corners, standing_corners
 from femfit.report.numbers import plain
 from femfit.report.style import INK, MUTED, new_figure, styled
 
@@ -50,8 +51,8 @@ def actuator_figure(actuator: Actuator, distance: float) -> "Figure":
     return figure
 
 
-def draw_parts(axes: "Axes", actuator: Actuator, distance: float, *, filled: bool = True) -> None:
-    """The parts' full section, in mm.
+def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
+    """The parts' full section, labelled, in mm.
 
     Parameters
     ----------
@@ -61,43 +62,62 @@ def draw_parts(axes: "Axes", actuator: Actuator, distance: float, *, filled: boo
         Any.
     distance : float
         In m.
-    filled : bool
-        Otherwise outlines only, as over a field.
     """
     labelled: set[str] = set()
-
-    def draw(vertices: Outline, shift: float, kind: str, label: str) -> None:
-        for outline in full_section(vertices, shift):
-            axes.fill(
-                *(MM * outline.T),
-                facecolor=COLOURS[kind] if filled else "none",
-                edgecolor=INK if filled else "white",
-                linewidth=0.8,
-                label="" if label in labelled else label,
-            )
+    labels = [_region_label(region, moving=False) for region in actuator.fixed]
+    labels += [_coil_label(actuator)]
+    labels += [_region_label(region, moving=True) for region in actuator.moving.regions]
+    for (outline, kind), label in zip(_outlines(actuator, distance), labels, strict=True):
+        for piece in outline:
+            words = "" if label in labelled else label
+            axes.fill(*(MM * piece.T), facecolor=COLOURS[kind], edgecolor=INK, linewidth=0.8, label=words)
             labelled.add(label)
-
     for region in actuator.fixed:
-        draw(region.vertices_m, 0.0, kind_of(region.material, moving=False), _region_label(region, moving=False))
-    draw(actuator.coil.vertices_m, 0.0, "winding", _coil_label(actuator))
+        _magnetisation(axes, region, 0.0)
     for region in actuator.moving.regions:
-        draw(region.vertices_m, distance, kind_of(region.material, moving=True), _region_label(region, moving=True))
-    if filled:
-        for region in actuator.fixed:
-            _magnetisation(axes, region, 0.0)
-        for region in actuator.moving.regions:
-            _magnetisation(axes, region, distance)
-        if actuator.hall is not None:
-            place = (MM * actuator.hall.radius_m, MM * actuator.hall.height_m)
-            axes.plot(
-                *place,
-                "D",
-                color=HALL_COLOUR,
-                markeredgecolor=INK,
-                markersize=6,
-                zorder=5,
-                label="Hall element ($B_z$)",
-            )
+        _magnetisation(axes, region, distance)
+    if actuator.hall is not None:
+        place = (MM * actuator.hall.radius_m, MM * actuator.hall.height_m)
+        axes.plot(
+            *place,
+            "D",
+            color=HALL_COLOUR,
+            markeredgecolor=INK,
+            markersize=6,
+            zorder=5,
+            label="Hall element ($B_z$)",
+        )
+
+
+def draw_outlines(axes: "Axes", actuator: Actuator, distance: float, *, edge: str, opacity: float = 0.0) -> None:
+    """The parts' outlines in the full section, as over a field, in mm.
+
+    Parameters
+    ----------
+    axes : Axes
+        Of the picture.
+    actuator : Actuator
+        Any.
+    distance : float
+        In m.
+    edge : str
+        Colour of the lines.
+    opacity : float
+        Of the parts' colours inside.
+    """
+    for outline, kind in _outlines(actuator, distance):
+        for piece in outline:
+            if opacity:
+                axes.fill(*(MM * piece.T), facecolor=COLOURS[kind], edgecolor="none", alpha=opacity)
+            axes.fill(*(MM * piece.T), facecolor="none", edgecolor=edge, linewidth=0.8)
+
+
+def _outlines(actuator: Actuator, distance: float) -> list[tuple[tuple[FloatArray, ...], str]]:
+    """Outlines and kind of each part: fixed ones, winding, moving ones."""
+    parts = [(full_section(r.vertices_m), kind_of(r.material, moving=False)) for r in actuator.fixed]
+    parts.append((full_section(actuator.coil.vertices_m), "winding"))
+    parts += [(full_section(r.vertices_m, distance), kind_of(r.material, moving=True)) for r in actuator.moving.regions]
+    return parts
 
 
 def _region_label(region: Region, *, moving: bool) -> str:

@@ -1,17 +1,18 @@
 """|B| with flux lines over the full section."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
-from femfit.report.actuator_figure import draw_parts
+from femfit.report.actuator_figure import draw_outlines
 from femfit.report.field_sample import FieldSample
 from femfit.report.mirror import mirrored
 from femfit.report.style import new_figure, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 LINES = 18
@@ -62,6 +63,28 @@ def flux_levels(flux: FloatArray) -> FloatArray:
     return np.asarray(levels[inside])
 
 
+def draw_flux_lines(axes: "Axes", sample: FieldSample, **line_style: Any) -> None:
+    """Draw flux lines on the full section, in mm.
+
+    Parameters
+    ----------
+    axes : Axes
+        Of the picture.
+    sample : FieldSample
+        The field.
+    **line_style : Any
+        Of matplotlib's lines.
+    """
+    from contourpy import contour_generator
+
+    x, flux = mirrored(sample.radius_m, sample.flux_Wb)
+    contours = contour_generator(MM * x, MM * sample.height_m, flux)
+    for level in flux_levels(sample.flux_Wb):
+        for line in contours.lines(level):
+            # As lines, not as one collection: matplotlib thins the points of lines only
+            axes.plot(*np.asarray(line).T, **line_style)
+
+
 @styled
 def field_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
     """Draw a field.
@@ -78,13 +101,11 @@ def field_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
     Figure
         |B| in colours (rasterised), flux lines, outlines.
     """
-    from contourpy import contour_generator
     from matplotlib.colors import LogNorm
 
     figure = new_figure(5.6, 6.2)
     axes = figure.subplots()
     x, density = mirrored(sample.radius_m, sample.flux_density_T)
-    _, flux = mirrored(sample.radius_m, sample.flux_Wb)
     low, high = colour_range(sample)
     z = sample.height_m
     image = axes.imshow(
@@ -95,12 +116,8 @@ def field_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
         cmap="cividis",
         interpolation="bilinear",
     )
-    contours = contour_generator(MM * x, MM * z, flux)
-    for level in flux_levels(sample.flux_Wb):
-        for line in contours.lines(level):
-            # As lines, not as one collection: matplotlib thins the points of lines only
-            axes.plot(*np.asarray(line).T, color="white", linewidth=0.55, alpha=0.8)
-    draw_parts(axes, actuator, sample.distance_m, filled=False)
+    draw_flux_lines(axes, sample, color="white", linewidth=0.55, alpha=0.8)
+    draw_outlines(axes, actuator, sample.distance_m, edge="white")
     axes.set(xlabel="x (mm)", ylabel="z (mm)", xlim=(MM * x[0], MM * x[-1]), ylim=(MM * z[-1], MM * z[0]))
     axes.set_aspect("equal")
     axes.grid(visible=False)

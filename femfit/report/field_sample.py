@@ -1,6 +1,7 @@
 """The solved field on a regular grid of the half section, for pictures."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -9,6 +10,9 @@ from femfit.actuator.parts import Actuator, Region
 from femfit.core.arrays import FloatArray
 from femfit.fem.settings import SolverSettings
 from femfit.report.mirror import moving_corners, standing_corners
+
+if TYPE_CHECKING:
+    from femfit.report.solved_point import SolvedPoint
 
 COLUMNS = 260
 """Points along the radius; a picture of 2 x 260 columns shows no steps at the page's width."""
@@ -80,31 +84,43 @@ def sample_field(
     FieldSample
         On the parts and the air around them.
     """
-    from femfit.fem.layout import layout_of
-    from femfit.fem.problem import prepare
+    from femfit.report.solved_point import solve_point
+
+    return sample_of(solve_point(actuator, distance, current, settings))
+
+
+def sample_of(point: "SolvedPoint") -> FieldSample:
+    """Sample a field that is solved.
+
+    Parameters
+    ----------
+    point : SolvedPoint
+        Of any actuator.
+
+    Returns
+    -------
+    FieldSample
+        On the parts and the air around them.
+    """
     from femfit.fem.weak_form import flux_density
 
-    settings = settings or SolverSettings()
-    # A mesh made at this very distance is not stretched: points are then found where they are
-    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)
-    field = problem.field(distance, current)
-    radius, height = _window(actuator, distance)
+    radius, height = _window(point.actuator, point.distance_m)
     r, z = np.meshgrid(radius, height)
-    points = problem.mesh(r.ravel(), z.ravel())
-    density = flux_density(field.w)(points)
-    w = field.w(points).reshape(r.shape)
+    points = point.mesh(r.ravel(), z.ravel())
+    density = flux_density(point.w)(points)
+    w = point.w(points).reshape(r.shape)
     magnitude = np.hypot(*density.T).reshape(r.shape)
     return FieldSample(
-        distance_m=distance,
-        current_A=current,
+        distance_m=point.distance_m,
+        current_A=point.current_A,
         radius_m=radius,
         height_m=height,
         flux_density_T=magnitude,
         flux_Wb=2.0 * np.pi * r**2 * w,
-        force_N=field.force,
-        self_force_N=field.self_force,
-        part_flux_density_T=_largest(actuator, distance, r, z, magnitude),
-        unknowns=problem.unknowns,
+        force_N=point.force_N,
+        self_force_N=point.self_force_N,
+        part_flux_density_T=_largest(point.actuator, point.distance_m, r, z, magnitude),
+        unknowns=point.unknowns,
     )
 
 

@@ -13,17 +13,13 @@ from femfit.core.constants import MU_0
 from femfit.fem.settings import SolverSettings
 from femfit.fem.weak_form import flux_density
 from support.actuators import assembly, magnet, rectangle
+from support.exact import axis_field_of_cylinder
 from support.field import prepared, solved
 from support.reference import REFERENCE, needs_reference
 
 # Published once, cited so that the test also runs where the reference data are absent: force between two coaxial
 # cylinder magnets J = 1.3 T, R = 20 mm, h = 40 mm, centres 50 mm apart (magcode repository, Apache-2.0).
 MAGCODE_FORCE = 265.537
-
-
-def axis_field_of_cylinder(remanence, radius, height, z):
-    """B_z on the axis at z above the upper face of a uniformly magnetised cylinder."""
-    return remanence / 2.0 * ((z + height) / math.hypot(radius, z + height) - z / math.hypot(radius, z))
 
 
 def axis_field_of_thick_coil(turns, r1, r2, z1, z2, z):

@@ -1,0 +1,149 @@
+"""``femfit view``: an actuator or a point of a sweep as pictures and as a file for ParaView."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter, validators
+
+if TYPE_CHECKING:
+    from femfit.actuator.parts import Actuator
+    from femfit.fem.settings import SolverSettings
+
+What = Literal["geometry", "mesh", "flux-lines", "flux-density", "permeability", "vtu"]
+FORMATS = (".png", ".svg", ".pdf")
+VTU_SUFFIX = ".vtu"
+
+
+def view(
+    source: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    distance_mm: float | None = None,
+    current_A: Annotated[float | None, Parameter(name="--current-A")] = None,
+    row: Annotated[int | None, Parameter(validator=validators.Number(gte=0))] = None,
+    what: Annotated[tuple[What, ...], Parameter(negative=())] = (),
+    json: Path | None = None,
+) -> None:
+    """Draw geometry, mesh, flux lines, |B| and permeability at a point, and write the field for ParaView.
+
+    Parameters
+    ----------
+    source : Path
+        Actuator file (.toml), or the run directory of a sweep.
+    output : Path
+        Directory for everything, or one file: .png, .svg or .pdf (|B| with flux lines unless --what says
+        otherwise), .vtu (the field for ParaView); NAME-view by default.
+    distance_mm : float
+        Distance within the sweep; the middle one by default.
+    current_A : float
+        Current; the sweep's largest by default.
+    row : int
+        Row of the sweep's table instead, counted from 0.
+    what : tuple of str
+        Which pictures; may be repeated. All by default.
+    json : Path
+        File for the point, its force, and the files written, as JSON.
+    """
+    from femfit.actuator.load import read_actuator
+    from femfit.cli.output import status, write_json
+    from femfit.core.errors import DomainError
+    from femfit.report.solved_point import solve_point
+    from femfit.report.view import write_views
+    from femfit.report.view_figures import point_title
+
+    if row is not None and (not source.is_dir() or distance_mm is not None or current_A is not None):
+        raise DomainError(
+            "--row counts the rows of a sweep's table: give a run directory with it, and neither --distance-mm nor "
+            "--current-A."
+        )
+    settings: SolverSettings | None = None
+    place: tuple[float, float] | None = None
+    if source.is_dir():
+        actuator, settings, place = _swept(source, row)
+    else:
+        actuator = read_actuator(source)
+    distance, current = place or _within(actuator, distance_mm, current_A)
+    files = _files(output or Path(f"{actuator.name}-view"), what)
+    with status(f"solve {actuator.name}") as say:
+        point = solve_point(actuator, distance, current, settings)
+        say("draw")
+        sample = write_views(point, files)
+    print(f"{actuator.name}: {point_title(sample)}")
+    for _, path in files:
+        print(f"written: {path}")
+    write_json(
+        json,
+        {
+            "name": actuator.name,
+            "distance_m": distance,
+            "current_A": current,
+            "force_N": sample.force_N,
+            "part_flux_density_T": sample.part_flux_density_T,
+            "unknowns": sample.unknowns,
+            "files": {kind: str(path) for kind, path in files},
+        },
+    )
+
+
+def _swept(directory: Path, row: int | None) -> "tuple[Actuator, SolverSettings, tuple[float, float] | None]":
+    """The actuator and settings of a sweep, and the point of a row of its table."""
+    from femfit.actuator.record import actuator_from_record
+    from femfit.core.errors import DomainError, RunDirectoryError
+    from femfit.core.sweep_table import VARIANT, read_sweep_table
+    from femfit.fem.settings import SolverSettings
+
+    table = read_sweep_table(directory)
+    if "inputs" not in table.manifest:
+        raise RunDirectoryError(
+            f"{directory} does not say which drawing was swept: its manifest.json has no inputs. Give the actuator "
+            "file with --distance-mm and --current-A, or sweep again."
+        )
+    inputs, settings = table.manifest["inputs"], SolverSettings(**table.manifest["settings"])
+    if row is None:
+        return actuator_from_record(inputs, str(directory)), settings, None
+    if row >= len(table.rows):
+        last = len(table.rows) - 1
+        raise DomainError(f"--row must be at most {last}, the last row of {directory}; instead received {row}.")
+    chosen = table.rows.iloc[row]
+    if VARIANT in chosen:
+        inputs = table.manifest["variants"][int(chosen[VARIANT]) - 1]["inputs"]
+        if inputs is None:
+            raise DomainError(f"Row {row} has no drawing: {chosen['status']}.")
+    actuator = actuator_from_record(inputs, str(directory))
+    return actuator, settings, (float(chosen["distance_m"]), float(chosen["current_A"]))
+
+
+def _within(actuator: "Actuator", distance_mm: float | None, current: float | None) -> tuple[float, float]:
+    """Distance in m, within the sweep, and current in A."""
+    from femfit.core.errors import DomainError
+
+    axes = actuator.sweep
+    low, high = min(axes.distances_m), max(axes.distances_m)
+    distance = axes.distances_m[len(axes.distances_m) // 2] if distance_mm is None else 1e-3 * distance_mm
+    slack = 1e-9 * high  # of the conversion from mm
+    if not low - slack <= distance <= high + slack:
+        raise DomainError(
+            f"--distance-mm must be within the sweep, {1e3 * low:g} to {1e3 * high:g} mm, where no parts collide; "
+            f"instead received {1e3 * distance:g}. Widen [sweep] in the actuator file."
+        )
+    return distance, max(axes.currents_A) if current is None else current
+
+
+def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:
+    """What to write where."""
+    from femfit.core.errors import RunDirectoryError
+    from femfit.report.view import PICTURES, VTU
+
+    suffix = output.suffix.lower()
+    if suffix not in (*FORMATS, VTU_SUFFIX):
+        return [
+            (kind, output / ("field.vtu" if kind == VTU else f"{kind}.png"))
+            for kind in dict.fromkeys(what or (*PICTURES, VTU))
+        ]
+    kinds = what or ((VTU,) if suffix == VTU_SUFFIX else ("flux-density",))
+    if len(kinds) > 1 or (kinds[0] == VTU) != (suffix == VTU_SUFFIX):
+        raise RunDirectoryError(
+            f"{output} can hold one picture (.png, .svg, .pdf) or the field (.vtu), not {' and '.join(kinds)}. Give a "
+            "directory as --output for several."
+        )
+    return [(kinds[0], output)]

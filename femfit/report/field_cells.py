@@ -1,0 +1,128 @@
+r"""The solved field on small triangles, as many in each element as its polynomials need.
+
+Neighbouring elements share no point here, so that what jumps between parts (B along a face, H across it, mu_r) jumps in
+a picture and in a file too. H follows from B by the material: (B - B_r) / (mu_0 mu_r), or a curve's H(B).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.actuator.bh_curve import BHCurve
+from femfit.actuator.parts import AIR, LinearMaterial, Material
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.constants import MU_0
+from femfit.report.solved_point import SolvedPoint
+
+SUBDIVISIONS = 6
+"""Of each side of an element; one more than the usual order of the field."""
+
+
+@dataclass(frozen=True, eq=False)
+class FieldCells:
+    """A field on triangles of the half section r >= 0.
+
+    Parameters
+    ----------
+    points_m : array, shape (n, 2)
+        (r, z).
+    triangles : array of int, shape (m, 3)
+        Points of each triangle.
+    elements : array of int, shape (e, 3)
+        Points at the corners of each finite element.
+    regions : tuple of str
+        Names of the mesh's regions: ``fixed:NAME``, ``moving:NAME``, ``coil``, ``air``, and ``halo`` and ``layer``, the
+        air around the moving part.
+    point_region, triangle_region : array of int, shape (n,) and (m,)
+        Place in ``regions``.
+    potential_Wb_per_m : array, shape (n,)
+        A_phi.
+    flux_density_T, field_A_per_m : array, shape (n, 2)
+        (B_r, B_z) and (H_r, H_z).
+    relative_permeability : array, shape (n,)
+        B / (mu_0 H) where a part saturates; the recoil permeability in magnets.
+    """
+
+    points_m: FloatArray
+    triangles: IntArray
+    elements: IntArray
+    regions: tuple[str, ...]
+    point_region: IntArray
+    triangle_region: IntArray
+    potential_Wb_per_m: FloatArray
+    flux_density_T: FloatArray
+    field_A_per_m: FloatArray
+    relative_permeability: FloatArray
+
+
+def field_cells(point: SolvedPoint, subdivisions: int = SUBDIVISIONS) -> FieldCells:
+    """Evaluate a field on a lattice of points in each element.
+
+    Parameters
+    ----------
+    point : SolvedPoint
+        Of any actuator.
+    subdivisions : int
+        Of each side of an element.
+
+    Returns
+    -------
+    FieldCells
+        On the whole domain.
+    """
+    import ngsolve as ng
+
+    from femfit.fem.weak_form import flux_density, materials
+
+    lattice, pattern, corners = _lattice(subdivisions)
+    rule = ng.IntegrationRule(points=lattice, weights=[0.0] * len(lattice))
+    mapped = point.mesh.MapToAllElements(rule, ng.VOL)
+    place = np.asarray(ng.CF((ng.x, ng.y))(mapped))
+    density = np.asarray(flux_density(point.w)(mapped))
+    names, index = np.unique(point.mesh.GetMaterials(), return_inverse=True)
+    of_element = index[[element.index for element in point.mesh.Elements(ng.VOL)]]
+    first = len(lattice) * np.arange(len(of_element))
+    of_point = np.repeat(of_element, len(lattice))
+    field, permeability = _respond(density, of_point, tuple(names), materials(point.actuator))
+    return FieldCells(
+        points_m=place,
+        triangles=(first[:, None, None] + pattern).reshape(-1, 3),
+        elements=first[:, None] + corners,
+        regions=tuple(str(name) for name in names),
+        point_region=of_point,
+        triangle_region=np.repeat(of_element, len(pattern)),
+        potential_Wb_per_m=place[:, 0] * np.asarray(point.w(mapped)).ravel(),
+        flux_density_T=density,
+        field_A_per_m=field,
+        relative_permeability=permeability,
+    )
+
+
+def _lattice(n: int) -> tuple[list[tuple[float, float]], IntArray, IntArray]:
+    """Points of the unit triangle, the small triangles between them, and the points at its corners."""
+    place = {(j, k): 0 for k in range(n + 1) for j in range(n + 1 - k)}
+    place = {key: number for number, key in enumerate(place)}
+    up = [(place[j, k], place[j + 1, k], place[j, k + 1]) for j, k in place if j + k < n]
+    down = [(place[j + 1, k], place[j + 1, k + 1], place[j, k + 1]) for j, k in place if j + k < n - 1]
+    corners = np.array([place[0, 0], place[n, 0], place[0, n]])
+    return [(j / n, k / n) for j, k in place], np.array(up + down), corners
+
+
+def _respond(
+    density: FloatArray, region: IntArray, names: tuple[str, ...], named: dict[str, Material]
+) -> tuple[FloatArray, FloatArray]:
+    """H of shape (n, 2) and mu_r of shape (n,)."""
+    field, permeability = np.empty_like(density), np.empty(len(density))
+    for number, name in enumerate(names):
+        here = region == number
+        material = named.get(name, AIR)
+        b = density[here]
+        if isinstance(material, LinearMaterial):
+            field[here] = material.reluctivity * (b - np.array([0.0, material.remanence_T]))
+            permeability[here] = material.relative_permeability
+        else:
+            curve = BHCurve(material.flux_density_T, material.field_A_per_m)
+            reluctivity = curve.reluctivity(np.hypot(*b.T))
+            field[here] = reluctivity[:, None] * b
+            permeability[here] = 1.0 / (MU_0 * reluctivity)
+    return field, permeability

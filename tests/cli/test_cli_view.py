@@ -1,0 +1,64 @@
+"""``femfit view`` from the command line."""
+
+import json
+
+import pytest
+
+from support.actuators import GEOMETRY
+from support.command import femfit
+
+RIG = (GEOMETRY / "emaws-rig.toml").read_text()
+SWEEP = RIG[RIG.index("[sweep]") : RIG.index("[reference]")]
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """A run directory of two rows."""
+    directory = tmp_path_factory.mktemp("view")
+    text = RIG.replace(SWEEP, "[sweep]\ncurrent_A = [0.0, 0.5]\ndistance_mm = [20.0]\n\n")
+    text = text[: text.index("[reference]")]
+    (directory / "rig.toml").write_text(text)
+    result = femfit("sweep", directory / "rig.toml", "-o", directory / "run", "--workers", "1")
+    assert result.returncode == 0, result.stderr
+    return directory / "run"
+
+
+def test_a_row_of_a_sweep_is_drawn_with_the_sweeps_force(swept, tmp_path):
+    result = femfit("view", swept, "--row", "1", "-o", tmp_path / "b.png", "--json", tmp_path / "b.json")
+    assert result.returncode == 0, result.stderr
+    data = json.loads((tmp_path / "b.json").read_text())
+    assert (data["distance_m"], data["current_A"]) == (0.02, 0.5)
+    last = (swept / "sweep.csv").read_text().splitlines()
+    force = float(last[2].split(",")[last[0].split(",").index("force_N")])
+    assert data["force_N"] == pytest.approx(force, rel=1e-6)  # the same mesh: the sweep has this distance alone
+    assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
+    assert "d = 20 mm, i = 0.5 A" in result.stdout
+
+
+def test_everything_goes_into_a_directory(tmp_path):
+    result = femfit("view", GEOMETRY / "emaws-rig.toml", "--distance-mm", "20", "-o", tmp_path / "all")
+    assert result.returncode == 0, result.stderr
+    names = {file.name for file in (tmp_path / "all").iterdir()}
+    pictures = {f"{name}.png" for name in ("geometry", "mesh", "flux-lines", "flux-density", "permeability")}
+    assert names == pictures | {"field.vtu"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--distance-mm", "5"], "15 to 45 mm"),
+        (["--row", "1"], "give a run directory"),
+        (["--what", "mesh", "--what", "vtu", "-o", "one.png"], "Give a directory"),
+        (["--what", "mesh", "-o", "field.vtu"], "not mesh"),
+    ],
+)
+def test_a_request_that_cannot_be_met_says_what_to_do(arguments, words):
+    result = femfit("view", GEOMETRY / "emaws-rig.toml", *arguments)
+    assert result.returncode == 1
+    assert words in " ".join(result.stderr.split())
+
+
+def test_a_row_beyond_the_table_is_refused(swept):
+    result = femfit("view", swept, "--row", "7")
+    assert result.returncode == 1
+    assert "at most 1" in result.stderr
