@@ -59,6 +59,10 @@ def sweep(
     print(f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}")
     for reason, count in summary["failures"].items():
         print(f"  {count} points {reason}")
+    if summary.get("points_beyond_bh_curve"):
+        print(f"  {summary['points_beyond_bh_curve']} points lie beyond the last point of a B-H curve: extrapolated")
+    if summary.get("rows_beyond_tolerance"):
+        print(f"  {summary['rows_beyond_tolerance']} points do not meet the tolerance; force_error_N says by how much")
     if summary["failed"] == summary["rows"]:
         raise FieldSolverError(f"No point of {actuator} could be solved; the reasons are above and in the table.")
 

@@ -26,6 +26,8 @@ from femfit.core.constants import MU_0
 from femfit.fem.inner import inner
 from femfit.fem.weak_form import flux_density
 
+BEYOND_SHARE = 0.01
+
 TINY_FLUX_DENSITY = 1e-12
 """In T; below it the direction of B does not matter, for there H / B is dH/dB."""
 
@@ -52,6 +54,7 @@ class MaterialPoints:
         self._to_flux_density = self._flux_density_map()
         self._to_load = self._to_flux_density.T.tocsr()
         self._curves: list[tuple[IntArray, BHCurve]] = []
+        self._ends: list[tuple[IntArray, float]] = []
         self._reluctivity = np.zeros(len(self.weight))
         self.coercive_field = np.zeros((2, len(self.weight)))
         for name, material in named.items():
@@ -77,6 +80,17 @@ class MaterialPoints:
     def magnetisation(self, b: FloatArray) -> FloatArray:
         """M = B / mu_0 - H in A/m, permanent and induced, at B of shape (2, points)."""
         return b / MU_0 - self.respond(b)[0] + self.coercive_field
+
+    def beyond_curve(self, b: FloatArray) -> bool:
+        """Whether B exceeds a curve's last point in more than a hundredth of the volume that has the curve.
+
+        At corners B has no bound, so single points say nothing.
+        """
+        size = np.hypot(*b)
+        return any(
+            self.weight[points] @ (size[points] > last) > BEYOND_SHARE * self.weight[points].sum()
+            for points, last in self._ends
+        )
 
     def load(self, h: FloatArray) -> FloatArray:
         """The integral of h . B(v) over the parts, for all test functions v: the derivative of the energy for h = H."""
@@ -127,6 +141,7 @@ class MaterialPoints:
             self.coercive_field[1, points] = material.reluctivity * material.remanence_T
         else:
             self._curves.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
+            self._ends.append((points, material.flux_density_T[-1]))
 
     def _tangent_form(self) -> BilinearForm:
         w, v = self.space.TnT()

@@ -171,6 +171,7 @@ class NonlinearActuator:
                 inductance=self.fine.inductance(fine, response),
                 coenergy=-self.fine.evaluate(fine, current).energy,
                 hall=None if place is None else float(flux_density(total)[1](place)),
+                beyond_curve=self.fine.points.beyond_curve(self.fine.points.flux_density(fine)),
                 state=fine,
             )
 

@@ -23,6 +23,9 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.fem.superposition import ERROR_SAFETY
 
+BEYOND_CURVE = "beyond_bh_curve"
+"""Not a column of the table; the sweep's manifest counts it."""
+
 
 @dataclass(frozen=True)
 class PointSolution:
@@ -43,6 +46,8 @@ class PointSolution:
         W' in J.
     hall : float or None
         B_z in T.
+    beyond_curve : bool
+        Whether a B-H curve had to be extrapolated.
     state : array, shape (unknowns,)
         Of the finer order.
     """
@@ -55,6 +60,7 @@ class PointSolution:
     inductance: float
     coenergy: float
     hall: float | None
+    beyond_curve: bool
     state: FloatArray
 
 
@@ -99,7 +105,7 @@ def table_rows(points: list[NonlinearPoint], currents: tuple[float, ...]) -> dic
     least_change = _least_change([point.solution for point in points if point.solution], weakest)
     rows = [_columns(point, least_change) for point in points]
     names = dict.fromkeys(name for row in rows for name in row)
-    return {name: [row.get(name, np.nan) for row in rows] for name in names}
+    return {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
 
 
 def _least_change(solutions: list[PointSolution], weakest: PointSolution | None) -> Callable[[float], float]:
@@ -135,5 +141,6 @@ def _columns(point: NonlinearPoint, least_change: Callable[[float], float]) -> d
         "inductance_H": solution.inductance,
         "coenergy_J": solution.coenergy,
         "force_error_N": _force_error(solution, least_change),
+        BEYOND_CURVE: solution.beyond_curve,
     }
     return columns if solution.hall is None else columns | {"hall_T": solution.hall}

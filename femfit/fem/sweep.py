@@ -122,7 +122,9 @@ def run_sweep(
         left = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
         _solve_all(left, workers, scheduler, done)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
-        table = SweepTable(sweep_rows(sweep, solved | failed), sweep_manifest(sweep, configuration))
+        table = SweepTable(
+            sweep_rows(sweep, solved | failed), sweep_manifest(sweep, configuration) | _beyond_curve(solved)
+        )
         _write(table, directory, journal)
     return table
 
@@ -264,6 +266,14 @@ def _write(table: SweepTable, directory: Path, journal: Journal) -> None:
             f"{len(journal.finished)} results are in the journal. Make room, and give the same command again: it "
             "solves what is missing and writes the table."
         ) from error
+
+
+def _beyond_curve(solved: Mapping[tuple[int, float], Mapping[str, Any]]) -> dict[str, int]:
+    """How many points needed a B-H curve beyond its end; nothing for actuators that do not saturate."""
+    flags = [
+        result["rows"]["beyond_bh_curve"] for result in solved.values() if "beyond_bh_curve" in result.get("rows", {})
+    ]
+    return {"points_beyond_bh_curve": sum(map(sum, flags))} if flags else {}
 
 
 def _configuration(sweep: VariantSweep, settings: SolverSettings) -> dict[str, Any]:

@@ -1,8 +1,11 @@
 """What a sweep came to, in a few numbers."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from femfit.core.sweep_table import SweepTable
+from femfit.core.sweep_table import VARIANT, SweepTable
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def summarise(table: SweepTable) -> dict[str, Any]:
@@ -16,18 +19,33 @@ def summarise(table: SweepTable) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON-ready; the relative error is over the rows whose force is not zero. Forces are None if every row failed.
+        JSON-ready; the relative error is of the force or, where that is larger, of the force of the weakest current at
+        the same distance, since a force that crosses zero is no measure. Forces are None if every row failed.
+        ``points_beyond_bh_curve`` and, with a tolerance, ``rows_beyond_tolerance`` where they apply.
     """
     status = table.rows["status"]
     good = table.valid_rows()
     failures = {str(reason): int(count) for reason, count in status[status != "ok"].value_counts().items()}
-    pulling = good[good["force_N"] != 0.0]
-    relative = (pulling["force_error_N"] / pulling["force_N"].abs()).max() if len(pulling) else 0.0
+    relative = _relative_errors(good)
+    tolerance = table.manifest.get("settings", {}).get("tolerance")
+    notes = {name: table.manifest[name] for name in ("points_beyond_bh_curve",) if name in table.manifest}
+    if tolerance is not None:
+        notes["rows_beyond_tolerance"] = int((relative > tolerance).sum())
     return {
         "rows": len(table.rows),
         "failed": len(table.rows) - len(good),
         "failures": failures,
         "force_min_N": float(good["force_N"].min()) if len(good) else None,
         "force_max_N": float(good["force_N"].max()) if len(good) else None,
-        "force_error_relative_max": float(relative),
+        "force_error_relative_max": float(relative.max()) if len(relative) else 0.0,
+        **notes,
     }
+
+
+def _relative_errors(rows: "pd.DataFrame") -> "pd.Series[float]":
+    """Estimated error of each row with a force, relative to it or to that of the weakest current."""
+    keys = [name for name in (VARIANT, "distance_m") if name in rows]
+    weakest_first = rows.assign(size=rows["current_A"].abs()).sort_values("size", kind="stable")
+    weakest = weakest_first.groupby(keys)["force_N"].transform("first").abs()
+    scale = rows["force_N"].abs().combine(weakest.reindex(rows.index), max)
+    return (rows["force_error_N"] / scale)[scale > 0.0]
