@@ -83,6 +83,6 @@ def _values(column: "pd.Series[Any]") -> str:
 def _manifest(manifest: Mapping[str, Any], chosen: Mapping[str, Any]) -> dict[str, Any]:
     own = {name: value for name, value in manifest.items() if name not in {"variants", "parameters"}}
     for entry in manifest.get("variants", ()):
-        if entry.get(VARIANT) == chosen[VARIANT] and entry.get("actuator"):
-            own["actuator"] = entry["actuator"]
+        if entry.get(VARIANT) == chosen[VARIANT]:
+            own |= {name: value for name, value in entry.items() if name in own}
     return own | {"variant": dict(chosen)}

@@ -6,11 +6,9 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from femfit import __version__
 from femfit.actuator.parts import Actuator
 from femfit.actuator.variants import VariantSweep, only
 from femfit.core.errors import FemfitError, FieldSolverError, RunDirectoryError
@@ -18,6 +16,7 @@ from femfit.core.journal import Journal, JournalHeader
 from femfit.core.sweep_table import SweepTable, write_sweep_table
 from femfit.fem.layout import Layout, layout_of, stretch_groups
 from femfit.fem.settings import SolverSettings, settings_for
+from femfit.fem.sweep_cluster import solve_on_cluster, versions
 from femfit.fem.sweep_pool import AGAIN, solve_in_processes
 from femfit.fem.sweep_rows import sweep_manifest, sweep_rows
 
@@ -246,8 +245,6 @@ def _solve_all(
     done: Callable[[DistanceTask, dict[str, Any]], None],
 ) -> None:
     if scheduler is not None and tasks:
-        from femfit.fem.sweep_cluster import solve_on_cluster  # noqa: PLC0415  Dask is an extra
-
         solve_on_cluster(tasks, solve_task, done, scheduler)
     elif workers == 1 or len(tasks) < 2:
         for task in tasks:
@@ -281,7 +278,7 @@ def _configuration(sweep: VariantSweep, settings: SolverSettings) -> dict[str, A
         "actuator": asdict(sweep.actuator),
         "variants": [asdict(variant) for variant in sweep.variants],
         "settings": asdict(settings),
-        "versions": {"femfit": __version__, "ngsolve": version("ngsolve")},
+        "versions": versions(),
     }
     text = json.dumps(content, sort_keys=True)
     return {**content, "hash": hashlib.sha256(text.encode()).hexdigest()}

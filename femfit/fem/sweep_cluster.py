@@ -5,6 +5,8 @@ lost and none comes twice; a task whose workers die again and again is a failed 
 """
 
 import logging
+import re
+import socket
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
@@ -12,6 +14,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from femfit import __version__
 from femfit.core.errors import ClusterError
@@ -19,6 +22,8 @@ from femfit.fem.sweep_pool import Done, Result, Solve, Task, work_off
 
 if TYPE_CHECKING:
     from distributed import Client
+
+ADDRESS = re.compile(r"(tcp|tls)://[^/@\s]+:[0-9]{1,5}")
 
 OUT_AT_A_TIME = 1000
 """Tasks that the scheduler holds: enough for any cluster, few enough to watch."""
@@ -121,12 +126,12 @@ def _client(scheduler: str) -> "Iterator[Client]":
         raise ClusterError(
             "A scheduler needs Dask, which is not installed. Install it with pip install 'femfit[cluster]'."
         ) from error
+    _check_address(scheduler)
     try:
         client: Any = Client(scheduler, timeout=TIMEOUT, set_as_default=False)
-    except (OSError, ValueError) as error:
+    except OSError as error:
         raise ClusterError(
-            f"No scheduler answers at {scheduler!r}: {error}. Start one with dask scheduler, and give its address, "
-            "tcp://host:port."
+            f"What answers at {scheduler} is no Dask scheduler: {error}. Give the address of one."
         ) from error
     try:
         client.wait_for_workers(1, timeout=TIMEOUT)
@@ -139,6 +144,22 @@ def _client(scheduler: str) -> "Iterator[Client]":
         yield client
     finally:
         client.close()
+
+
+def _check_address(scheduler: str) -> None:
+    """Knock first: Dask's client takes a minute to give up, and then leaves a traceback."""
+    problem = "it is no address"
+    if ADDRESS.fullmatch(scheduler):
+        try:
+            parts = urlsplit(scheduler)
+            with socket.create_connection((parts.hostname, parts.port), timeout=TIMEOUT):
+                return
+        except (OSError, ValueError) as error:
+            problem = str(error)
+    raise ClusterError(
+        f"No scheduler answers at {scheduler!r}: {problem}. Start one with dask scheduler, and give its address, "
+        "tcp://host:port."
+    )
 
 
 @contextmanager

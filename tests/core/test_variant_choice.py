@@ -21,8 +21,12 @@ ROWS = pd.DataFrame(
 MANIFEST = {
     "name": "rig",
     "actuator": {"turns": 300},
+    "inputs": {"coil": {"turns": 300}},
     "parameters": ["coil.turns", "sleeve_radius_m"],
-    "variants": [{"variant": n, "actuator": {"turns": 250 if n < 3 else 308}} for n in (1, 2, 3, 4)],
+    "variants": [
+        {"variant": n, "actuator": {"turns": turns}, "inputs": {"coil": {"turns": turns}}}
+        for n, turns in ((1, 250), (2, 250), (3, 308), (4, 308))
+    ],
 }
 TABLE = SweepTable(ROWS, MANIFEST)
 
@@ -36,6 +40,7 @@ def test_a_variant_is_chosen_by_its_number_or_its_values(where):
     assert chosen.rows["force_N"].tolist() == [0.5, 0.6]
     assert list(chosen.rows.columns) == ["current_A", "distance_m", "force_N", "status"]
     assert chosen.manifest["actuator"] == {"turns": 308}
+    assert chosen.manifest["inputs"] == {"coil": {"turns": 308}}
     assert chosen.manifest["variant"] == {"variant": 3, "coil.turns": 308.123456789, "sleeve_radius_m": 0.009}
     assert "variants" not in chosen.manifest
 

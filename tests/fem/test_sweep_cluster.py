@@ -80,12 +80,18 @@ def test_a_lost_scheduler_is_said_and_what_is_finished_is_kept(actuator, tmp_pat
     assert 0 < len(kept) < len(actuator.sweep.distances_m)
 
 
-def test_an_address_where_nothing_answers_is_refused_with_the_remedy(actuator, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep_cluster, "TIMEOUT", 1.0)
-    with pytest.raises(ClusterError, match=r"No scheduler answers at 'tcp://127\.0\.0\.1:9'.*dask scheduler"):
-        run_sweep(actuator, tmp_path, scheduler="tcp://127.0.0.1:9", settings=QUICK)
-    with pytest.raises(ClusterError, match="No scheduler answers at 'nonsense://x'"):
-        run_sweep(actuator, tmp_path, scheduler="nonsense://x", settings=QUICK)
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:9", "nonsense://x:1", "", "127.0.0.1:9", "tcp://127.0.0.1", "tcp://127.0.0.1:99999"]
+)
+def test_an_address_where_nothing_answers_is_refused_with_the_remedy(actuator, tmp_path, address):
+    with pytest.raises(ClusterError, match=f"No scheduler answers at '{address}'.*dask scheduler"):
+        run_sweep(actuator, tmp_path, scheduler=address, settings=QUICK)
+
+
+def test_a_scheduler_without_workers_is_said(actuator, tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_cluster, "TIMEOUT", 2.0)
+    with cluster(workers=0) as (address, _, _), pytest.raises(ClusterError, match=r"has no workers.*dask worker"):
+        run_sweep(actuator, tmp_path, scheduler=address, settings=QUICK)
 
 
 def test_a_worker_with_other_versions_is_refused():

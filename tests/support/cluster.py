@@ -36,7 +36,8 @@ def cluster(workers=2, *, nanny=False, allowed_failures=3):
         start("worker", address, "--nthreads", "1", "--memory-limit", "0", "--nanny" if nanny else "--no-nanny")
     try:
         with Client(address, timeout=60, set_as_default=False) as client:
-            client.wait_for_workers(workers, timeout=60)
+            if workers:
+                client.wait_for_workers(workers, timeout=60)
         yield address, started[0], started[1:]
     finally:
         for process in reversed(started):

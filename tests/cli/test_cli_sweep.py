@@ -1,0 +1,79 @@
+"""``femfit sweep`` with parameters, the fit of one variant, and what ``femfit run`` refuses before it sweeps."""
+
+import json
+
+import pytest
+
+from support.actuators import GEOMETRY
+from support.command import femfit
+
+TEXT = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
+SMALL = TEXT.replace("{ start = 15, stop = 45, step = 5 }", "[15, 19, 24, 31, 45]")
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("sweep")
+    path = directory / "variants.toml"
+    path.write_text(SMALL.replace("values = [10, 10, 11]", "values = [10, 21, 11]"), encoding="utf-8")
+    return directory, femfit("sweep", path, "-o", directory / "run", "--json", directory / "summary.json")
+
+
+def test_a_sweep_says_how_many_variants_there_are_and_what_failed(swept):
+    directory, result = swept
+    assert result.returncode == 0, result.stderr
+    assert "45 points of 3 variants, 15 failed" in result.stdout
+    assert "15 points failed: coil.r_mm must ascend" in result.stdout
+    assert json.loads((directory / "summary.json").read_text())["failed"] == 15
+
+
+def test_a_fit_is_of_the_variant_that_is_chosen(swept, tmp_path):
+    directory, _ = swept
+    result = femfit("fit", directory / "run", "--where", "variant=3", "-o", tmp_path / "model.json")
+    assert result.returncode == 0, result.stderr
+    by_values = ("--where", "coil.turns=250", "--where", "sleeve_radius_m=0.011")
+    again = femfit("fit", directory / "run", *by_values, "-o", tmp_path / "again.json")
+    assert again.returncode == 0, again.stderr
+    models = [json.loads((tmp_path / name).read_text()) for name in ("model.json", "again.json")]
+    assert models[0]["magnetics"] == models[1]["magnetics"]
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ((), "Choose one with --where variant=1"),
+        (("--where", "variant=7"), "No row has variant = 7"),
+        (("--where", "variant"), "--where must read COLUMN=VALUE"),
+        (("--where", "variant=2"), "rows with status ok"),
+    ],
+)
+def test_a_fit_of_no_variant_or_several_says_what_to_do(swept, where, message):
+    result = femfit("fit", swept[0] / "run", *where)
+    assert result.returncode == 1
+    assert message in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("current_A = [0, 0.7, 1.4]", "current_A = [0.7]", "needs at least 3 currents and 5 distances"),
+        ("[15, 19, 24, 31, 45]", "[15, 19, 24]", "instead received 3 currents and 3 distances"),
+        ("", "", "sweep.parameters make 3 variants, and a run is of one actuator"),
+    ],
+)
+def test_a_run_refuses_what_it_could_not_fit_before_it_sweeps(old, new, message, tmp_path):
+    text = SMALL.replace(old, new)
+    if old:
+        text = text[: text.index("\n[sweep.parameters]\n")].replace('design = "list"', "#")
+    (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+    result = femfit("run", "a.toml", "-o", "run", cwd=tmp_path)
+    assert result.returncode == 1
+    assert message in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a.toml"]
+
+
+def test_a_scheduler_that_does_not_exist_is_refused_in_one_message(tmp_path):
+    result = femfit("sweep", GEOMETRY / "emaws.toml", "-o", tmp_path / "run", "--scheduler", "nonsense://host:1")
+    assert result.returncode == 1
+    assert result.stderr.startswith("femfit: No scheduler answers at 'nonsense://host:1'")
+    assert "Traceback" not in result.stderr
