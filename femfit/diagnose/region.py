@@ -75,19 +75,63 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
         For example ``Measured force is 6 % low above 1 A and below 18 mm, in both branches.``
     """
     here = observations.of(channel)
-    s, base = smooth[here], _signal(observations, channel)[here]
-    branch = np.sign(observations.column("branch")[here])
-    values = {name: observations.column(name)[here] for name in covariates if name in _PLACES}
-    scope, other = _branches(branch, s, "branch" in covariates)
+    return misfit_sentence(
+        f"Measured {CHANNEL_WORDS[channel]}",
+        channel,
+        smooth[here],
+        _signal(observations, channel)[here],
+        {name: observations.column(name)[here] for name in covariates if name in _PLACES},
+        np.sign(observations.column("branch")[here]) if "branch" in covariates else None,
+        both=len(np.unique(np.sign(observations.column("branch")[here]))) > 1,
+    )
+
+
+def misfit_sentence(
+    subject: str,
+    channel: str,
+    misfit: FloatArray,
+    base: FloatArray,
+    values: Mapping[str, FloatArray],
+    branch: FloatArray | None = None,
+    *,
+    both: bool = False,
+) -> str:
+    """One sentence on any misfit.
+
+    Parameters
+    ----------
+    subject : str
+        What is high or low.
+    channel : str
+        Whose unit the misfit has.
+    misfit, base : array, shape (n,)
+        What is too much, and what it is relative to.
+    values : mapping of str to array, shape (n,)
+        Columns that thresholds may be told of.
+    branch : array, shape (n,), or None
+        Where the misfit changes with it: +1 and -1.
+    both : bool
+        Whether it was looked at in both branches.
+
+    Returns
+    -------
+    str
+        With a full stop.
+    """
+    s, everything = misfit, np.ones(len(misfit), dtype=bool)
+    scope = everything if branch is None else _stronger_branch(branch, s)
     sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
     halves = _region(values, s, scope, sign)
-    text = f"Measured {CHANNEL_WORDS[channel]} is {_told(s, base, scope, halves, sign, channel)}"
-    text += _branch_clause(s, base, halves, branch, scope, other, channel)
+    text = f"{subject} is {_told(s, base, scope, halves, sign, channel)}"
+    if branch is not None:
+        text += _branch_clause(s, base, halves, branch, scope, channel)
+    elif both:
+        text += ", in both branches"
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
     if opposite > _OTHER_SIGN * np.sum(s[scope] ** 2):
         text += f", and {_told(s, base, scope, _region(values, s, scope, -sign), -sign, channel)}"
     told = {half.name for half in halves}
-    changing = [words for name, words in _CHANGES.items() if name in covariates and name not in told]
+    changing = [words for name, words in _CHANGES.items() if name in values and name not in told]
     return text + (f", changing with {' and '.join(changing)}" if changing else "") + "."
 
 
@@ -97,16 +141,13 @@ def _signal(observations: Observations, channel: str) -> FloatArray:
     return observations.base - quiescent
 
 
-def _branches(branch: FloatArray, s: FloatArray, matters: bool) -> tuple[BoolArray, float]:
-    """The rows to look at, and the other branch (0 where there is none)."""
-    everything = np.ones(len(branch), dtype=bool)
+def _stronger_branch(branch: FloatArray, s: FloatArray) -> BoolArray:
+    """The rows of the branch with the larger misfit; all where there is one branch."""
     present = [b for b in (1.0, -1.0) if np.any(branch == b)]
     if len(present) < 2:
-        return everything, 0.0
-    if not matters:
-        return everything, present[1]
+        return np.ones(len(branch), dtype=bool)
     strongest = max(present, key=lambda b: float(np.mean(s[branch == b] ** 2)))
-    return np.asarray(branch == strongest), -strongest
+    return np.asarray(branch == strongest)
 
 
 def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, sign: float) -> list[_Half]:
@@ -179,23 +220,15 @@ def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
 
 
 def _branch_clause(
-    s: FloatArray,
-    base: FloatArray,
-    halves: Sequence[_Half],
-    branch: FloatArray,
-    scope: BoolArray,
-    other: float,
-    channel: str,
+    s: FloatArray, base: FloatArray, halves: Sequence[_Half], branch: FloatArray, scope: BoolArray, channel: str
 ) -> str:
-    if other == 0.0:
-        return ""
     inside = _inside(halves, len(s))
-    here, there = inside & (branch == -other), inside & (branch == other)
+    here, there = inside & scope, inside & ~scope & (branch != 0.0)
     if not here.any() or not there.any():
         return ""
     ratio = float(np.mean(s[there])) / (float(np.mean(s[here])) or 1e-300)
-    name, rival = ("rising", "falling") if other < 0.0 else ("falling", "rising")
-    if ratio > 0.5 or scope.all():
+    name, rival = ("rising", "falling") if np.all(branch[here] > 0.0) else ("falling", "rising")
+    if ratio > 0.5:
         return ", in both branches"
     if ratio > -0.3:
         return f", on the {name} branch only"

@@ -12,7 +12,7 @@ from scipy import stats
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.diagnose.diagnosis import Gate
 from femfit.diagnose.observations import Observations
-from femfit.diagnose.whitening import Whitening, orthonormal_basis
+from femfit.diagnose.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 
 
 def repeat_cells(observations: Observations) -> IntArray:
@@ -87,7 +87,7 @@ def pure_error(residual: FloatArray, cells: IntArray, nuisance: FloatArray) -> t
     return float(rest @ rest), float(free - left.shape[1])
 
 
-def lack_of_fit(observations: Observations, whitening: Whitening, channel: str) -> Gate:
+def lack_of_fit(observations: Observations, noise: NoiseModel, channel: str) -> Gate:
     """The pure-error test of one channel: what repeats of a setting share against what they do not.
 
     With whitened residual w and an orthonormal basis Q of the whitened cells, F = |Q'w|^2 / k is F(k, nu) distributed
@@ -97,8 +97,8 @@ def lack_of_fit(observations: Observations, whitening: Whitening, channel: str) 
     ----------
     observations : Observations
         M readings.
-    whitening : Whitening
-        Of their noise.
+    noise : NoiseModel
+        Of their campaign.
     channel : str
         One of the observations'.
 
@@ -107,14 +107,15 @@ def lack_of_fit(observations: Observations, whitening: Whitening, channel: str) 
     Gate
         With k cells and the p-value of F(k, nu); of chi-square where the noise was declared.
     """
-    here = np.flatnonzero(observations.of(channel))
-    codes, cell = np.unique(repeat_cells(observations)[here], return_inverse=True)
-    columns = np.zeros((len(observations.value), len(codes)))
-    columns[here, cell] = 1.0
+    alone = observations.select(observations.of(channel))
+    whitening = Whitening(alone, noise, chains_of(alone))
+    codes, cell = np.unique(repeat_cells(alone), return_inverse=True)
+    columns = np.zeros((len(alone.value), len(codes)))
+    columns[np.arange(len(cell)), cell] = 1.0
     basis = orthonormal_basis(whitening.full(columns))
-    along, count = basis.T @ whitening.full(observations.residual), basis.shape[1]
+    along, count = basis.T @ whitening.full(alone.residual), basis.shape[1]
     square = float(along @ along)
-    degrees = float(whitening.noise.degrees_of_freedom[observations.channels.index(channel)])
+    degrees = float(noise.degrees_of_freedom[observations.channels.index(channel)])
     finite = np.isfinite(degrees)
     p_value = stats.f.sf(square / count, count, degrees) if finite else stats.chi2.sf(square, count)
     return Gate(square / count, count, float(p_value))

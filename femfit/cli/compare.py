@@ -1,0 +1,57 @@
+"""``femfit compare``: how far a model is from measurements, against their noise, and where."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
+
+
+def compare(
+    model: Path, data: Path, *, reference: Path | None = None, pictures: Path | None = None, json: Path | None = None
+) -> None:
+    """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.
+
+    Parameters
+    ----------
+    model : Path
+        Model file (co-energy reference or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
+        fitted on the fly.
+    data : Path
+        Bench table, CSV or Parquet; a .toml beside it may declare the noise.
+    reference : Path
+        Co-energy model or sweep table that a law was fitted to: tells where the law's own shape is wrong.
+    pictures : Path
+        Directory for pictures of the misfit over distance and current, and over what else it changes with.
+    json : Path
+        File for the result as JSON, with the maps.
+    """
+    from femfit.cli.output import status, write_json
+    from femfit.core.measurement_file import read_bench_table
+    from femfit.diagnose.compare import compare_observations
+    from femfit.diagnose.compare_text import comparison_lines
+    from femfit.diagnose.observations import bench_observations
+
+    with status("Reading") as say:
+        actuator, base = _model(model), None if reference is None else _model(reference)
+        observations = bench_observations(actuator, read_bench_table(data))
+        say("Comparing")
+        comparison = compare_observations(observations, actuator, base)
+    written = []
+    if pictures is not None:
+        from femfit.report.comparison_pictures import save_comparison_pictures
+
+        written = save_comparison_pictures(observations, comparison, pictures)
+    write_json(json, comparison.to_dict())
+    print("\n".join(comparison_lines(comparison)))
+    for file in written:
+        print(f"written: {file}")
+
+
+def _model(path: Path) -> "ActuatorModel":
+    """A model file's model, or the co-energy of a sweep table."""
+    from femfit.core.sweep_table import read_sweep_table
+    from femfit.fit.build import fit_model
+    from femfit.model.json_file import read_model
+
+    return read_model(path) if path.suffix == ".json" else fit_model(read_sweep_table(path)).model

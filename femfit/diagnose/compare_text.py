@@ -1,0 +1,54 @@
+"""A comparison in plain sentences."""
+
+from femfit.diagnose.amounts import CHANNEL_WORDS, amount
+from femfit.diagnose.compare import ChannelMisfit, Comparison
+
+_VERDICTS = {
+    "agrees": "The model agrees with these data within their noise.",
+    "fails": "The model fails: {where}",
+    "wrong_shape": "The model fails, but no more than it misses the sweep that it was fitted to: {where}",
+    "compare_only": "Nothing tells the noise, so this is no verdict. The misfit: {where}",
+}
+
+
+def comparison_lines(comparison: Comparison) -> list[str]:
+    """The result as lines of text.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Any.
+
+    Returns
+    -------
+    list of str
+        A line a channel, the verdict with its test, a law's own shape, and notes.
+    """
+    lines = [_channel(one) for one in comparison.channels]
+    if comparison.mount_m is not None:
+        lines.append(f"from mount to mount the distance scatters by {amount(comparison.mount_m, 'mount_m')}")
+    if comparison.structure is not None:
+        gate = comparison.structure
+        lines.append(
+            f"structure: {gate.statistic:.2f} of 1 expected in {gate.degrees_of_freedom} smooth patterns, "
+            f"p = {gate.p_value:.2g}"
+        )
+    lines.append(_VERDICTS[comparison.verdict].format(where=comparison.where.sentence))
+    if comparison.shape is not None:
+        lines.append(comparison.shape.sentence)
+    return lines + [f"note: {finding}" for finding in comparison.findings]
+
+
+def _channel(one: ChannelMisfit) -> str:
+    text = f"{CHANNEL_WORDS[one.channel]}: rms misfit {amount(one.rms, one.channel)} in {one.readings} readings"
+    if one.noise_floor is not None:
+        source = "declared" if one.noise_readings is None else f"{one.noise_readings:.0f} repeats"
+        text += (
+            f", {one.rms / one.noise_floor:.2f} times the noise of {amount(one.noise_floor, one.channel)} ({source})"
+        )
+    worst = one.largest
+    text += (
+        f"; largest {amount(worst.value, one.channel)} at {amount(worst.distance_m, 'distance_m', 3)} and "
+        f"{amount(worst.current_A, 'current_A')}"
+    )
+    return text + (f"; lack of fit p = {one.lack_of_fit.p_value:.2g}" if one.lack_of_fit is not None else "")

@@ -1,0 +1,57 @@
+"""``femfit compare`` as users type it: a law, the reference and an imported table alike."""
+
+import json
+
+import pytest
+
+from femfit.model.json_file import write_model
+from support.campaign import campaign
+from support.command import femfit
+
+
+@pytest.fixture(scope="module")
+def files(levitation_model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("compare")
+    write_model(levitation_model, folder / "model.json")
+    campaign(levitation_model, 41, distances=6, currents=5).rows.to_csv(folder / "bench.csv", index=False)
+    rows = ["current_A,distance_m,force_N,flux_linkage_Wb"]
+    for k in range(8):
+        for j in range(25):
+            d, i = 0.015 + 0.00125 * j, 0.2 * k
+            force = levitation_model.magnetics.force(d, i)
+            rows.append(f"{i},{d},{float(force)!r},{float(levitation_model.magnetics.flux_linkage(d, i))!r}")
+    (folder / "table.csv").write_text("\n".join(rows))
+    return folder
+
+
+def test_a_model_that_holds_agrees_and_the_json_has_its_maps(files):
+    done = femfit(
+        "compare",
+        files / "model.json",
+        files / "bench.csv",
+        "--json",
+        files / "c.json",
+        "--pictures",
+        files / "pictures",
+    )
+    assert done.returncode == 0, done.stderr
+    assert "agrees with these data within their noise" in done.stdout
+    data = json.loads((files / "c.json").read_text())
+    assert data["verdict"] == "agrees"
+    assert {one["channel"] for one in data["channels"]} == {"force_N", "flux_linkage_Wb", "hall_V", "voltage_V"}
+    assert {len(one["mean"]) == len(one["readings"]) for one in data["maps"]} == {True}
+    assert (files / "pictures" / "misfit-maps.png").stat().st_size > 10_000
+    assert (files / "pictures" / "misfit-force_N-1.png").is_file()
+
+
+def test_an_imported_table_is_compared_through_its_coenergy(files):
+    done = femfit("compare", files / "table.csv", files / "bench.csv")
+    assert done.returncode == 0, done.stderr
+    assert "agrees with these data within their noise" in done.stdout
+    assert "Hall output" not in done.stdout
+
+
+def test_a_missing_file_is_an_error_with_a_remedy(files):
+    done = femfit("compare", files / "model.json", files / "nothing.csv")
+    assert done.returncode == 1
+    assert "There is no measurement" in done.stderr
