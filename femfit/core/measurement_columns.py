@@ -1,9 +1,9 @@
-"""From the headers of a bench file to the contract's columns, in SI units.
+"""From the headers of a measured file to the contract's columns, in SI units.
 
 A header is the contract's name (``distance_m``), or its stem with another unit (``distance_mm``, ``Distance [mm]``).
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -12,7 +12,10 @@ from femfit.core.header import parse_header
 from femfit.core.measurement import CHANNELS, SETTINGS
 from femfit.core.units import unit_factor
 
-_UNIT = {"m": "m", "A": "A", "C": "degC", "N": "N", "Wb": "Wb", "V": "V"}
+_UNIT = {"m": "m", "A": "A", "C": "degC", "N": "N", "Wb": "Wb", "V": "V", "s": "s"}
+
+BENCH_COLUMNS = (*SETTINGS, *CHANNELS)
+"""Of a bench table."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ def stem_and_unit(name: str) -> tuple[str, str]:
     Parameters
     ----------
     name : str
-        Of :data:`femfit.core.measurement.SETTINGS` or :data:`femfit.core.measurement.CHANNELS`.
+        As the contract has it.
 
     Returns
     -------
@@ -51,7 +54,9 @@ def stem_and_unit(name: str) -> tuple[str, str]:
     return (stem, _UNIT[unit]) if stem else (name, "")
 
 
-def recognise(headers: Iterable[str], source: str) -> tuple[list[UsedColumn], list[str]]:
+def recognise(
+    headers: Iterable[str], source: str, names: Sequence[str] = BENCH_COLUMNS
+) -> tuple[list[UsedColumn], list[str]]:
     """Find the contract's columns among headers.
 
     Parameters
@@ -60,6 +65,8 @@ def recognise(headers: Iterable[str], source: str) -> tuple[list[UsedColumn], li
         Of the file.
     source : str
         For messages.
+    names : sequence of str
+        The contract's columns.
 
     Returns
     -------
@@ -74,7 +81,7 @@ def recognise(headers: Iterable[str], source: str) -> tuple[list[UsedColumn], li
     used: list[UsedColumn] = []
     findings: list[str] = []
     for header in headers:
-        column, finding = match_column(header)
+        column, finding = match_column(header, names)
         if finding:
             findings.append(finding)
         if column is None:
@@ -89,20 +96,21 @@ def recognise(headers: Iterable[str], source: str) -> tuple[list[UsedColumn], li
     return used, findings
 
 
-def match_column(header: str) -> tuple[UsedColumn | None, str]:
+def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> tuple[UsedColumn | None, str]:
     """The contract's column that a header means.
 
     Parameters
     ----------
     header : str
         As it stands in a file.
+    names : sequence of str
+        The contract's columns.
 
     Returns
     -------
     tuple of UsedColumn or None, and str
         None where it means none; a sentence where there is something to say.
     """
-    names = (*SETTINGS, *CHANNELS)
     if header.strip() in names:
         return UsedColumn(header, header.strip(), 1.0), ""
     parsed = parse_header(header)
@@ -120,4 +128,4 @@ def match_column(header: str) -> tuple[UsedColumn | None, str]:
         return UsedColumn(header, name, factor), f"Column {header!r} was converted to {name}, times {factor:g}."
     near = get_close_matches(header.strip(), names, n=1, cutoff=0.75)
     meant = f"; did you mean {near[0]}?" if near else "."
-    return None, f"Column {header!r} is none that a bench table has and was not used{meant}"
+    return None, f"Column {header!r} is none that such a file has and was not used{meant}"

@@ -1,25 +1,15 @@
 """Bench measurement files, CSV or Parquet with an optional sidecar, to checked tables."""
 
-import io
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
-from femfit.core.decode import decode
 from femfit.core.errors import TableError
 from femfit.core.measurement import CHANNELS, SETTINGS, BenchTable
-from femfit.core.measurement_columns import UsedColumn, recognise
+from femfit.core.measurement_cells import cell_numbers, read_cells
+from femfit.core.measurement_columns import recognise
 from femfit.core.measurement_sidecar import read_sidecar
-
-_BRANCH_WORDS = {
-    **dict.fromkeys(("rising", "rise", "up", "+"), 1.0),
-    **dict.fromkeys(("falling", "fall", "down", "-"), -1.0),
-}
-_LABELS = ("run", "mount")
-_DELIMITERS = (";", "\t", ",")
 
 
 def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
@@ -44,15 +34,13 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
         If there is no such file, it is no table, or it lacks a current, a distance or any channel.
     """
     path = Path(path)
-    if not path.is_file():
-        raise TableError(f"There is no measurement {path}. Give a .csv or .parquet file.")
-    raw = _parquet(path) if path.suffix == ".parquet" else _csv(path)
+    raw = read_cells(path)
     used, findings = recognise(map(str, raw.columns), str(path))
     names = [one.name for one in used]
     _require(names, path)
     columns = {}
     for one in used:
-        columns[one.name], said = _numbers(raw[one.header], one)
+        columns[one.name], said = cell_numbers(raw[one.header], one)
         findings += said
     sidecar = read_sidecar(path)
     rows = pd.DataFrame(columns)
@@ -73,30 +61,6 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
     )
 
 
-def _csv(path: Path) -> pd.DataFrame:
-    text, _ = decode(path.read_bytes(), str(path))
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise TableError(f"{path} is empty; it needs a header line and rows of numbers.")
-    delimiter = max(_DELIMITERS, key=lines[0].count)
-    try:
-        table = pd.read_csv(io.StringIO("\n".join(lines)), sep=delimiter, dtype=str, skipinitialspace=True)
-    except (ValueError, pd.errors.ParserError) as error:
-        raise TableError(f"{path} is no table with one row a reading: {error}.") from error
-    if not isinstance(table.index, pd.RangeIndex):
-        raise TableError(f"{path} must have as many headers as columns; its rows are longer than its header line.")
-    if delimiter != ",":  # a decimal comma
-        table = table.apply(lambda column: column.str.replace(",", ".", regex=False))
-    return table
-
-
-def _parquet(path: Path) -> pd.DataFrame:
-    try:
-        return pd.read_parquet(path)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise TableError(f"{path} cannot be read as Parquet: {error}") from error
-
-
 def _require(names: "list[str] | tuple[str, ...]", path: Path) -> None:
     missing = [name for name in ("current_A", "distance_m") if name not in names]
     if not any(name in CHANNELS for name in names):
@@ -107,27 +71,6 @@ def _require(names: "list[str] | tuple[str, ...]", path: Path) -> None:
             f"lacks {' and '.join(missing)} (it has {', '.join(names) or 'none of the known columns'}). Rename the "
             "columns or add them."
         )
-
-
-def _numbers(column: "pd.Series[Any]", one: UsedColumn) -> tuple[np.ndarray[Any, Any], list[str]]:
-    """A column as float64 in SI, NaN where a cell is empty or no finite number."""
-    text = column.astype("string").str.strip()
-    empty = text.isna() | (text.str.casefold() == "nan") | (text == "")
-    values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
-    if one.name == "branch":
-        words = text.str.casefold().map(_BRANCH_WORDS).to_numpy(dtype=np.float64, na_value=np.nan)
-        values = np.sign(np.where(np.isfinite(words), words, values))
-    if one.name in _LABELS and np.isnan(values[~empty]).any():
-        code, labels = pd.factorize(text.where(~empty))
-        numbered = f"{one.name} was numbered: {', '.join(f'{k + 1} = {label}' for k, label in enumerate(labels))}."
-        return np.where(code >= 0, code + 1.0, np.nan), [numbered]
-    values = np.where(np.isfinite(values), values, np.nan) * one.factor
-    bad = np.flatnonzero(np.isnan(values) & ~empty.to_numpy())
-    if not len(bad):
-        return values, []
-    example = text.iloc[int(bad[0])]
-    cells = "1 cell holds" if len(bad) == 1 else f"{len(bad)} cells hold"
-    return values, [f"In {one.header} {cells} no number ({example!r}); these readings count as missing."]
 
 
 def _complete(rows: pd.DataFrame) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -31,13 +31,15 @@ class Sidecar:
     findings: tuple[str, ...] = ()
 
 
-def read_sidecar(measurement: Path) -> Sidecar:
+def read_sidecar(measurement: Path, channels: Sequence[str] = CHANNELS) -> Sidecar:
     """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement.
 
     Parameters
     ----------
     measurement : Path
         Of the measurement itself.
+    channels : sequence of str
+        That such a measurement can have.
 
     Returns
     -------
@@ -52,11 +54,11 @@ def read_sidecar(measurement: Path) -> Sidecar:
     measurement = Path(measurement)
     for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
         if file.is_file() and file != measurement:
-            return _parsed(file)
+            return _parsed(file, channels)
     return Sidecar()
 
 
-def _parsed(file: Path) -> Sidecar:
+def _parsed(file: Path, channels: Sequence[str]) -> Sidecar:
     try:
         data = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -68,10 +70,10 @@ def _parsed(file: Path) -> Sidecar:
     findings: list[str] = []
     texts = {key: str(data.pop(key)) for key in ("test_object", "notes") if key in data}
     for key, value in (data | declared).items():
-        column, _ = match_column(key)
-        if column is None or column.name not in CHANNELS:
+        column, _ = match_column(key, channels)
+        if column is None:
             findings.append(
-                f"{key!r} in {file.name} is no channel of a bench ({', '.join(CHANNELS)}) and was not used."
+                f"{key!r} in {file.name} is no channel of this kind of file ({', '.join(channels)}) and was not used."
             )
             continue
         if isinstance(value, bool) or not isinstance(value, int | float) or not (0.0 < value < math.inf):

@@ -56,6 +56,7 @@ UNITS: dict[str, dict[str, float]] = {
     "J": {**_with_prefixes("J", "kmun"), **_words("joule joules", 1.0)},
     "V": {**_with_prefixes("V", "kmu"), **_words("volt volts", 1.0)},
     "degC": {**_words("C degC °C celsius", 1.0)},
+    "s": {**_with_prefixes("s", "mun"), **_words("sec second seconds", 1.0)},
 }
 """SI unit to its spellings and their factors."""
 

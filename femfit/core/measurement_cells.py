@@ -1,0 +1,102 @@
+"""The cells of a measured file, before they mean anything: CSV or Parquet to text, text to numbers in SI."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from femfit.core.decode import decode
+from femfit.core.errors import TableError
+from femfit.core.measurement_columns import UsedColumn
+
+_BRANCH_WORDS = {
+    **dict.fromkeys(("rising", "rise", "up", "+"), 1.0),
+    **dict.fromkeys(("falling", "fall", "down", "-"), -1.0),
+}
+_LABELS = ("run", "mount")
+_DELIMITERS = (";", "\t", ",")
+
+
+def read_cells(path: Path) -> pd.DataFrame:
+    """The cells of a file under its own headers.
+
+    Parameters
+    ----------
+    path : Path
+        ``.csv`` (commas, semicolons or tabs; decimal point or comma; lines that start with # are passed over) or
+        ``.parquet``.
+
+    Returns
+    -------
+    DataFrame
+        Text, or numbers where the file has types.
+
+    Raises
+    ------
+    TableError
+        If there is no such file, or it is no table.
+    """
+    if not path.is_file():
+        raise TableError(f"There is no measurement {path}. Give a .csv or .parquet file.")
+    return _parquet(path) if path.suffix == ".parquet" else _csv(path)
+
+
+def _csv(path: Path) -> pd.DataFrame:
+    text, _ = decode(path.read_bytes(), str(path))
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise TableError(f"{path} is empty; it needs a header line and rows of numbers.")
+    delimiter = max(_DELIMITERS, key=lines[0].count)
+    try:
+        table = pd.read_csv(io.StringIO("\n".join(lines)), sep=delimiter, dtype=str, skipinitialspace=True)
+    except (ValueError, pd.errors.ParserError) as error:
+        raise TableError(f"{path} is no table with one row a reading: {error}.") from error
+    if not isinstance(table.index, pd.RangeIndex):
+        raise TableError(f"{path} must have as many headers as columns; its rows are longer than its header line.")
+    if delimiter != ",":  # a decimal comma
+        table = table.apply(lambda column: column.str.replace(",", ".", regex=False))
+    return table
+
+
+def _parquet(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_parquet(path)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise TableError(f"{path} cannot be read as Parquet: {error}") from error
+
+
+def cell_numbers(column: "pd.Series[Any]", one: UsedColumn) -> tuple[np.ndarray[Any, Any], list[str]]:
+    """A column as float64 in SI.
+
+    Parameters
+    ----------
+    column : Series
+        As :func:`read_cells` gives it.
+    one : UsedColumn
+        What it is.
+
+    Returns
+    -------
+    tuple of array and list of str
+        NaN where a cell is empty or no finite number, which the sentences tell.
+    """
+    text = column.astype("string").str.strip()
+    empty = text.isna() | (text.str.casefold() == "nan") | (text == "")
+    values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
+    if one.name == "branch":
+        words = text.str.casefold().map(_BRANCH_WORDS).to_numpy(dtype=np.float64, na_value=np.nan)
+        values = np.sign(np.where(np.isfinite(words), words, values))
+    if one.name in _LABELS and np.isnan(values[~empty]).any():
+        code, labels = pd.factorize(text.where(~empty))
+        numbered = f"{one.name} was numbered: {', '.join(f'{k + 1} = {label}' for k, label in enumerate(labels))}."
+        return np.where(code >= 0, code + 1.0, np.nan), [numbered]
+    values = np.where(np.isfinite(values), values, np.nan) * one.factor
+    bad = np.flatnonzero(np.isnan(values) & ~empty.to_numpy())
+    if not len(bad):
+        return values, []
+    example = text.iloc[int(bad[0])]
+    cells = "1 cell holds" if len(bad) == 1 else f"{len(bad)} cells hold"
+    return values, [f"In {one.header} {cells} no number ({example!r}); these readings count as missing."]
