@@ -21,7 +21,15 @@ from femfit.fem.point_field import PointField
 from femfit.fem.settings import SolverSettings
 from femfit.fem.stress import LayerForce, weight
 from femfit.fem.superposition import DistanceSolution, superpose
-from femfit.fem.weak_form import Loads, assemble_loads, flux_density, linear_materials, reluctivity, solve, stiffness
+from femfit.fem.weak_form import (
+    Factorisation,
+    Loads,
+    assemble_loads,
+    flux_density,
+    linear_materials,
+    reluctivity,
+    stiffness,
+)
 
 
 class LinearActuator:
@@ -154,23 +162,23 @@ class _Discretisation:
         self.hall = actuator.hall
         named = linear_materials(actuator)
         own = {name: material for name, material in named.items() if name.startswith("moving:")}
-        self.form = stiffness(self.space, reluctivity(mesh, named), layout.outer_radius)
+        self._whole = Factorisation(stiffness(self.space, reluctivity(mesh, named), layout.outer_radius))
         self.loads: Loads = assemble_loads(self.space, actuator)
         self.layer_force = LayerForce(self.space, g)
-        self.own_form = None
+        self._own: Factorisation | None = None
         if any(material.remanence_T for material in own.values()):
-            self.own_form = stiffness(self.space, reluctivity(mesh, own), layout.outer_radius)
+            self._own = Factorisation(stiffness(self.space, reluctivity(mesh, own), layout.outer_radius))
 
     def solutions(self) -> tuple[ng.GridFunction, ng.GridFunction]:
-        magnet, coil = solve(self.form, [self.loads.magnets, self.loads.coil])
+        magnet, coil = self._whole.solve([self.loads.magnets, self.loads.coil])
         return magnet, coil
 
     def evaluate(self) -> _Coefficients:
         magnet, coil = self.solutions()
         force = self.layer_force
         self_force = 0.0
-        if self.own_form is not None:
-            own = solve(self.own_form, [self.loads.own_magnets])[0]
+        if self._own is not None:
+            (own,) = self._own.solve([self.loads.own_magnets])
             self_force = force.between(own, own)
         return _Coefficients(
             force=np.array(

@@ -218,29 +218,43 @@ def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:
     return mesh.MaterialCF({name: material.reluctivity for name, material in named.items()}, default=1.0 / MU_0)
 
 
-def solve(form: BilinearForm, loads: list[LinearForm]) -> list[GridFunction]:
-    """Factorise once and solve for each load.
+class Factorisation:
+    """Solves with a form as the mesh stands; from one distance to the next the elimination order is kept.
 
     Parameters
     ----------
     form : ngsolve.BilinearForm
         From :func:`stiffness`.
-    loads : list of ngsolve.LinearForm
-        Right-hand sides.
-
-    Returns
-    -------
-    list of ngsolve.GridFunction
-        One solution a load.
     """
-    form.Assemble()
-    inverse = form.mat.Inverse(form.space.FreeDofs(coupling=True), inverse="sparsecholesky")
-    solutions = []
-    for load in loads:
-        solution = GridFunction(form.space)
-        solve_condensed(inverse, [form], load.vec, solution.vec)
-        solutions.append(solution)
-    return solutions
+
+    def __init__(self, form: BilinearForm) -> None:
+        self._form = form
+        self._inverse: Any = None
+
+    def solve(self, loads: list[LinearForm]) -> list[GridFunction]:
+        """Assemble and factorise once, and solve for each load.
+
+        Parameters
+        ----------
+        loads : list of ngsolve.LinearForm
+            Right-hand sides.
+
+        Returns
+        -------
+        list of ngsolve.GridFunction
+            One solution a load.
+        """
+        form = self._form.Assemble()
+        if self._inverse is None:
+            self._inverse = form.mat.Inverse(form.space.FreeDofs(coupling=True), inverse="sparsecholesky")
+        else:
+            self._inverse.Update()
+        solutions = []
+        for load in loads:
+            solution = GridFunction(form.space)
+            solve_condensed(self._inverse, [form], load.vec, solution.vec)
+            solutions.append(solution)
+        return solutions
 
 
 def solve_condensed(inverse: Any, forms: Sequence[BilinearForm], load: Any, solution: Any) -> None:
