@@ -1,0 +1,103 @@
+"""Runs femfit's diagnosis on a case's files, as ``femfit diagnose`` and ``femfit add`` would."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.errors import FemfitError
+from femfit.core.measurement import BenchTable
+from femfit.core.measurement_file import read_bench_table
+from femfit.diagnose.add import add_effects
+from femfit.diagnose.diagnose import DiagnosisOptions, diagnose_bench
+from femfit.diagnose.observations import bench_observations
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import read_model
+
+
+@dataclass(frozen=True, eq=False)
+class CaseFiles:
+    """What an engine may read of a case.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Of the drawing.
+    data, unseen : BenchTable
+        The campaign, and a further run.
+    """
+
+    model: ActuatorModel
+    data: BenchTable
+    unseen: BenchTable
+
+
+def read_case(directory: Path) -> CaseFiles:
+    """Read a case's files.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the case.
+
+    Returns
+    -------
+    CaseFiles
+        As ``femfit diagnose`` reads them.
+    """
+    return CaseFiles(
+        read_model(directory / "model.json"),
+        read_bench_table(directory / "data.csv"),
+        read_bench_table(directory / "unseen.csv"),
+    )
+
+
+def diagnose_case(files: CaseFiles, exclude: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Diagnose a case.
+
+    Parameters
+    ----------
+    files : CaseFiles
+        Of the case.
+    exclude : tuple of str
+        Effects withheld from the catalogue.
+
+    Returns
+    -------
+    dict
+        The diagnosis as JSON, with ``seconds``; verdict ``error`` and ``message`` where there is none.
+    """
+    start = perf_counter()
+    try:
+        result = diagnose_bench(files.model, files.data, DiagnosisOptions(exclude=exclude, bootstrap=0)).to_dict()
+    except FemfitError as error:
+        result = {"verdict": "error", "missing": [], "where": {"channel": "", "covariates": []}, "message": str(error)}
+    return {**result, "seconds": perf_counter() - start}
+
+
+def unseen_rms(files: CaseFiles, names: tuple[str, ...]) -> dict[str, float]:
+    """Error on the run that was kept back, after effects were added.
+
+    Parameters
+    ----------
+    files : CaseFiles
+        Of the case.
+    names : tuple of str
+        Effects to be added; none for the model as it is.
+
+    Returns
+    -------
+    dict of str to float
+        Root mean square per channel, re-mounts included.
+    """
+    model = add_effects(files.model, files.data, names).model if names else files.model
+    both = pd.concat([files.data.rows, files.unseen.rows], ignore_index=True)
+    observations = bench_observations(model, replace(files.data, rows=both))
+    last = observations.column("run") == observations.covariates["run"].max()
+    residual = observations.residual
+    return {
+        name: float(np.sqrt(np.mean(residual[last & observations.of(name)] ** 2))) for name in observations.channels
+    }

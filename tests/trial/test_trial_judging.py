@@ -1,0 +1,72 @@
+"""Judging: what counts as right, and with what certainty."""
+
+import pytest
+
+from femfit.trial.intervals import Share
+from femfit.trial.judge import judge
+from femfit.trial.table import trial_table
+
+KEY = {
+    "order": {"number": 1, "actuator": "rig", "effects": ["hall_offset"], "level": 1.0, "seed": 1},
+    "all_channels": True,
+    "effects": [{"name": "hall_offset", "over_noise": {"hall_V": 1.0, "force_N": 0.0}, "along": []}],
+    "unseen_floor": {"hall_V": 1e-3, "force_N": 1e-4},
+}
+
+
+def answer(verdict, *classes, channel="hall_V", covariates=()):
+    return {
+        "verdict": verdict,
+        "missing": [{"name": members[0], "class": list(members)} for members in classes],
+        "where": {"channel": channel, "covariates": list(covariates)},
+        "seconds": 1.0,
+    }
+
+
+def judged(full, **others):
+    return judge(KEY, {"full": full, **others})
+
+
+def test_the_truth_counts_wherever_it_stands_in_a_class():
+    found = judged(answer("named", ("external_field", "hall_offset")))
+    assert (found.in_class, found.first, found.spurious) == ((True,), False, 0)
+
+
+def test_a_name_whose_class_has_no_hidden_effect_is_spurious():
+    found = judged(answer("named", ("hall_offset",), ("force_gain",)))
+    assert (found.first, found.spurious) == (True, 1)
+
+
+def test_a_misnaming_within_the_truths_class_is_told_from_one_outside():
+    full = answer("named", ("hall_offset", "external_field"))
+    inside = judged(full, withheld=answer("named", ("external_field",)))
+    outside = judged(full, withheld=answer("named", ("force_gain",)))
+    assert (inside.confounded, outside.confounded) == (True, False)
+
+
+def test_a_misfit_that_is_the_same_everywhere_needs_no_covariate():
+    assert judged(answer("unexplained")).right_covariate
+    assert not judged(answer("unexplained", covariates=["current_A"])).right_covariate
+    assert not judged(answer("unexplained", channel="force_N")).right_channel
+
+
+def test_the_error_on_the_unseen_run_is_taken_over_that_of_a_perfect_model():
+    found = judged(answer("unexplained"), unseen_rms={"hall_V": 2e-3, "force_N": 1e-4})
+    assert found.unseen_over_floor == pytest.approx((0.5 * (4.0 + 1.0)) ** 0.5)
+
+
+def test_intervals_are_the_exact_ones():
+    # Clopper and Pearson: no hit in n leaves 1 - 0.025^(1/n)
+    assert Share(0, 100).ci95 == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 100.0)))
+    assert Share(100, 100).ci95[1] == 1.0
+    low, high = Share(5, 50).ci95
+    assert (low, high) == pytest.approx((0.0333, 0.2181), abs=1e-4)  # as printed in tables
+
+
+def test_the_table_says_what_was_missed():
+    lines = trial_table([judged(answer("named", ("force_gain",)), withheld=answer("named", ("force_gain",)))])
+    by_what = {(line.group, line.what): line for line in lines}
+    assert by_what["one effect, all channels", "truth in the class"].met is False
+    assert by_what["effect withheld, 1 sigma", "misnamed"].met is False
+    assert by_what["no effect", "something named"].met is None
+    assert "MISSED" in by_what["effect withheld, 1 sigma", "misnamed"].text()
