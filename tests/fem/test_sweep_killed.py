@@ -54,7 +54,7 @@ def kill_when(command, moment):
     return child.returncode, children
 
 
-@pytest.mark.parametrize("kind", ["linear", "saturating", "variants"])
+@pytest.mark.parametrize("kind", [pytest.param("linear", marks=pytest.mark.long), "saturating", "variants"])
 def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(kind, tmp_path):
     path = actuator_file(kind, tmp_path)
     sweep, target = read_variants(path), tmp_path / "killed"
