@@ -14,6 +14,7 @@ from femfit.effects.distance_offset import DISTANCE_OFFSET
 from femfit.effects.distance_scale import DISTANCE_SCALE
 from femfit.effects.driver_dead_zone import DRIVER_DEAD_ZONE
 from femfit.effects.driver_gain import DRIVER_GAIN
+from femfit.effects.eddy_current_lag import EDDY_CURRENT_LAG
 from femfit.effects.effect import Effect
 from femfit.effects.end_stop_contact import END_STOP_CONTACT
 from femfit.effects.external_field import EXTERNAL_FIELD
@@ -32,11 +33,13 @@ from femfit.effects.magnet_temperature import MAGNET_TEMPERATURE
 from femfit.effects.mass_error import MASS_ERROR
 from femfit.effects.motional_emf import MOTIONAL_EMF
 from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
+from femfit.effects.sensor_delay import SENSOR_DELAY
 from femfit.effects.viscous_friction import VISCOUS_FRICTION
 
 BUILT_IN: tuple[Effect, ...] = (
     CORE_SATURATION,
     HYSTERESIS,
+    EDDY_CURRENT_LAG,
     MAGNET_TEMPERATURE,
     MAGNET_DEMAGNETISATION,
     COIL_TEMPERATURE,
@@ -62,6 +65,7 @@ BUILT_IN: tuple[Effect, ...] = (
     EXTERNAL_FIELD,
     DRIVER_DEAD_ZONE,
     DRIVER_GAIN,
+    SENSOR_DELAY,
     FLUX_INTEGRATOR_DRIFT,
 )
 

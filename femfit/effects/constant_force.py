@@ -1,11 +1,21 @@
-"""A force on the moving part that the model does not know: a cable's pull, a tilted guide, a fan."""
+"""A force on the moving part that the model does not know: a cable's pull, a tilted guide, a fan.
+
+Its potential joins the co-energy, whose slope is the force: W' -> W' - pull d.
+
+References
+----------
+H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1.
+"""
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, like
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.jet import CoenergyJet, Jet, distance_jet
 
 
-def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
-    return like(p["pull"] * at.nominal.force_N, d)
+def _coenergy(
+    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
+) -> Jet:
+    return base(d, i, n_d, n_i) - (p["pull"] * at.nominal.force_N) * distance_jet(d, n_d, n_i)
 
 
 CONSTANT_FORCE = Effect(
@@ -26,6 +36,6 @@ CONSTANT_FORCE = Effect(
     needs=("force_N|time_s",),
     experiment="Take the magnet out of the moving part, or turn the bench by 180 degrees, and read the force again.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
-    force=_force,
+    coenergy=_coenergy,
 )
 """Force = magnetic force + pull: on a bench as an offset of the sensor, in motion as a lighter or heavier body."""

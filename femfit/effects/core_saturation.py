@@ -16,6 +16,8 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 J. J. Moreau, Bulletin de la Societe Mathematique de France 93 (1965) 273: the envelope G and its derivatives.
 """
 
+from math import perm
+
 import numpy as np
 
 from femfit.core.arrays import FloatArray
@@ -25,6 +27,7 @@ from femfit.effects.jet import CoenergyJet, Jet
 _EXPONENTS = (3, 6, 32)
 """A soft onset (Rayleigh), a round knee, a sharp one."""
 _ITERATIONS = 60
+_ROUNDING = 1e-14
 
 
 def _coenergy(
@@ -68,8 +71,7 @@ def _power_sum(y: FloatArray, amplitudes: dict[int, float], derivative: int) -> 
     """A derivative of sum_n c_n |y|^n / n."""
     total, size = np.zeros_like(y), np.abs(y)
     for n, amplitude in amplitudes.items():
-        factor = np.prod(n - np.arange(derivative, dtype=np.float64)) / n
-        total += amplitude * factor * size ** max(n - derivative, 0)
+        total += amplitude * (perm(n, derivative) / n) * size ** max(n - derivative, 0)
     return total * np.sign(y) if derivative % 2 else total
 
 
@@ -83,7 +85,7 @@ def _kept(x: FloatArray, amplitudes: dict[int, float], own: float) -> FloatArray
         step = y - excess / (1.0 + own * _power_sum(y, amplitudes, 2))
         inside = (step >= low) & (step <= high)
         new = np.where(inside, step, 0.5 * (low + high))
-        if np.all(np.abs(new - y) <= 1e-15 * np.abs(x)):
+        if np.all(np.abs(new - y) <= _ROUNDING * np.abs(x)):
             return new
         y = new
     return y

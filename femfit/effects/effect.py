@@ -8,6 +8,7 @@ An effect acts at the stages that it gives a function for, in this order:
 ``force``      further force on the moving part, along ``force_N`` (positive towards the electromagnet)
 ``circuit``    resistance of the winding and voltage that the driver really applies
 ``mass``       the moving mass
+``hall_point`` the Hall element's delay: distance and current now -> those that its reading belongs to
 ``memory``     states with their own equation (lag, hysteresis): in plant and filters; on a bench, their value at rest
 ``readings``   the sensors: true channels -> what is recorded
 =============  =====================================================================================================
@@ -52,6 +53,8 @@ class Nominal:
         Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element.
     voltage_V : float
         Largest magnitude that the driver gives; NaN where the model has no circuit.
+    sample_time_s : float
+        Of controller and filter.
     """
 
     distance_min_m: float
@@ -71,6 +74,7 @@ class Nominal:
     hall_T_per_A: float
     hall_swing_V: float
     voltage_V: float
+    sample_time_s: float
 
     @property
     def current_scale(self) -> float:
@@ -177,19 +181,26 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Memory:
-    """States that an effect adds to (distance, velocity, current).
+    """States that an effect adds to (distance, velocity, current); pure numbers of the order of one, zero at rest.
 
     Parameters
     ----------
     names : tuple of str
-        Unique over all effects, with units.
+        Unique over all effects.
+    amplitudes : tuple of str
+        Parameters without which, all at null, the states do nothing and are left out.
+    spread : float
+        Standard deviation of the states where a filter starts.
     rest : callable
         (d, i, conditions, p) -> mapping of name to value: where the states stand on a slow bench sweep.
     rate : callable
-        (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative.
+        (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative; linear in the current's
+        rate for each of its signs.
     """
 
     names: tuple[str, ...]
+    amplitudes: tuple[str, ...]
+    spread: float
     rest: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
     rate: Callable[
         [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
@@ -234,6 +245,8 @@ class Effect:
         (mass in kg, p) -> mass in kg.
     memory : Memory or None
         States of its own.
+    hall_point : callable or None
+        Maps (distance, current) as ``setting`` does.
     calibrations : tuple of Calibration
         Measurements beside the bench sweep that read a parameter directly.
     """
@@ -252,6 +265,7 @@ class Effect:
     mass: Callable[[float, Parameters], float] | None = None
     readings: Readings | None = None
     memory: Memory | None = None
+    hall_point: Setting | None = None
     calibrations: tuple[Calibration, ...] = ()
 
     @property
@@ -281,6 +295,14 @@ class AddedEffect:
     effect: Effect
     parameters: Parameters
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def memory(self) -> Memory | None:
+        """The effect's states, where its parameters need any."""
+        memory = self.effect.memory
+        null = self.effect.null()
+        needed = memory is not None and any(self.parameters[name] != null[name] for name in memory.amplitudes)
+        return memory if needed else None
 
 
 def like(value: FloatArray | float, points: FloatArray) -> FloatArray:

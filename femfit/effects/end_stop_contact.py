@@ -1,6 +1,7 @@
 """The moving part touches a stop at the near or the far end of its travel and is pushed back.
 
-A flat stop is a spring; a rounded one stiffens with the square root of its compression (Hertz).
+A flat stop is a spring; a rounded one stiffens with the square root of its compression (Hertz). The potential of the
+contact joins the co-energy, whose slope is the force.
 
 References
 ----------
@@ -11,15 +12,30 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.jet import CoenergyJet, Jet, distance_jet
 
 
-def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
+def _coenergy(
+    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
+) -> Jet:
     near, far = at.nominal.distance_min_m, at.nominal.distance_max_m
     reach = p["reach"] * (far - near)
-    pressed = np.maximum(0.0, near + reach - d) / reach
-    pulled = np.maximum(0.0, d - far + reach) / reach
-    push = p["near_flat"] * pressed + p["near_round"] * pressed**1.5
-    return np.asarray(at.nominal.force_N * (p["far_flat"] * pulled - push))
+    result = base(d, i, n_d, n_i)
+    for name, power, start, sign in (
+        ("near_flat", 1.0, near + reach, -1.0),
+        ("near_round", 1.5, near + reach, -1.0),
+        ("far_flat", 1.0, far - reach, 1.0),
+    ):
+        # Compression over reach; its force A c^power has the potential A reach c^(power + 1) / (power + 1)
+        compression = np.maximum(0.0, sign * (d - start)) / reach
+        touching = np.where(compression > 0.0, compression, 1.0)
+        slopes = [
+            np.prod(power + 1.0 - np.arange(k)) * np.where(compression > 0.0, touching ** (power + 1.0 - k), 0.0)
+            for k in range(n_d + 1)
+        ]
+        depth = distance_jet(compression, n_d, n_i).scaled(distance=sign / reach)
+        result = result - (p[name] * at.nominal.force_N * reach / (power + 1.0)) * depth.compose(slopes)
+    return result
 
 
 def _stop(name: str, description: str) -> EffectParameter:
@@ -50,6 +66,6 @@ END_STOP_CONTACT = Effect(
     needs=("~distance_m", "force_N|time_s"),
     experiment="Measure the force every few hundredths of a millimetre near the stop, the current off.",
     reference="Johnson, Contact Mechanics (1985), section 4.2",
-    force=_force,
+    coenergy=_coenergy,
 )
 """A spring, or a Hertzian contact, that acts beyond the stop."""

@@ -8,16 +8,38 @@ H. W. Ott, Electromagnetic Compatibility Engineering (Wiley, 2009), chapters 2 (
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, with_channel
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Memory, Parameters, like, with_channel
 
 
 def _readings(
     values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
     part = i / at.nominal.current_scale
-    rate = at.current_rate_A_s / at.nominal.current_scale
+    if "pickup_lag" in at.memory:
+        rate = at.memory["pickup_lag"] / at.nominal.sample_time_s
+    else:
+        rate = like(at.current_rate_A_s, i) / at.nominal.current_scale
     return with_channel(values, "hall_V", lambda volts: volts + p["pickup_V"] * part + p["induced_V_s"] * rate)
+
+
+def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
+    return {"pickup_lag": np.zeros_like(i)}
+
+
+def _rate(
+    states: Mapping[str, FloatArray],
+    d: FloatArray,
+    v: FloatArray,
+    i: FloatArray,
+    current_rate: FloatArray,
+    at: Conditions,
+    p: Parameters,
+) -> Mapping[str, FloatArray]:
+    """The current less its mean over about one sample: the current's rate, for what knows no voltage."""
+    return {"pickup_lag": current_rate / at.nominal.current_scale - states["pickup_lag"] / at.nominal.sample_time_s}
 
 
 HALL_COIL_PICKUP = Effect(
@@ -47,5 +69,6 @@ HALL_COIL_PICKUP = Effect(
     "in two ways.",
     reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 and 3",
     readings=_readings,
+    memory=Memory(names=("pickup_lag",), amplitudes=("induced_V_s",), spread=0.01, rest=_rest, rate=_rate),
 )
 """Recorded voltage = expected voltage + pick-up in step with the current and its rate."""

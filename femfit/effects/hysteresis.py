@@ -63,10 +63,13 @@ def _coenergy(
 ) -> Jet:
     states = {**_states(i, at), **{name: like(value, i) for name, value in at.memory.items()}}
     lag = at.nominal.current_scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
-    energy = base(d, i - lag, n_d, n_i + 1)
+    tapered = p["taper"] != 0.0
+    energy = base(d, i - lag, n_d, n_i + tapered)
     coefficients = energy.truncated(n_d, n_i).coefficients.copy()
     if p["hall_share"] != 1.0:
         coefficients[1] = base(d, i - p["hall_share"] * lag, n_d, n_i).coefficients[1]
+    if not tapered:
+        return Jet(coefficients)
     linkage = energy.along_current().coefficients.copy()
     linkage[1] *= p["hall_share"]
     taper = p["taper"] * states[f"hysteresis_{_TAPERED}"] * at.nominal.current_scale / at.nominal.flux_linkage_Wb
@@ -82,9 +85,10 @@ HYSTERESIS = Effect(
             EffectParameter(
                 name=f"width_{name}",
                 unit="",
-                lower=-2.0,
-                upper=2.0,
-                sane=(-0.3, 0.3),
+                # A state that turns faster than the current would reverse the core's permeability
+                lower=-part,
+                upper=part,
+                sane=(-0.5 * part, 0.5 * part),
                 description=f"Half width of the loop as a part of the largest current, reached over {part:g} of the "
                 "currents' span.",
                 of="current_scale",
@@ -94,9 +98,9 @@ HYSTERESIS = Effect(
         EffectParameter(
             name="taper",
             unit="",
-            lower=-2.0,
-            upper=2.0,
-            sane=(-0.3, 0.3),
+            lower=-0.2,
+            upper=0.2,
+            sane=(-0.08, 0.08),
             description="Growth of the half width from no flux to the largest, as a part of the largest current.",
             of="current_scale",
         ),
@@ -115,6 +119,12 @@ HYSTERESIS = Effect(
     experiment="Cycle the current slowly up and down at one distance and read both branches.",
     reference="Dahl, AIAA Journal 14 (1976) 1675; Coleman and Hodgdon (1986)",
     coenergy=_coenergy,
-    memory=Memory(names=tuple(f"hysteresis_{name}" for name in _RADII), rest=_rest, rate=_rate),
+    memory=Memory(
+        names=tuple(f"hysteresis_{name}" for name in _RADII),
+        amplitudes=(*(f"width_{name}" for name in _RADII), "taper"),
+        spread=0.5,
+        rest=_rest,
+        rate=_rate,
+    ),
 )
 """W'(d, i) -> W'(d, i - lag), the lag a state of its own."""

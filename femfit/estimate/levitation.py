@@ -1,8 +1,9 @@
 """The filter's view of a levitating magnet, built from the actuator model.
 
-States are distance (m), velocity (m/s) and current (A), and, for a Hall element whose quiescent voltage drifts, its
-bias (V) as a random walk. The measurement is the Hall voltage through the fitted field, which lets the filter itself
-tell the coil's part from the magnet's, or the paper's distance, compensated statically before the filter.
+States are distance (m), velocity (m/s) and current (A), those that the model's effects add (lag, hysteresis), and, for
+a Hall element whose quiescent voltage drifts, its bias (V) as a random walk. The measurement is the Hall voltage
+through the fitted field, which lets the filter itself tell the coil's part from the magnet's, or the paper's distance,
+compensated statically before the filter.
 
 References
 ----------
@@ -20,7 +21,13 @@ from femfit.core.errors import FilterError
 from femfit.estimate.noise import FilterNoise, default_noise, operating_distance, process_covariance
 from femfit.estimate.process import FilterProcess, Measure
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import euler_jacobian, euler_step, runge_kutta_jacobian, runge_kutta_step
+from femfit.model.dynamics import (
+    euler_jacobian,
+    euler_step,
+    hall_voltage,
+    runge_kutta_jacobian,
+    runge_kutta_step,
+)
 
 Measurement = Literal["hall_voltage", "distance"]
 Integrator = Literal["euler", "rk4"]
@@ -55,7 +62,7 @@ def levitation_process(
     model : ActuatorModel
         With circuit, motion and sensor.
     hall_bias : bool
-        Add the Hall bias in V as a fourth state.
+        Add the Hall bias in V as the last state.
     measurement : {'hall_voltage', 'distance'}
         What z is: volts, or metres from :class:`femfit.estimate.direct.HallInverse`.
     integrator : {'euler', 'rk4'}
@@ -68,7 +75,7 @@ def levitation_process(
     Returns
     -------
     FilterProcess
-        With 3 or 4 states and analytic Jacobians.
+        With 3 or 4 states and analytic Jacobians; with more, and central differences, where effects have states.
 
     Raises
     ------
@@ -90,15 +97,17 @@ def levitation_process(
     noise = default_noise(model, distance) if noise is None else noise
     advance, jacobian = _STEPS[integrator]
     measure: Measure
-    slope: Measure
+    slope: Measure | None
     if measurement == "hall_voltage":
         measure, slope, variance = partial(_hall_voltage, model), partial(_hall_slope, model), noise.hall_V**2
+        if model.memory_names or (model.dynamics is not None and model.dynamics.late):
+            slope = None
     else:
         middle = 0.5 * (model.validity.current_min_A + model.validity.current_max_A)
         per_metre = sensor.sensitivity_V_per_T * sensor.field.derivatives(np.asarray(distance), np.asarray(middle))[1]
         measure, slope, variance = _distance, _distance_slope, float(noise.hall_V / per_metre) ** 2
     return FilterProcess(
-        names=STATE_NAMES if hall_bias else STATE_NAMES[:3],
+        names=(*STATE_NAMES[:3], *model.memory_names, *(STATE_NAMES[3:] if hall_bias else ())),
         step_s=model.sample_time_s,
         transition=partial(_transition, model, advance),
         measure=measure,
@@ -126,21 +135,23 @@ def _require_slow_coil(model: ActuatorModel, distance: float, integrator: Integr
 
 
 def _transition(model: ActuatorModel, advance: Step, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    moved = advance(model, states[:, :3], voltage, model.sample_time_s)
-    return moved if states.shape[1] == 3 else np.concatenate([moved, states[:, 3:]], axis=1)
+    order = 3 + len(model.memory_names)
+    moved = advance(model, states[:, :order], voltage, model.sample_time_s)
+    return moved if states.shape[1] == order else np.concatenate([moved, states[:, order:]], axis=1)
 
 
 def _transition_jacobian(model: ActuatorModel, jacobian: Step, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order = states.shape[1]
+    order, moving = states.shape[1], 3 + len(model.memory_names)
     result = np.zeros((len(states), order, order))
-    result[:, :3, :3] = jacobian(model, states[:, :3], voltage, model.sample_time_s)
-    result[:, 3:, 3:] = 1.0
+    result[:, :moving, :moving] = jacobian(model, states[:, :moving], voltage, model.sample_time_s)
+    result[:, moving:, moving:] = 1.0
     return result
 
 
 def _hall_voltage(model: ActuatorModel, states: FloatArray) -> FloatArray:
-    volts = model.require_sensor().voltage(states[:, 0], states[:, 2])
-    return volts if states.shape[1] == 3 else volts + states[:, 3]
+    order = 3 + len(model.memory_names)
+    volts = hall_voltage(model, states[:, :order])
+    return volts if states.shape[1] == order else volts + states[:, order]
 
 
 def _hall_slope(model: ActuatorModel, states: FloatArray) -> FloatArray:

@@ -20,12 +20,16 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.estimate.theory import unstable_pole
 from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.dynamics import state_derivative
 
 UNKNOWN_FORCE_ERROR = 1e-3
 """Force error relative to the weight where the model file records no misfit: the fit's own target."""
 
 DRIVER_ERROR = 1e-3
 """Error of the winding's voltage relative to the driver's largest: a calibrated 10-bit pulse-width modulator."""
+
+_OWN_VARIANCE = 1e-12
+"""Of an effect's state in a step, on its own: they are of the order of one."""
 
 BIAS_DENSITY = 1e-3
 """Random walk of the Hall element's quiescent voltage in V / sqrt(s)."""
@@ -130,22 +134,62 @@ def process_covariance(model: ActuatorModel, noise: FilterNoise, distance: float
     distance : float
         Where the inductance is taken, in m.
     hall_bias : bool
-        Whether the fourth state is there.
+        Whether the last state is there.
 
     Returns
     -------
-    array, shape (3, 3) or (4, 4)
-        In m, m/s, A and V.
+    array, shape (n, n)
+        In m, m/s, A, pure numbers for the states of effects, and V.
     """
     t, q = model.sample_time_s, noise.acceleration_density
     box = model.validity
     middle = np.asarray(0.5 * (box.current_min_A + box.current_max_A))
     inductance = float(model.magnetics.inductance(np.asarray(distance), middle))
-    result = np.zeros((4, 4))
+    added = len(model.memory_names)
+    result = np.zeros((4 + added, 4 + added))
     result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
     result[2, 2] = (noise.voltage_V * t / inductance) ** 2
-    result[3, 3] = noise.bias_density**2 * t
-    return result if hall_bias else result[:3, :3].copy()
+    if added:
+        _add_memory(result, model, distance, float(middle))
+    result[-1, -1] = noise.bias_density**2 * t
+    return result if hall_bias else result[:-1, :-1].copy()
+
+
+def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, current: float) -> None:
+    """What moves the current moves the states of effects along; a part of it on their own keeps Q definite."""
+    state = np.zeros((2, 3 + len(model.memory_names)))
+    state[:, 0], state[:, 2] = distance, current
+    rest = model.require_circuit().resistance_ohm * current
+    rates = state_derivative(model, state, np.array([rest, rest + 1.0]))
+    along = (rates[1, 3:] - rates[0, 3:]) / (rates[1, 2] - rates[0, 2])
+    variance, end = result[2, 2], 3 + len(along)
+    result[2, 3:end] = result[3:end, 2] = variance * along
+    result[3:end, 3:end] = variance * np.outer(along, along) + np.diag(0.01 * variance * along**2 + _OWN_VARIANCE)
+
+
+def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
+    """The covariance of a first estimate, widened by the states of the model's effects.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Any.
+    covariance : array, shape (3, 3) or (4, 4)
+        From :func:`initial_covariance`.
+
+    Returns
+    -------
+    array, shape (n, n)
+        With them after the current, independent of the others.
+    """
+    if model.dynamics is None or not model.memory_names:
+        return covariance
+    added = len(model.memory_names)
+    kept = np.r_[0:3, 3 + added : len(covariance) + added]
+    result = np.zeros((len(covariance) + added,) * 2)
+    result[np.ix_(kept, kept)] = covariance
+    result[range(3, 3 + added), range(3, 3 + added)] = model.dynamics.spreads**2
+    return result
 
 
 def initial_covariance(

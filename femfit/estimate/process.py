@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.differences import central_differences
 
 Transition = Callable[[FloatArray, FloatArray], FloatArray]
 Measure = Callable[[FloatArray], FloatArray]
@@ -65,30 +66,3 @@ class FilterProcess:
         if self.measurement_jacobian is not None:
             return self.measurement_jacobian(states)
         return central_differences(lambda points: self.measure(points)[:, None], states)[:, 0, :]
-
-
-def central_differences(function: Measure, states: FloatArray) -> FloatArray:
-    """Jacobian of a batched function by central differences.
-
-    Parameters
-    ----------
-    function : callable
-        Points (2 n N, n) -> values (2 n N, k); called once.
-    states : array, shape (N, n)
-        Where.
-
-    Returns
-    -------
-    array, shape (N, k, n)
-        With steps of eps^(1/3) relative to the state (of 1 where the state is 0), whose rounding and
-        truncation errors balance.
-    """
-    count, order = states.shape
-    width = np.cbrt(np.finfo(states.dtype).eps) * np.where(states == 0.0, 1.0, np.abs(states))
-    points = np.broadcast_to(states, (2, order, count, order)).copy()
-    for k in range(order):
-        points[0, k, :, k] += width[:, k]
-        points[1, k, :, k] -= width[:, k]
-    values = function(points.reshape(-1, order)).reshape(2, order, count, -1)
-    exact_width = np.stack([points[0, k, :, k] - points[1, k, :, k] for k in range(order)])
-    return np.moveaxis((values[0] - values[1]) / exact_width[:, :, None], 0, -1)

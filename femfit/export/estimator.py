@@ -10,6 +10,8 @@ from pathlib import Path
 
 from femfit import __version__
 from femfit.core.errors import MissingPartError, RunDirectoryError
+from femfit.effects.base_amplitudes import BASE_AMPLITUDES
+from femfit.effects.catalogue import BUILT_IN as BUILT_IN_EFFECTS
 from femfit.export.import_graph import SourceFile, reachable_sources, renamed_imports, third_party_imports
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel
@@ -39,7 +41,7 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     Raises
     ------
     MissingPartError
-        If the model has no circuit, motion or sensor, or a force law that is not femfit's own.
+        If the model has no circuit, motion or sensor, or a force law or effect that is not femfit's own.
     RunDirectoryError
         If the directory holds anything else.
     """
@@ -47,6 +49,7 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     model.require_motion()
     model.require_sensor()
     _require_built_in_law(model)
+    _require_built_in_effects(model)
     directory = Path(directory)
     _require_free(directory)
     sources = reachable_sources(ROOMS)
@@ -70,13 +73,24 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
 
 
 def _require_built_in_law(model: ActuatorModel) -> None:
-    if not isinstance(model.magnetics, LawMagnetics):
+    magnetics = (model.base or model).magnetics
+    if not isinstance(magnetics, LawMagnetics):
         return
     own = [law.name for law in BUILT_IN]
-    if model.magnetics.law_name not in own:
+    if magnetics.law_name not in own:
         raise MissingPartError(
-            f"Force law {model.magnetics.law_name!r} comes from another installed package and cannot be exported; the "
+            f"Force law {magnetics.law_name!r} comes from another installed package and cannot be exported; the "
             f"export holds femfit's own laws: {', '.join(own)}. Fit one of them, or --model coenergy, and export that."
+        )
+
+
+def _require_built_in_effects(model: ActuatorModel) -> None:
+    own = {effect.name for effect in (*BUILT_IN_EFFECTS, *BASE_AMPLITUDES)}
+    foreign = [added.effect.name for added in model.effects if added.effect.name not in own]
+    if foreign:
+        raise MissingPartError(
+            f"Effect {foreign[0]!r} comes from another installed package and cannot be exported; the export holds "
+            "femfit's own effects. Export the model without it."
         )
 
 

@@ -10,6 +10,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.effects.effect import REFERENCE_TEMPERATURE_C, AddedEffect
+from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
 
@@ -187,6 +188,8 @@ class ActuatorModel:
     base : ActuatorModel or None
         The model without its effects: magnetics, circuit, motion and sensor above are this one's, as the effects change
         them. None where there are no effects.
+    dynamics : EffectDynamics or None
+        The effects at work while something moves or changes; None where there are none.
     coil_temperature_C, magnet_temperature_C : float
         At which plant and filters run; matters only to effects that know temperatures.
     provenance : mapping
@@ -205,9 +208,15 @@ class ActuatorModel:
     covariance: FloatArray | None = None
     effects: tuple[AddedEffect, ...] = ()
     base: "ActuatorModel | None" = None
+    dynamics: EffectDynamics | None = None
     coil_temperature_C: float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def memory_names(self) -> tuple[str, ...]:
+        """States that effects add to (distance, velocity, current)."""
+        return self.dynamics.names if self.dynamics is not None else ()
 
     def require_circuit(self) -> Circuit:
         """The circuit, or :class:`MissingPartError` with the remedy."""

@@ -12,20 +12,21 @@ the back-EMF that their (32) lacks.
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.differences import central_differences
 from femfit.model.actuator_model import ActuatorModel
 
 
 def state_derivative(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Time derivative of (distance, velocity, current).
+    """Time derivative of (distance, velocity, current), and of the states that the model's effects add.
 
     Parameters
     ----------
     model : ActuatorModel
         With circuit and motion.
-    state : array, shape (..., 3)
-        Distance in m, velocity in m/s (positive: falling away), current in A.
+    state : array, shape (..., n)
+        Distance in m, velocity in m/s (positive: falling away), current in A; after them ``model.memory_names``.
     voltage : array, shape (...)
         Across the winding, in V.
     disturbance : array or float
@@ -33,10 +34,12 @@ def state_derivative(
 
     Returns
     -------
-    array, shape (..., 3)
-        m/s, m/s^2, A/s.
+    array, shape (..., n)
+        m/s, m/s^2, A/s, and 1/s.
     """
     circuit, motion = model.require_circuit(), model.require_motion()
+    if model.dynamics is not None and model.dynamics.drives:
+        return model.dynamics.derivative(state, voltage, disturbance, motion.mass_kg, motion.gravity_m_s2)
     distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
     magnetic = model.magnetics.state(distance, current)
     acceleration = motion.gravity_m_s2 + (disturbance - magnetic.force) / motion.mass_kg
@@ -53,7 +56,7 @@ def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, ste
     ----------
     model : ActuatorModel
         With circuit and motion.
-    state : array, shape (..., 3)
+    state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Held over the step, in V.
@@ -62,7 +65,7 @@ def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, ste
 
     Returns
     -------
-    array, shape (..., 3)
+    array, shape (..., n)
         The state one step later.
     """
     return state + step * state_derivative(model, state, voltage)
@@ -82,7 +85,7 @@ def runge_kutta_step(
     ----------
     model : ActuatorModel
         With circuit and motion.
-    state : array, shape (..., 3)
+    state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Held over the step, in V.
@@ -95,7 +98,7 @@ def runge_kutta_step(
 
     Returns
     -------
-    array, shape (..., 3)
+    array, shape (..., n)
         The state one step later.
     """
     h = step / substeps
@@ -112,23 +115,26 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
     """Jacobian of :func:`state_derivative` with respect to the state.
 
     With F and k_m = dF/di, and dk_m/di = -dL/dd by reciprocity, for i' = N / L and N = U - R i + k_m v:
-    di'/dd = (dk_m/dd v - i' dL/dd) / L, di'/dv = k_m / L, di'/di = (-R - dL/dd v - i' dL/di) / L.
+    di'/dd = (dk_m/dd v - i' dL/dd) / L, di'/dv = k_m / L, di'/di = (-R - dL/dd v - i' dL/di) / L. Central differences
+    where effects change these equations.
 
     Parameters
     ----------
     model : ActuatorModel
         With circuit and motion.
-    state : array, shape (..., 3)
+    state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Across the winding, in V.
 
     Returns
     -------
-    array, shape (..., 3, 3)
+    array, shape (..., n, n)
         Row: component of the derivative; column: component of the state.
     """
     circuit, motion = model.require_circuit(), model.require_motion()
+    if model.dynamics is not None and model.dynamics.drives:
+        return _difference_jacobian(model, state, voltage)
     distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
     orders = ((2, 0), (1, 1), (2, 1), (0, 2), (1, 2), (0, 3))
     dd_w, di_w, ddi_w, inductance, dii_w, iii_w = model.magnetics.coenergy_derivatives(distance, current, orders)
@@ -143,6 +149,36 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
     return result
 
 
+def _difference_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
+    order = state.shape[-1]
+    flat, volts = state.reshape(-1, order), np.broadcast_to(voltage, state.shape[:-1]).ravel()
+    slopes = central_differences(lambda points: state_derivative(model, points, np.tile(volts, 2 * order)), flat)
+    return slopes.reshape(*state.shape, order)
+
+
+def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | float = 0.0) -> FloatArray:
+    """Output of the Hall element, effects on field, delay and reading included.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With a sensor.
+    state : array, shape (..., 3 or more)
+        As in :func:`state_derivative`.
+    time : float
+        Since the start, in s: matters to drifts alone.
+
+    Returns
+    -------
+    array, shape (...)
+        In V, before noise, clipping and rounding.
+    """
+    sensor = model.require_sensor()
+    if model.dynamics is None:
+        return sensor.voltage(state[..., 0], state[..., 2])
+    return model.dynamics.hall_voltage(state, sensor.quiescent_V, sensor.sensitivity_V_per_T, time)
+
+
 def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
     """Jacobian of :func:`euler_step`.
 
@@ -150,7 +186,7 @@ def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray,
     ----------
     model : ActuatorModel
         With circuit and motion.
-    state : array, shape (..., 3)
+    state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Held over the step, in V.
@@ -159,10 +195,10 @@ def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray,
 
     Returns
     -------
-    array, shape (..., 3, 3)
+    array, shape (..., n, n)
         Row: component of the next state; column: component of the state.
     """
-    return np.eye(3) + step * state_jacobian(model, state, voltage)
+    return np.eye(state.shape[-1]) + step * state_jacobian(model, state, voltage)
 
 
 def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
@@ -172,7 +208,7 @@ def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
     ----------
     model : ActuatorModel
         With circuit and motion.
-    state : array, shape (..., 3)
+    state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Held over the step, in V.
@@ -181,7 +217,7 @@ def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
 
     Returns
     -------
-    array, shape (..., 3, 3)
+    array, shape (..., n, n)
         Row: component of the next state; column: component of the state.
     """
     k1 = state_derivative(model, state, voltage)
@@ -189,7 +225,7 @@ def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
     k2 = state_derivative(model, second, voltage)
     third = state + 0.5 * step * k2
     fourth = state + step * state_derivative(model, third, voltage)
-    unit = np.eye(3)
+    unit = np.eye(state.shape[-1])
     j1 = state_jacobian(model, state, voltage)
     j2 = state_jacobian(model, second, voltage) @ (unit + 0.5 * step * j1)
     j3 = state_jacobian(model, third, voltage) @ (unit + 0.5 * step * j2)

@@ -54,7 +54,7 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
 
 
 def _build(top: Section) -> ActuatorModel:
-    top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name != "base")))
+    top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name not in {"base", "dynamics"})))
     box = _known(top.section("validity"), ValidityBox)
     circuit, motion = top.optional_section("circuit"), top.optional_section("motion")
     sensor, misfit = top.optional_section("sensor"), top.optional_section("misfit")

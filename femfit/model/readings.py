@@ -7,7 +7,9 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import AddedEffect, Conditions, like
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.with_effects import base_jet, changed_jet
+from femfit.model.coenergy_jet import changed_jet
+from femfit.model.effect_dynamics import hall_field
+from femfit.model.with_effects import base_jet
 
 
 def predict_readings(
@@ -44,10 +46,13 @@ def predict_readings(
     for one in added:
         if one.effect.setting is not None:
             d, i = one.effect.setting(d, i, at, one.parameters)
-    series = changed_jet(base_jet(base), added, at)(d, i, 1, 1)
+    jet = base_jet(base)
+    series = changed_jet(jet, added, at)(d, i, 1, 1)
     values = {"force_N": -series.derivative(1, 0), "flux_linkage_Wb": series.derivative(0, 1)}
     if base.sensor is not None:
-        values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * series.derivative(0, 0, 1)
+        late = any(one.effect.hall_point for one in added)
+        field = hall_field(jet, added, d, i, at) if late else series.derivative(0, 0, 1)
+        values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.circuit is not None:
         values["voltage_V"] = _voltage(base.circuit.resistance_ohm, i, at, added)
     for one in added:

@@ -6,9 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import AddedEffect, Coenergy, Conditions, Nominal, Parameters
+from femfit.core.errors import DomainError
+from femfit.effects.effect import AddedEffect, Conditions, Nominal
 from femfit.effects.jet import CoenergyJet, Jet
-from femfit.model.actuator_model import ActuatorModel
+from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.coenergy_jet import changed_jet, coenergy_jet
+from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
 
@@ -56,6 +59,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         hall_T_per_A=per_ampere,
         hall_swing_V=swing,
         voltage_V=max(abs(v) for v in clamp),
+        sample_time_s=base.sample_time_s,
     )
 
 
@@ -73,51 +77,7 @@ def base_jet(model: ActuatorModel) -> CoenergyJet:
         (distances, currents, A, B) -> :class:`femfit.effects.jet.Jet`.
     """
     base = model.base or model
-
-    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> Jet:
-        orders = tuple((a, b) for a in range(in_distance + 1) for b in range(in_current + 1))
-        factorials = np.cumprod(np.maximum(np.arange(max(in_distance, in_current) + 1.0), 1.0))
-        result = np.zeros((2, in_distance + 1, in_current + 1, len(distance)))
-        field = base.sensor.field.partials(distance, current, orders) if base.sensor else None
-        for k, ((a, b), value) in enumerate(
-            zip(orders, base.magnetics.coenergy_derivatives(distance, current, orders), strict=True)
-        ):
-            result[0, a, b] = value / (factorials[a] * factorials[b])
-            if field is not None:
-                result[1, a, b] = field[k] / (factorials[a] * factorials[b])
-        return Jet(result)
-
-    return evaluate
-
-
-def changed_jet(inner: CoenergyJet, effects: Iterable[AddedEffect], at: Conditions) -> CoenergyJet:
-    """The co-energy as effects change it, the first named innermost.
-
-    Parameters
-    ----------
-    inner : callable
-        The base's.
-    effects : iterable of AddedEffect
-        Those without a ``coenergy`` are passed over.
-    at : Conditions
-        Of the points.
-
-    Returns
-    -------
-    callable
-        As ``inner``.
-    """
-    for added in effects:
-        if added.effect.coenergy is not None:
-            inner = _wrapped(inner, added.effect.coenergy, added.parameters, at)
-    return inner
-
-
-def _wrapped(inner: CoenergyJet, act: Coenergy, parameters: Parameters, at: Conditions) -> CoenergyJet:
-    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> Jet:
-        return act(inner, distance, current, in_distance, in_current, at, parameters)
-
-    return evaluate
+    return coenergy_jet(base.magnetics, base.sensor.field if base.sensor else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,21 +101,51 @@ class EffectMagnetics(Magnetics):
 
 @dataclass(frozen=True, eq=False)
 class EffectHallField(HallField):
-    """The field at the Hall element as effects change it, under fixed conditions.
+    """The field that a Hall element at rest seems to show, as effects on field and reading change it.
 
     Parameters
     ----------
-    jet : callable
-        As from :func:`changed_jet`.
+    dynamics : EffectDynamics
+        Of which the reading counts.
+    quiescent_V, sensitivity_V_per_T : float
+        Of the sensor, by which the reading is told as a field.
     """
 
-    jet: CoenergyJet
+    dynamics: EffectDynamics
+    quiescent_V: float
+    sensitivity_V_per_T: float
 
     def _partials(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        series = self.jet(distance, current, max(a for a, _ in orders), max(b for _, b in orders))
-        return [series.derivative(a, b, 1) for a, b in orders]
+        series = changed_jet(self.dynamics.hall_jet, self.dynamics.effects, self.dynamics.at)(
+            distance, current, max(a for a, _ in orders), max(b for _, b in orders)
+        )
+        if not any(added.effect.readings for added in self.dynamics.effects):
+            return [series.derivative(a, b, 1) for a, b in orders]
+        return [self._of_reading(series, distance, current, order) for order in orders]
+
+    def _of_reading(self, series: Jet, distance: FloatArray, current: FloatArray, order: tuple[int, int]) -> FloatArray:
+        """The reading, or its first derivative by the chain rule with a central difference of the sensor alone."""
+        field = series.derivative(0, 0, 1)
+        if order == (0, 0):
+            return self._apparent(field, distance, current)
+        if sum(order) > 1:
+            raise DomainError(
+                "A Hall reading under effects has no derivatives of second order; use those of its field."
+            )
+        slope, steps = series.derivative(*order, 1), (1e-6 * order[0], 1e-5 * order[1])
+        scale = max(steps)
+        ends = [
+            self._apparent(field + s * scale * slope, distance + s * steps[0], current + s * steps[1])
+            for s in (1.0, -1.0)
+        ]
+        return np.asarray((ends[0] - ends[1]) / (2.0 * scale))
+
+    def _apparent(self, field: FloatArray, distance: FloatArray, current: FloatArray) -> FloatArray:
+        volts = self.quiescent_V + self.sensitivity_V_per_T * field
+        read = self.dynamics.read(volts, distance, current, self.dynamics.at)
+        return np.asarray((read - self.quiescent_V) / self.sensitivity_V_per_T)
 
 
 def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> ActuatorModel:
@@ -179,8 +169,15 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     at = Conditions(
         nominal_of(base), coil_temperature_C=model.coil_temperature_C, magnet_temperature_C=model.magnet_temperature_C
     )
-    jet = changed_jet(base_jet(base), effects, at)
+    dynamics = EffectDynamics(
+        motion_jet=coenergy_jet(base.magnetics, None),
+        hall_jet=base_jet(base),
+        effects=effects,
+        at=at,
+        resistance_ohm=base.circuit.resistance_ohm if base.circuit else float("nan"),
+    )
     changed = any(added.effect.coenergy for added in effects)
+    read = changed or any(added.effect.readings for added in effects)
     circuit, motion, sensor = base.circuit, base.motion, base.sensor
     for added in effects:
         if circuit and added.effect.circuit:
@@ -192,12 +189,17 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
             motion = replace(motion, mass_kg=added.effect.mass(motion.mass_kg, added.parameters))
     return replace(
         base,
-        magnetics=EffectMagnetics(jet) if changed else base.magnetics,
+        magnetics=EffectMagnetics(changed_jet(dynamics.motion_jet, effects, at)) if changed else base.magnetics,
         circuit=circuit,
         motion=motion,
-        sensor=replace(sensor, field=EffectHallField(jet)) if sensor and changed else sensor,
+        sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,
         effects=effects,
         base=base,
+        dynamics=dynamics,
         coil_temperature_C=model.coil_temperature_C,
         magnet_temperature_C=model.magnet_temperature_C,
     )
+
+
+def _seen_by(sensor: HallSensor, dynamics: EffectDynamics) -> HallSensor:
+    return replace(sensor, field=EffectHallField(dynamics, sensor.quiescent_V, sensor.sensitivity_V_per_T))

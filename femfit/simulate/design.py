@@ -16,7 +16,7 @@ from femfit.estimate.direct import hall_inverse
 from femfit.estimate.extended import ExtendedFilter
 from femfit.estimate.filter import Filter
 from femfit.estimate.levitation import levitation_process
-from femfit.estimate.noise import default_noise, initial_covariance
+from femfit.estimate.noise import default_noise, initial_covariance, with_memory
 from femfit.estimate.square_root import SquareRootUnscentedFilter
 from femfit.estimate.unscented import UnscentedFilter
 from femfit.model.actuator_model import ActuatorModel, Circuit
@@ -131,7 +131,7 @@ class LoopDesign:
             "srukf": SquareRootUnscentedFilter,
         }
         covariance = initial_covariance(distance_deviation_m, hall_bias_V=BIAS_DEVIATION_V if biased else None)
-        return FilterObserver(kinds[name.removesuffix("4")](process), covariance)
+        return FilterObserver(kinds[name.removesuffix("4")](process), with_memory(self.model, covariance))
 
 
 def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesign:

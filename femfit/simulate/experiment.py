@@ -1,12 +1,13 @@
 """Several small experiments as one batch: what differs between them is an entry a run, not another loop."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.estimate.direct import hall_inverse
+from femfit.model.actuator_model import ActuatorModel
 from femfit.simulate.controller import SplitController
 from femfit.simulate.design import FIRST_DEVIATION_M, ControllerName, LoopDesign, ObserverName
 from femfit.simulate.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
@@ -66,6 +67,7 @@ def run_experiments(
     supported_steps: int = 0,
     noise_blocks: int = 1,
     recorded: int | None = None,
+    plant: ActuatorModel | None = None,
 ) -> tuple[LoopResult, ...]:
     """Run experiments side by side.
 
@@ -90,13 +92,21 @@ def run_experiments(
         blocks is not hidden by it.
     recorded : int or None
         Runs of the whole batch whose series are kept; None: all.
+    plant : ActuatorModel or None
+        What truly moves and is truly sensed, where that is another model than the design's.
 
     Returns
     -------
     tuple of LoopResult
         One an experiment.
+
+    Raises
+    ------
+    DomainError
+        If the plant cannot hold its body at a reference distance.
     """
     model = design.model
+    truth = model if plant is None else replace(plant, sample_time_s=model.sample_time_s)
 
     def each(values: Sequence[float]) -> FloatArray:
         return np.repeat(np.asarray(values, dtype=np.float64), runs)
@@ -104,8 +114,8 @@ def run_experiments(
     paths = [reference_steps(e.targets_m, steps, model.sample_time_s, design.reference_rate_rad_s) for e in experiments]
     scale = each([e.force_scale for e in experiments])
     loop = ClosedLoop(
-        plant=Plant(with_force_scale(model, scale) if np.any(scale != 1.0) else model),
-        sensor=model.require_sensor(),
+        plant=Plant(with_force_scale(truth, scale) if np.any(scale != 1.0) else truth),
+        sensor=truth.require_sensor(),
         errors=SensorErrors(
             noise_V=each([design.noise_V if e.noise_V is None else e.noise_V for e in experiments]),
             offset_V=each([e.offset_V for e in experiments]),
@@ -124,7 +134,7 @@ def run_experiments(
         ),
         reference=stack_references(paths, [runs] * len(experiments)),
     )
-    starts = np.array([[e.targets_m[0], 0.0, operating_point(model, e.targets_m[0]).current_A] for e in experiments])
+    starts = np.array([[e.targets_m[0], 0.0, operating_point(truth, e.targets_m[0]).current_A] for e in experiments])
     beliefs = starts.copy()
     beliefs[:, 0] = [e.targets_m[0] if e.believed_m is None else e.believed_m for e in experiments]
     result = run_loop(

@@ -5,13 +5,14 @@ k - 1, the controller answers with the voltage held until k + 1. A run that is l
 then on and it never enters a mean.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.dynamics import hall_voltage
 from femfit.simulate.controller import Controller, Reference
 from femfit.simulate.observer import Observer
 from femfit.simulate.outcome import LoopOutcome
@@ -186,18 +187,21 @@ def run_loop(
     kept = runs if recorded is None else min(recorded, runs)
     record = np.full((len(TimeSeries.__dataclass_fields__), steps, kept), np.nan)
     sums = np.zeros((len(windows), 5, runs))
-    state = np.array(start, dtype=np.float64)
-    belief = state if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
+    seen = replace(model, sensor=loop.sensor)
+    state = loop.plant.start(start)
+    belief = state[:, :3] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
     sensor, observer = initial_sensor_state(runs), loop.observer.start(belief)
     memory = loop.controller.initial_memory(belief)
     voltage = np.clip(model.require_circuit().resistance_ohm * belief[:, 2], *_clamp(model))
     outcome, when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
     alive = np.ones(runs, dtype=bool)
     for k in range(-supported_steps, 0):
-        sensor = read_sensor(loop.sensor, loop.errors, sensor, state, 0.0, step, random)
+        volts = hall_voltage(seen, state)
+        sensor = read_sensor(loop.sensor, loop.errors, sensor, volts, 0.0, step, random)
         observer = loop.observer.observe(observer, voltage, sensor.reading_V, first=k == -supported_steps)
     for k in range(steps):
-        sensor = read_sensor(loop.sensor, loop.errors, sensor, state, k * step, step, random)
+        volts = hall_voltage(seen, state, k * step)
+        sensor = read_sensor(loop.sensor, loop.errors, sensor, volts, k * step, step, random)
         observer = loop.observer.observe(observer, voltage, sensor.reading_V, first=k == 0 and not supported_steps)
         estimate, quality = loop.observer.estimate(observer), loop.observer.normalised_innovation_squared(observer)
         usable = np.asarray(np.isfinite(estimate).all(axis=1))
@@ -207,7 +211,7 @@ def run_loop(
         reference = loop.reference.at(k)
         voltage, memory = loop.controller.command(memory, belief, reference)
         wanted = np.broadcast_to(reference.distance, (runs,))
-        row = np.stack([*state.T, *belief.T, voltage, sensor.reading_V, wanted, quality])
+        row = np.stack([*state.T[:3], *belief.T, voltage, sensor.reading_V, wanted, quality])
         record[:, k] = np.where(alive, row, np.nan)[:, :kept]
         _accumulate(sums, windows, k, state[:, 0], belief[:, 0], reference.distance, quality)
         state = np.where(alive[:, None], loop.plant.step(state, voltage), state)

@@ -7,6 +7,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.estimate.consistency import ConsistencyBand, consistency_band
+from femfit.model.actuator_model import ActuatorModel
 from femfit.simulate.design import SUPPORT_TIME_CONSTANTS, LoopDesign
 from femfit.simulate.experiment import Experiment, run_experiments
 from femfit.simulate.loop import LoopResult
@@ -68,6 +69,7 @@ def monte_carlo(
     runs: int = 1000,
     duration_s: float = 1.0,
     recorded: int = 0,
+    plant: ActuatorModel | None = None,
 ) -> tuple[MonteCarloSummary, LoopResult]:
     """Repeat a closed loop with different noise.
 
@@ -85,6 +87,8 @@ def monte_carlo(
         Of each run.
     recorded : int
         Runs whose series are kept.
+    plant : ActuatorModel or None
+        What truly moves, where that is another model than the design's.
 
     Returns
     -------
@@ -104,6 +108,7 @@ def monte_carlo(
         windows=(slice(0, steps),),
         supported_steps=supported,
         recorded=recorded,
+        plant=plant,
     )
     names = [outcome.name for outcome in result.outcomes()]
     held, statistics = result.held, result.windows[0]

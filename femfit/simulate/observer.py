@@ -67,13 +67,13 @@ class Observer(ABC, Generic[Memory]):
 
 @dataclass(frozen=True, eq=False)
 class FilterObserver(Observer[FilterState]):
-    """A Kalman filter of 3 or 4 states whose measurement is the Hall voltage.
+    """A Kalman filter whose measurement is the Hall voltage.
 
     Parameters
     ----------
     filter : Filter
-        With the states distance, velocity, current and possibly Hall bias.
-    initial_covariance : array, shape (3, 3) or (4, 4)
+        With the states distance, velocity, current, possibly those of effects, and possibly Hall bias.
+    initial_covariance : array, shape (n, n)
         Of the first belief's error.
     """
 
@@ -81,7 +81,7 @@ class FilterObserver(Observer[FilterState]):
     initial_covariance: FloatArray
 
     def start(self, estimate: FloatArray) -> FilterState:
-        """Bias zero at the start."""
+        """Bias and the states of effects zero at the start."""
         mean = np.zeros((len(estimate), self.filter.process.order))
         mean[:, :3] = estimate
         return self.filter.start(mean, self.initial_covariance)

@@ -14,6 +14,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.coenergy_jet import coenergy_jet
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.magnetics import Magnetics
 
@@ -68,19 +69,35 @@ class Plant:
     substeps: int = 1
     disturbance_N: FloatArray | float = 0.0
 
-    def step(self, state: FloatArray, voltage: FloatArray) -> FloatArray:
-        """Advance by one sample period.
+    def start(self, state: FloatArray) -> FloatArray:
+        """The first state, those of the model's effects at rest.
 
         Parameters
         ----------
         state : array, shape (runs, 3)
             Distance in m, velocity in m/s, current in A.
+
+        Returns
+        -------
+        array, shape (runs, 3 or more)
+            With zeros for ``model.memory_names``.
+        """
+        added = len(self.model.memory_names)
+        return np.concatenate([np.array(state, dtype=np.float64), np.zeros((len(state), added))], axis=1)
+
+    def step(self, state: FloatArray, voltage: FloatArray) -> FloatArray:
+        """Advance by one sample period.
+
+        Parameters
+        ----------
+        state : array, shape (runs, 3 or more)
+            Distance in m, velocity in m/s, current in A; after them ``model.memory_names``.
         voltage : array, shape (runs,)
             Held over the period, in V.
 
         Returns
         -------
-        array, shape (runs, 3)
+        array, in the shape of ``state``
             The next state.
         """
         return runge_kutta_step(self.model, state, voltage, self.model.sample_time_s, self.substeps, self.disturbance_N)
@@ -102,5 +119,9 @@ def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> Actuato
         For a plant of as many runs.
     """
     box = model.validity
-    middle = 0.5 * (box.distance_min_m + box.distance_max_m)
-    return replace(model, magnetics=ScaledForce(model.magnetics, np.asarray(scale, dtype=np.float64), middle))
+    middle, factor = 0.5 * (box.distance_min_m + box.distance_max_m), np.asarray(scale, dtype=np.float64)
+    dynamics = model.dynamics
+    if dynamics is not None and model.base is not None:
+        scaled = ScaledForce(model.base.magnetics, factor, middle)
+        dynamics = replace(dynamics, motion_jet=coenergy_jet(scaled, None))
+    return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle), dynamics=dynamics)

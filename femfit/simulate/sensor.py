@@ -85,7 +85,7 @@ def read_sensor(
     sensor: HallSensor,
     errors: SensorErrors,
     state: SensorState,
-    plant_state: FloatArray,
+    voltage: FloatArray,
     time: float,
     sample_time: float,
     random: np.random.Generator,
@@ -95,13 +95,13 @@ def read_sensor(
     Parameters
     ----------
     sensor : HallSensor
-        Field, scale and converter.
+        Range and converter.
     errors : SensorErrors
         What is wrong with it.
     state : SensorState
         After the sample before.
-    plant_state : array, shape (runs, 3)
-        Distance in m, velocity in m/s, current in A.
+    voltage : array, shape (runs,)
+        The element's output without these errors, in V.
     time, sample_time : float
         In s.
     random : Generator
@@ -112,13 +112,12 @@ def read_sensor(
     SensorState
         Whose ``reading_V`` is the new reading.
     """
-    runs = len(plant_state)
+    runs = len(voltage)
     drawn = runs // errors.blocks
     # Always all three, so that switching one error on leaves the others' random numbers as they were
     numbers = random.standard_normal(drawn), random.standard_normal(drawn), random.random(drawn)
     white, step, lost = (np.tile(part, errors.blocks) for part in numbers)
     walk = state.walk_V + errors.drift_V_per_sqrt_s * np.sqrt(sample_time) * step
-    voltage = sensor.voltage(plant_state[:, 0], plant_state[:, 2])
     voltage = voltage + errors.offset_V + errors.drift_V_per_s * time + walk + errors.noise_V * white
     reading = np.where(lost < errors.dropout_probability, sensor.output_min_V, convert(sensor, voltage))
     return SensorState(walk, np.where(time >= errors.stuck_after_s, state.reading_V, reading))

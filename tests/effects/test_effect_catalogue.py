@@ -23,6 +23,7 @@ from femfit.model.with_effects import nominal_of, with_effects
 DEMANDED = (
     "core_saturation",
     "hysteresis",
+    "eddy_current_lag",
     "magnet_temperature",
     "magnet_demagnetisation",
     "coil_temperature",
@@ -48,6 +49,7 @@ DEMANDED = (
     "external_field",
     "driver_dead_zone",
     "driver_gain",
+    "sensor_delay",
     "flux_integrator_drift",
 )
 

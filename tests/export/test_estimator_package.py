@@ -11,11 +11,14 @@ import pytest
 
 import femfit
 from femfit.core.errors import MissingPartError, RunDirectoryError
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
 from femfit.export.estimator import ROOMS, RUNTIME, export_estimator
 from femfit.export.import_graph import imported_modules, reachable_sources, renamed_imports, third_party_imports
 from femfit.export.targets import TARGETS, export_target
 from femfit.model.json_file import write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.with_effects import with_effects
 
 STEPS = 500
 
@@ -25,7 +28,7 @@ from pathlib import Path
 import numpy as np
 from {package}.estimate.extended import ExtendedFilter
 from {package}.estimate.levitation import levitation_process
-from {package}.estimate.noise import initial_covariance
+from {package}.estimate.noise import initial_covariance, with_memory
 from {package}.estimate.square_root import SquareRootUnscentedFilter
 from {package}.estimate.unscented import UnscentedFilter
 from {package}.model.json_file import read_model
@@ -37,13 +40,14 @@ from {package}.simulate.plant import Plant
 from {package}.simulate.reference import reference_steps
 from {package}.simulate.sensor import SensorErrors
 
-def closed_loop(model_file, steps):
+def closed_loop(model_file, steps, filters=3):
     model = read_model(Path(model_file))
     points = [operating_point(model, d) for d in (0.022, 0.026)]
     reference = reference_steps([0.022, 0.026], steps, model.sample_time_s, rate=30.0)
     results = []
-    for kind in (UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter):
-        observer = FilterObserver(kind(levitation_process(model, hall_bias=True)), initial_covariance(hall_bias_V=0.01))
+    for kind in (UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter)[:filters]:
+        covariance = with_memory(model, initial_covariance(hall_bias_V=0.01))
+        observer = FilterObserver(kind(levitation_process(model, hall_bias=True)), covariance)
         loop = ClosedLoop(Plant(model), model.sensor, SensorErrors(noise_V=1e-3), observer,
                           design_backstepping(model, points), reference)
         start = np.array([[0.0221, 0.0, points[0].current_A], [0.0219, 0.0, points[0].current_A]])
@@ -61,7 +65,7 @@ for absent in ("femfit", "ngsolve", "cvxpy", "scipy", "pandas", "pyarrow", "cycl
     except ModuleNotFoundError:
         continue
     raise SystemExit(f"{absent} is importable: the environment is not bare")
-np.save(sys.argv[2], closed_loop(sys.argv[1], int(sys.argv[3])))
+np.save(sys.argv[2], closed_loop(sys.argv[1], *map(int, sys.argv[3:])))
 """
 )
 
@@ -116,6 +120,31 @@ def test_500_closed_loop_steps_in_a_bare_environment_equal_femfits(levitation_mo
     assert ours.shape[2] == STEPS
     # The issue's figure; the same operations on the same libraries leave no room for more.
     np.testing.assert_allclose(np.load(file), ours, rtol=0.0, atol=1e-12)
+
+
+def test_500_steps_of_a_model_with_effects_equal_femfits(levitation_model, bare_paths, tmp_path):
+    names = {"core_saturation": "mmf_loss_3", "eddy_current_lag": "ring_share", "hall_saturation": "cubic_loss"}
+    effects = [effect_by_name(name) for name in names]
+    model = with_effects(levitation_model, [AddedEffect(e, e.null() | {names[e.name]: 0.03}) for e in effects])
+    export_estimator(model, tmp_path / "out")
+    file = tmp_path / "bare.npy"
+    arguments = (str(tmp_path / "out" / "model.json"), str(file), str(STEPS), "1")
+    result = run_bare(tmp_path / "out", bare_paths, IN_THE_BARE_ENVIRONMENT, *arguments)
+    assert result.returncode == 0, result.stderr
+    here: dict[str, object] = {}
+    exec(compile(CLOSED_LOOP.format(package="femfit"), "closed_loop", "exec"), here)  # noqa: S102  # the same text
+    write_model(model, tmp_path / "model.json")
+    ours = here["closed_loop"](tmp_path / "model.json", STEPS, 1)
+    assert np.isfinite(ours).all()
+    np.testing.assert_allclose(np.load(file), ours, rtol=0.0, atol=1e-12)
+
+
+def test_an_effect_of_another_package_is_refused(levitation_model, tmp_path):
+    theirs = replace(effect_by_name("hall_offset"), name="theirs")
+    model = with_effects(levitation_model, [AddedEffect(theirs, {"offset_V": 0.1})])
+    with pytest.raises(MissingPartError, match="'theirs' comes from another"):
+        export_estimator(model, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_example_holds_the_body_in_a_bare_environment(exported, bare_paths):

@@ -17,10 +17,10 @@ def sensor(levitation_model):
 
 def readings(sensor, errors, steps, runs=1, seed=0, state=(0.025, 0.0, 0.5)):
     random, memory = np.random.default_rng(seed), initial_sensor_state(runs)
-    plant = np.tile(state, (runs, 1))
+    volts = np.tile(sensor.voltage(state[0], state[2]), runs)
     values = []
     for k in range(steps):
-        memory = read_sensor(sensor, errors, memory, plant, k * STEP_S, STEP_S, random)
+        memory = read_sensor(sensor, errors, memory, volts, k * STEP_S, STEP_S, random)
         values.append(memory.reading_V)
     return np.array(values)
 

@@ -1,0 +1,92 @@
+"""Eddy currents in the core and around it: the field follows the current late, and the motion is braked.
+
+A closed path around the flux carries the current that its flux induces, so the core sees i - sum_k s_k x_k with
+x_k' = i' - k_m v / L - x_k / tau_k: the induced current answers any change of flux, by current or by motion, and decays
+with the path's own time constant. One path is a shorted ring; diffusion into a solid core is a series of them with
+tau_k = tau / (2 k - 1)^2, of which the first two are kept. No effect on a static bench.
+
+References
+----------
+R. L. Stoll, The Analysis of Eddy Currents (Clarendon, 1974), chapter 2 (diffusion into a slab: tanh series).
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 2.2 (coupled windings).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Memory, Parameters, like
+from femfit.effects.jet import CoenergyJet, Jet
+
+_MODES = {"ring": 1.0, "diffusion": 9.0}
+"""Mode -> tau over its time constant."""
+
+
+def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
+    return {f"eddy_{mode}": np.zeros_like(i) for mode in _MODES}
+
+
+def _rate(
+    states: Mapping[str, FloatArray],
+    d: FloatArray,
+    v: FloatArray,
+    i: FloatArray,
+    current_rate: FloatArray,
+    at: Conditions,
+    p: Parameters,
+) -> Mapping[str, FloatArray]:
+    """Of the induced currents over the largest current."""
+    change = (current_rate - at.motional_V / at.nominal.inductance_H) / at.nominal.current_scale
+    return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
+
+
+def _coenergy(
+    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
+) -> Jet:
+    induced = np.zeros_like(i)
+    for mode in _MODES:
+        if f"eddy_{mode}" in at.memory:
+            induced = induced + p[f"{mode}_share"] * like(at.memory[f"eddy_{mode}"], i)
+    return base(d, i - at.nominal.current_scale * induced, n_d, n_i)
+
+
+def _share(mode: str, description: str) -> EffectParameter:
+    # The winding's own leakage, here at least a twentieth, keeps the current from jumping
+    return EffectParameter(
+        name=f"{mode}_share", unit="", lower=0.0, upper=0.95, sane=(0.0, 0.5), description=description
+    )
+
+
+EDDY_CURRENT_LAG = Effect(
+    name="eddy_current_lag",
+    symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
+    acts_on=("magnetics",),
+    parameters=(
+        _share("ring", "Part of the flux that one closed path around it delays."),
+        _share("diffusion", "Part that the next mode of diffusion delays, nine times as fast."),
+        EffectParameter(
+            name="time_s",
+            unit="s",
+            lower=1e-4,
+            upper=1.0,
+            sane=(5e-4, 0.02),
+            description="Time constant of the slowest path.",
+            null=3e-3,
+            shape=True,
+        ),
+    ),
+    needs=("time_s", "current_A|voltage_V", "force_N|hall_V|distance_m"),
+    experiment="Hold the body and step the voltage; record current and Hall voltage faster than ten times a time "
+    "constant.",
+    reference="Stoll, The Analysis of Eddy Currents (1974), chapter 2",
+    coenergy=_coenergy,
+    memory=Memory(
+        names=tuple(f"eddy_{mode}" for mode in _MODES),
+        amplitudes=tuple(f"{mode}_share" for mode in _MODES),
+        spread=0.02,
+        rest=_rest,
+        rate=_rate,
+    ),
+)
+"""W'(d, i) -> W'(d, i - induced currents), each a state of its own."""

@@ -1,0 +1,70 @@
+"""The Hall reading is late: a filter before the converter, the conversion itself, a bus.
+
+To first order the reading belongs to the distance d - tau v and the current i - tau i'. What knows no voltage knows no
+i'; there the current less its own lag stands for it, a state with the time constant tau, or one sample where tau is
+shorter.
+
+References
+----------
+K. J. Astrom and B. Wittenmark, Computer-Controlled Systems, 3rd ed. (Prentice Hall, 1997), section 2.3 (delays).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import Conditions, Effect, EffectParameter, Memory, Parameters, like
+
+
+def _hall_point(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
+    delay = p["delay_s"]
+    if "delay_lag" in at.memory:
+        late = delay / _lag_time(at, p) * at.nominal.current_scale * like(at.memory["delay_lag"], i)
+    else:
+        late = delay * like(at.current_rate_A_s, i)
+    return d - delay * like(at.velocity_m_s, d), i - late
+
+
+def _lag_time(at: Conditions, p: Parameters) -> float:
+    return max(p["delay_s"], at.nominal.sample_time_s)
+
+
+def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
+    return {"delay_lag": np.zeros_like(i)}
+
+
+def _rate(
+    states: Mapping[str, FloatArray],
+    d: FloatArray,
+    v: FloatArray,
+    i: FloatArray,
+    current_rate: FloatArray,
+    at: Conditions,
+    p: Parameters,
+) -> Mapping[str, FloatArray]:
+    return {"delay_lag": current_rate / at.nominal.current_scale - states["delay_lag"] / _lag_time(at, p)}
+
+
+SENSOR_DELAY = Effect(
+    name="sensor_delay",
+    symptom="The Hall voltage follows distance and current late; at rest it is right.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            name="delay_s",
+            unit="s",
+            lower=0.0,
+            upper=0.05,
+            sane=(0.0, 5e-3),
+            description="Age of what a reading shows.",
+        ),
+    ),
+    needs=("time_s", "hall_V", "current_A|voltage_V|distance_m"),
+    experiment="Hold the body, step the current and record both on one clock; or move it and record a second, fast "
+    "distance sensor.",
+    reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3",
+    hall_point=_hall_point,
+    memory=Memory(names=("delay_lag",), amplitudes=("delay_s",), spread=0.02, rest=_rest, rate=_rate),
+)
+"""The Hall element reads what was there a delay ago."""

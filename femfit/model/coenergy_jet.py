@@ -1,0 +1,73 @@
+"""The co-energy as a series, of a base model and as effects change it."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import AddedEffect, Coenergy, Conditions, Parameters
+from femfit.effects.jet import CoenergyJet, Jet
+from femfit.model.hall import HallField
+from femfit.model.magnetics import Magnetics
+
+
+def coenergy_jet(magnetics: Magnetics, hall: HallField | None) -> CoenergyJet:
+    """Co-energy and Hall field as a series.
+
+    Parameters
+    ----------
+    magnetics : Magnetics
+        W'.
+    hall : HallField or None
+        B at the Hall element; zero where None.
+
+    Returns
+    -------
+    callable
+        (distances, currents, A, B) -> :class:`femfit.effects.jet.Jet`.
+    """
+
+    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> Jet:
+        orders = tuple((a, b) for a in range(in_distance + 1) for b in range(in_current + 1))
+        factorials = np.cumprod(np.maximum(np.arange(max(in_distance, in_current) + 1.0), 1.0))
+        result = np.zeros((2, in_distance + 1, in_current + 1, len(distance)))
+        field = hall.partials(distance, current, orders) if hall else None
+        for k, ((a, b), value) in enumerate(
+            zip(orders, magnetics.coenergy_derivatives(distance, current, orders), strict=True)
+        ):
+            result[0, a, b] = value / (factorials[a] * factorials[b])
+            if field is not None:
+                result[1, a, b] = field[k] / (factorials[a] * factorials[b])
+        return Jet(result)
+
+    return evaluate
+
+
+def changed_jet(inner: CoenergyJet, effects: Iterable[AddedEffect], at: Conditions) -> CoenergyJet:
+    """The co-energy as effects change it, the first named innermost.
+
+    Parameters
+    ----------
+    inner : callable
+        The base's.
+    effects : iterable of AddedEffect
+        Those without a ``coenergy`` are passed over.
+    at : Conditions
+        Of the points.
+
+    Returns
+    -------
+    callable
+        As ``inner``.
+    """
+    for added in effects:
+        if added.effect.coenergy is not None:
+            inner = _wrapped(inner, added.effect.coenergy, added.parameters, at)
+    return inner
+
+
+def _wrapped(inner: CoenergyJet, act: Coenergy, parameters: Parameters, at: Conditions) -> CoenergyJet:
+    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> Jet:
+        return act(inner, distance, current, in_distance, in_current, at, parameters)
+
+    return evaluate

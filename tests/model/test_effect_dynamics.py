@@ -1,0 +1,215 @@
+"""Effects at work while something moves: circuit law, Jacobians, lag, hysteresis, friction, delay, drift."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from femfit.core.differences import central_differences
+from femfit.effects.catalogue import BUILT_IN, effect_by_name
+from femfit.effects.effect import AddedEffect, Conditions
+from femfit.model.actuator_model import Motion
+from femfit.model.dynamics import hall_voltage, runge_kutta_jacobian, runge_kutta_step, state_derivative, state_jacobian
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of, with_effects
+
+
+def added(name, **values):
+    effect = effect_by_name(name)
+    return AddedEffect(effect, effect.null() | values)
+
+
+def usual(effect):
+    """Every amplitude a fifth of the way to what is usual at most."""
+    values = {p.name: p.null + 0.2 * (max(p.sane, key=abs) - p.null) for p in effect.amplitudes}
+    return AddedEffect(effect, effect.null() | values)
+
+
+def held(model):
+    """A body too heavy to move within a test."""
+    return replace(model, motion=Motion(1e9, 0.0))
+
+
+def states(model, runs=5):
+    """States off every knot and kink, those of effects off their rest."""
+    t = np.arange(runs)
+    own = [0.1 + 0.05 * np.cos(k + t) for k in range(len(model.memory_names))]
+    return np.stack([0.0207 + 0.0011 * t, 0.03 + 0.01 * t, 0.4 + 0.03 * np.sin(t), *own], axis=1)
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)
+def test_the_jacobian_of_every_effect_is_the_slope_of_the_equations(effect, levitation_model):
+    model = with_effects(levitation_model, [usual(effect)])
+    x, volts = states(model), np.full(5, 1.3)
+    order = x.shape[1]
+    slopes = central_differences(lambda p: state_derivative(model, p, np.tile(volts, 2 * order)), x)
+    scale = np.abs(slopes).max(axis=0)
+    # Rounding of a central difference is some 1e-10 of the largest entry of its row
+    assert np.all(np.abs(state_jacobian(model, x, volts) - slopes) <= 1e-6 * scale + 1e-6 * scale.max(axis=1)[:, None])
+    stepped = central_differences(lambda p: runge_kutta_step(model, p, np.tile(volts, 2 * order), 5e-4), x)
+    found = runge_kutta_jacobian(model, x, volts, 5e-4)
+    np.testing.assert_allclose(found, stepped, atol=2e-6 * np.abs(stepped).max())
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)
+def test_at_rest_the_dynamic_equations_are_those_of_the_changed_magnetics(effect, levitation_model):
+    model = with_effects(levitation_model, [usual(effect)])
+    d, i = np.array([0.018, 0.023, 0.031]), np.array([0.2, 0.6, 1.1])
+    x = np.zeros((3, 3 + len(model.memory_names)))
+    x[:, 0], x[:, 2] = d, i
+    rate = state_derivative(model, x, np.full(3, 2.0))
+    expected = model.motion.gravity_m_s2 - model.magnetics.force(d, i) / model.motion.mass_kg
+    np.testing.assert_allclose(rate[:, 1], expected, rtol=1e-10)
+    np.testing.assert_allclose(hall_voltage(model, x), model.sensor.voltage(d, i), rtol=1e-12)
+
+
+def test_the_slope_of_a_reading_at_rest_is_that_of_its_sensor(levitation_model):
+    effects = [added("hall_saturation", cubic_loss=0.1, limited_loss=0.5), added("hall_coil_pickup", pickup_V=0.2)]
+    sensor = with_effects(levitation_model, effects).sensor
+    d, i = np.array([0.016, 0.021, 0.033]), np.array([0.2, 0.9, 1.3])
+    _, in_distance, in_current = sensor.field.derivatives(d, i)
+    up, down = sensor.field.field(d + 1e-7, i), sensor.field.field(d - 1e-7, i)
+    np.testing.assert_allclose(in_distance, (up - down) / 2e-7, rtol=1e-6)
+    up, down = sensor.field.field(d, i + 1e-5), sensor.field.field(d, i - 1e-5)
+    np.testing.assert_allclose(in_current, (up - down) / 2e-5, rtol=1e-6)
+
+
+def linkage(model, x):
+    """Flux linkage at the states of effects."""
+    at = Conditions(nominal_of(model), memory=dict(zip(model.memory_names, x[:, 3:].T, strict=True)))
+    return predict_readings(model, x[:, 0], x[:, 2], at)["flux_linkage_Wb"]
+
+
+@pytest.mark.parametrize("name", ["hysteresis", "eddy_current_lag", "core_saturation"])
+def test_the_voltage_is_resistive_drop_plus_change_of_flux(name, levitation_model):
+    model = with_effects(levitation_model, [usual(effect_by_name(name))])
+    x, volts, h = states(model), np.full(5, 2.0), 1e-6
+    after = runge_kutta_step(model, x, volts, h)
+    middle = runge_kutta_step(model, x, volts, 0.5 * h)[:, 2]
+    induced = (linkage(model, after) - linkage(model, x)) / h
+    # The difference over 1 us of a flux linkage with 16 digits
+    np.testing.assert_allclose(model.circuit.resistance_ohm * middle + induced, volts, rtol=1e-6)
+
+
+def test_the_current_of_a_held_coil_with_a_shorted_ring_has_its_two_exponentials(levitation_model):
+    share, tau = 0.4, 4e-3
+    base = held(levitation_model)
+    model = with_effects(base, [added("eddy_current_lag", ring_share=share, time_s=tau)])
+    resistance, d, volts = base.circuit.resistance_ohm, 0.03, 1.0
+    inductance = float(base.magnetics.inductance(np.array(d), np.array(0.0)))
+    # L (i' - share x') + R i = U and x' = i' - x / tau
+    matrix = np.linalg.solve(
+        np.array([[inductance, -share * inductance], [-1.0, 1.0]]), -np.diag([resistance, 1 / tau])
+    )
+    drive = np.linalg.solve(np.array([[inductance, -share * inductance], [-1.0, 1.0]]), np.array([volts, 0.0]))
+    rest = -np.linalg.solve(matrix, drive)
+    poles, shapes = np.linalg.eig(matrix)
+    time = 5e-3
+    expected = rest + (shapes * np.exp(poles * time)) @ np.linalg.solve(shapes, -rest)
+    x = np.array([[d, 0.0, 0.0, 0.0, 0.0]])
+    for _ in range(500):
+        x = runge_kutta_step(model, x, np.array([volts]), time / 500)
+    assert x[0, 2] == pytest.approx(expected[0], rel=1e-8)
+    scale = nominal_of(base).current_scale
+    assert x[0, 3] * scale == pytest.approx(expected[1], rel=1e-7)
+
+
+def test_an_eddy_current_brakes_the_motion(levitation_model):
+    plain = replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=100.0))
+    model = with_effects(plain, [added("eddy_current_lag", ring_share=0.5, time_s=0.02)])
+    x = np.array([[0.02, 0.2, 0.0, 0.0, 0.0]])
+    y = x[:, :3]
+    for _ in range(100):
+        x = runge_kutta_step(model, x, np.zeros(1), 1e-5, substeps=1)
+        y = runge_kutta_step(plain, y, np.zeros(1), 1e-5, substeps=1)
+    # What falls away induces a current that holds it back: both attract
+    assert x[0, 3] < 0.0
+    assert x[0, 1] < y[0, 1]
+
+
+def test_a_slow_cycle_in_time_is_the_loop_of_the_bench(levitation_model):
+    effect = effect_by_name("hysteresis")
+    nominal = nominal_of(levitation_model)
+    i = np.concatenate([np.linspace(0.2, 1.2, 2001), np.linspace(1.2, 0.2, 2001)[1:]])
+    z = dict.fromkeys(effect.memory.names, np.zeros(1))
+    at = Conditions(nominal)
+    for _ in range(6):
+        track = []
+        for low, high in pairwise(i):
+            sign, middle = np.array([np.sign(high - low)]), np.array([0.5 * (low + high)])
+            half = effect.memory.rate(z, middle, middle, middle, sign, at, effect.null())
+            mid = {k: v + 0.5 * abs(high - low) * half[k] for k, v in z.items()}
+            rate = effect.memory.rate(mid, middle, middle, middle, sign, at, effect.null())
+            z = {k: v + abs(high - low) * rate[k] for k, v in z.items()}
+            track.append([z[k][0] for k in effect.memory.names])
+    branch = np.repeat([1.0, -1.0], 2000)
+    slow = effect.memory.rest(i[1:], i[1:], replace(at, branch=branch, current_turn_A=(0.2, 1.2)), effect.null())
+    # After five cycles the largest radius keeps exp(-10 / 0.7) of its start; the midpoint rule's error is 1e-5
+    np.testing.assert_allclose(np.array(track).T, np.stack([slow[k] for k in effect.memory.names]), atol=1e-4)
+
+
+def test_a_loop_takes_energy_from_the_current(levitation_model):
+    model = held(with_effects(levitation_model, [added("hysteresis", width_medium=0.02)]))
+    x = np.array([[0.02, 0.0, 0.7, 0.0, 0.0, 0.0]])
+    energy, steps = 0.0, 600
+    for k in range(2 * steps):
+        volts = np.array([2.69 * (0.7 + 0.4 * np.sin(2.0 * np.pi * k / steps))])
+        after = runge_kutta_step(model, x, volts, 2e-3)
+        if k >= steps:
+            energy += 0.5 * (x[0, 2] + after[0, 2]) * (linkage(model, after) - linkage(model, x))[0]
+        x = after
+    # Width of the loop times its height: 2 w_max times the flux of +-0.4 A, less at its tips
+    largest = 2.0 * 0.02 * 1.4 * 0.0162 * 0.8
+    assert 0.3 * largest < energy < largest
+
+
+def test_friction_acts_against_the_velocity(levitation_model):
+    x = np.array([[0.02, 0.1, 0.3], [0.02, -0.1, 0.3], [0.02, 0.0, 0.3]])
+    plain = state_derivative(levitation_model, x, np.ones(3))[:, 1]
+    viscous = with_effects(levitation_model, [added("viscous_friction", damping_per_s=5.0)])
+    np.testing.assert_allclose(state_derivative(viscous, x, np.ones(3))[:, 1] - plain, [-0.5, 0.5, 0.0], atol=1e-12)
+    dry = with_effects(levitation_model, [added("coulomb_friction", level=0.2)])
+    change = state_derivative(dry, x, np.ones(3))[:, 1] - plain
+    np.testing.assert_allclose(change, np.array([-0.2, 0.2, 0.0]) * 9.80665, atol=1e-10)
+
+
+def test_mass_and_driver_act_as_said(levitation_model):
+    x, volts = np.array([[0.02, 0.0, 0.3]]), np.array([1.5])
+    plain = state_derivative(levitation_model, x, volts)[0]
+    heavier = with_effects(levitation_model, [added("mass_error", mass_error=0.1)])
+    fall = levitation_model.motion.gravity_m_s2
+    assert state_derivative(heavier, x, volts)[0, 1] - fall == pytest.approx((plain[1] - fall) / 1.1)
+    for effect, applied in [
+        (added("driver_gain", gain_error=-0.1), 1.35),
+        (added("driver_dead_zone", dead_zone=0.1), 1.2),
+        (added("driver_dead_zone", drop=0.1), 1.2),
+    ]:
+        changed = state_derivative(with_effects(levitation_model, [effect]), x, volts)[0]
+        assert changed[2] == pytest.approx(state_derivative(levitation_model, x, np.array([applied]))[0, 2], rel=1e-9)
+    moving = np.array([[0.02, 0.2, 0.3]])
+    emf = with_effects(levitation_model, [added("motional_emf", share=-1.0)])
+    without = state_derivative(emf, moving, volts)[0, 2]
+    assert without == pytest.approx(state_derivative(levitation_model, x, volts)[0, 2], rel=1e-9)
+
+
+def test_a_delayed_reading_is_that_of_the_past(levitation_model):
+    delay, h = 2e-3, 1e-4
+    model = with_effects(levitation_model, [added("sensor_delay", delay_s=delay)])
+    x = np.array([[0.022, 0.05, 0.4, 0.0]])
+    true, read = [], []
+    for k in range(400):
+        volts = np.array([1.1 + 0.3 * np.sin(2.0 * np.pi * 5.0 * k * h)])
+        true.append(levitation_model.sensor.voltage(x[0, 0], x[0, 2]))
+        read.append(hall_voltage(model, x)[0])
+        x = runge_kutta_step(model, x, volts, h)
+    now, past, told = np.array(true[100:]), np.array(true[80:-20]), np.array(read[100:])
+    # To first order in 2 ms, of a current that follows in 6 ms and a body that moves in some 30 ms
+    assert np.std(told - past) < 0.15 * np.std(now - past)
+
+
+def test_drift_goes_on_while_the_plant_runs_and_is_nothing_at_its_start(levitation_model):
+    model = with_effects(levitation_model, [added("hall_drift", ramp_V=0.1)])
+    x = np.array([[0.022, 0.0, 0.4]])
+    assert hall_voltage(model, x)[0] == levitation_model.sensor.voltage(0.022, 0.4)
+    assert hall_voltage(model, x, 50.0)[0] - hall_voltage(model, x)[0] == pytest.approx(0.005)
