@@ -7,9 +7,11 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.measurement import BenchTable
+from femfit.diagnose.candidate import Candidate
 from femfit.diagnose.diagnosis import Diagnosis, NamedEffect, ScoredEffect, Where
+from femfit.diagnose.evidence import Evidence, gather
 from femfit.diagnose.magnitude import detectable_magnitudes, error_fall
-from femfit.diagnose.naming import Candidate, Decision, Evidence, Levels, decide, gather
+from femfit.diagnose.naming import Decision, Levels, decide
 from femfit.diagnose.observations import Observations, bench_observations
 from femfit.diagnose.refit import Refit
 from femfit.diagnose.simulated_noise import simulated_noise

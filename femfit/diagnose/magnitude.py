@@ -10,7 +10,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.diagnose.naming import Evidence
+from femfit.diagnose.evidence import Evidence
 from femfit.diagnose.observations import Observations
 from femfit.diagnose.refit import Refit, bounded_amplitudes
 

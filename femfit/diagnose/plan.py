@@ -9,9 +9,9 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.measurement import BenchTable
 from femfit.diagnose.columns import EffectColumns, effect_columns, why_untestable
+from femfit.diagnose.evidence import Evidence
 from femfit.diagnose.gate import pattern_space
 from femfit.diagnose.magnitude import detectable_magnitudes
-from femfit.diagnose.naming import Evidence
 from femfit.diagnose.observations import bench_observations
 from femfit.diagnose.suggest import unlike
 from femfit.diagnose.whitening import NoiseModel, Whitening, chains_of

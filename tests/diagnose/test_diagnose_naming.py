@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from femfit.diagnose.diagnose import DiagnosisOptions, diagnose_bench
-from femfit.diagnose.naming import Levels, decide, gather
+from femfit.diagnose.evidence import gather
+from femfit.diagnose.naming import Levels, decide
 from femfit.diagnose.noise import estimate_noise
 from femfit.diagnose.observations import bench_observations
 from femfit.effects.catalogue import all_effects, effect_by_name
