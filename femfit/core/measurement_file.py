@@ -8,7 +8,9 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.core.measurement_cells import cell_numbers, read_cells
+from femfit.core.measurement_checks import checked, without_copies
 from femfit.core.measurement_columns import recognise
+from femfit.core.measurement_order import in_measuring_order
 from femfit.core.measurement_sidecar import read_sidecar
 
 
@@ -50,15 +52,18 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
         if name in rows and (bool(rows[name].notna().any()) or (planned and name in CHANNELS))
     )
     _require(given, path)
-    return BenchTable(
-        rows=_complete(rows),
+    full, copies = (_complete(rows), []) if planned else without_copies(_complete(rows), given)
+    ordered, said = in_measuring_order(full, "run" in given)
+    table = BenchTable(
+        rows=ordered.assign(mount=ordered["mount"].fillna(ordered["run"])),
         given=given,
         declared_noise=sidecar.noise,
-        findings=(*findings, *sidecar.findings),
+        findings=(*findings, *copies, *said, *sidecar.findings),
         source=path.name,
         test_object=sidecar.test_object,
         notes=sidecar.notes,
     )
+    return table if planned else checked(table)
 
 
 def _require(names: "list[str] | tuple[str, ...]", path: Path) -> None:
@@ -74,15 +79,9 @@ def _require(names: "list[str] | tuple[str, ...]", path: Path) -> None:
 
 
 def _complete(rows: pd.DataFrame) -> pd.DataFrame:
-    """Every column of the contract, rows of one run together in the order of measuring."""
+    """Every column of the contract, in the order of the file."""
     full = pd.DataFrame({name: rows.get(name, missing) for name, missing in SETTINGS.items()}, index=rows.index)
     full = full.assign(**{name: rows.get(name, np.nan) for name in CHANNELS}).astype(np.float64)
-    full["run"] = full["run"].fillna(full["run"].ffill().fillna(1.0))
-    full["mount"] = full["mount"].fillna(full["run"])
-    full["branch"] = full["branch"].fillna(0.0)
-    full["_run"] = pd.factorize(full["run"])[0]
-    clocked = full.groupby("run")["order"].transform(lambda order: bool(order.notna().all() and order.is_unique))
-    full["_order"] = full["order"].where(clocked.astype(bool), 0.0)
-    full = full.sort_values(["_run", "_order"], kind="stable", ignore_index=True).drop(columns=["_run", "_order"])
-    full["order"] = full["order"].fillna(full.groupby("run").cumcount().astype(np.float64))
-    return full
+    return full.assign(
+        run=full["run"].fillna(full["run"].ffill().fillna(1.0)), branch=np.sign(full["branch"].fillna(0.0))
+    )

@@ -1,0 +1,140 @@
+"""Single readings that contradict all their neighbours: a slipped digit, a spike, a loose contact.
+
+Each reading is predicted by a robust local plane through its nearest readings of the same run, in distance, current,
+branch and time, without itself. What is set aside is alone: its neighbours agree with each other, and no repeat of its
+setting deviates in the same sense. A physical effect is seen by more than one reading and is kept.
+
+References
+----------
+P. J. Rousseeuw and A. M. Leroy, Robust Regression and Outlier Detection (Wiley, 1987), sections 1.1 and 3.3: the
+median absolute deviation as a scale that outliers do not move.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+
+_NEIGHBOURS = 12
+_LEAST = 8
+"""Fewest neighbours to judge a reading by."""
+
+_SIGMA = 8.0
+"""Deviation, in local standard deviations, from which a lone reading is set aside."""
+
+_COMPANY = 4.0
+"""Deviation of a neighbour or a repeat from which a reading is not alone."""
+
+_MOST = 0.02
+"""Largest part of a channel that can be outliers; more are its nature."""
+
+_ROUNDS = 20
+
+
+def isolated_outliers(value: FloatArray, place: FloatArray, run: IntArray, floor: float = 0.0) -> BoolArray:
+    """Which readings contradict all of their neighbours.
+
+    Parameters
+    ----------
+    value : array, shape (n,)
+        Of one channel; better recorded minus predicted, where there is a model.
+    place : array, shape (n, k)
+        Settings of each reading, scaled so that neighbours in each are about equally far.
+    run : array of int, shape (n,)
+        Only readings of one run are neighbours.
+    floor : float
+        Least standard deviation of a reading, in the channel's unit: its quantisation.
+
+    Returns
+    -------
+    array of bool, shape (n,)
+        At most 2 % of the readings; none where more deviate, since then it is no matter of single readings.
+    """
+    outlier = np.zeros(len(value), dtype=bool)
+    for _ in range(_ROUNDS):
+        left = np.flatnonzero(~outlier)
+        found = left[_lone(value[left], place[left], run[left], floor)]
+        if not len(found):
+            break
+        outlier[found] = True
+        if outlier.sum() > max(1.0, _MOST * len(value)):
+            return np.zeros(len(value), dtype=bool)
+    return outlier
+
+
+def _lone(value: FloatArray, place: FloatArray, run: IntArray, floor: float) -> IntArray:
+    """Lone readings of one round: the most deviating among their neighbours, whose neighbours agree without them."""
+    near = _nearest(place, run)
+    judged = np.flatnonzero(near[:, 0] >= 0)
+    if len(judged) < 2 * _LEAST:
+        return np.zeros(0, dtype=np.intp)
+    deviation = np.zeros(len(value))
+    deviation[judged] = _deviations(value, place, near, judged)
+    scale = np.full(len(value), np.inf)
+    around = deviation[near[judged]]
+    local = 1.4826 * np.median(np.abs(around - np.median(around, axis=1)[:, None]), axis=1)
+    usual = 1.4826 * float(np.median(np.abs(deviation[judged])))
+    scale[judged] = np.sqrt(local**2 + (0.5 * usual) ** 2 + floor**2)
+    score = deviation / np.maximum(scale, 1e-300)
+    largest = np.abs(score[judged]) >= np.maximum(np.abs(score[near[judged]]).max(axis=1), _SIGMA)
+    found = [k for k in judged[largest] if _is_alone(k, value, place, run, near, score, scale)]
+    return np.array(found, dtype=np.intp)
+
+
+def _is_alone(
+    k: int, value: FloatArray, place: FloatArray, run: IntArray, near: IntArray, score: FloatArray, scale: FloatArray
+) -> bool:
+    """Whether the neighbours agree once the reading is left out, and its repeats do not deviate with it."""
+    neighbours = near[k]
+    plane = _plane(value[neighbours], place[neighbours] - place[k])
+    rest = value[neighbours] - plane[0] - (place[neighbours] - place[k]) @ plane[1:]
+    if abs(value[k] - plane[0]) < _SIGMA * max(float(1.4826 * np.median(np.abs(rest))), float(scale[k])):
+        return False
+    distance = np.abs(place - place[k]).max(axis=1)
+    repeats = np.flatnonzero((distance < 1e-3) & (run != run[k]))
+    return not bool(np.any(np.sign(score[k]) * score[repeats] > _COMPANY))
+
+
+def _nearest(place: FloatArray, run: IntArray) -> IntArray:
+    """Indices of each reading's neighbours in its run, shape (n, neighbours); -1 where there are too few."""
+    result = np.full((len(place), _NEIGHBOURS), -1, dtype=np.intp)
+    for one in np.unique(run):
+        here = np.flatnonzero(run == one)
+        if len(here) <= _LEAST:
+            continue
+        count = min(_NEIGHBOURS, len(here) - 1)
+        _, index = cKDTree(place[here]).query(place[here], k=count + 1)
+        for row, others in enumerate(np.asarray(index)):
+            kept = here[others[others != row][:count]]
+            result[here[row]] = np.resize(kept, _NEIGHBOURS)
+    return result
+
+
+def _deviations(value: FloatArray, place: FloatArray, near: IntArray, judged: IntArray) -> FloatArray:
+    """Reading minus what the plane through its neighbours predicts."""
+    offset = place[near[judged]] - place[judged][:, None, :]
+    result = np.empty(len(judged))
+    for row, k in enumerate(judged):
+        result[row] = value[k] - _plane(value[near[k]], offset[row])[0]
+    return result
+
+
+def _plane(value: FloatArray, offset: FloatArray) -> FloatArray:
+    """Coefficients of a robust plane: least squares, then once more without what lies three deviations off."""
+    columns = np.column_stack([np.ones(len(value)), offset])
+    plane = _ridge(columns, value)
+    rest = np.abs(value - columns @ plane)
+    keep = rest <= 3.0 * 1.4826 * np.median(rest)
+    if keep.all() or keep.sum() < columns.shape[1] + 2:
+        return plane
+    return _ridge(columns[keep], value[keep])
+
+
+def _ridge(columns: FloatArray, value: FloatArray) -> FloatArray:
+    """Least squares that leaves directions without spread alone."""
+    centre = float(np.median(value))
+    gram = columns.T @ columns
+    gram[np.diag_indices_from(gram)] += 1e-6 * float(np.trace(gram)) / len(gram)
+    plane = np.linalg.solve(gram, columns.T @ (value - centre))
+    plane[0] += centre
+    return np.asarray(plane)
