@@ -1,0 +1,73 @@
+"""The validation page says what is computed."""
+
+import json
+
+import pytest
+
+from support import validation_cases as cases
+from support.exact import axis_field_of_cylinder
+from support.reference import REFERENCE, needs_reference
+from support.validation_page import PAGE, cells_of, reference_of, rows
+
+ROWS = {row.case: row for row in rows()}
+SAME = 1e-5
+"""Relative: six digits round by up to 5e-6, and the mesh of another build of Netgen moves the last of them."""
+
+
+def lines():
+    """Cells of each line of the page by case."""
+    table = [[cell.strip() for cell in line.strip("|").split("|")] for line in PAGE.read_text("utf-8").splitlines()]
+    return {cells[0]: cells for cells in table if cells[0] in ROWS}
+
+
+def number(cell):
+    return float(cell.removesuffix("%"))
+
+
+def check(name):
+    row, printed = ROWS[name], lines()[name]
+    ours, reference = row.ours(), reference_of(row)
+    if reference is None:  # a difference, printed in hundredths of a per cent
+        again, slack = 0.01 * number(printed[4]), 2e-4
+        assert ours < row.bound
+    else:
+        again, slack = number(printed[4]), SAME * abs(ours)
+        assert ours == pytest.approx(reference, rel=row.bound)
+    assert again == pytest.approx(ours, abs=slack)
+    assert printed[:4] == cells_of(row, again)[:4]  # source, unit and reference
+    if reference is not None:
+        assert number(printed[5]) == pytest.approx(100.0 * (again / reference - 1.0), abs=1e-4)
+
+
+def test_the_page_has_every_case_and_no_other():
+    assert list(lines()) == list(ROWS)
+    assert len([text for text in PAGE.read_text("utf-8").splitlines() if text.startswith("| ")]) == len(ROWS) + 4
+
+
+@pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.cheap])
+def test_the_page_says_what_is_computed(name):
+    check(name)
+
+
+@pytest.mark.long
+@needs_reference
+@pytest.mark.parametrize("name", [name for name, row in ROWS.items() if not row.cheap])
+def test_the_page_says_what_takes_longer_to_compute(name):
+    check(name)
+
+
+@needs_reference
+def test_closed_forms_are_the_reference_ones():
+    exact = json.loads((REFERENCE / "exact_references.json").read_text())
+    for row in exact["loops"]:
+        assert cases.loops_exact(row["a"], row["b"], row["z"]) == pytest.approx((row["M_H"], row["dMdz"]), rel=1e-8)
+    for row in exact["sphere"]:
+        assert cases.sphere_exact(row["mur"]) == pytest.approx(row["Bin_over_B0"], rel=1e-12)
+    for row in exact["shell"]:
+        assert cases.shell_exact(row["mur"], row["a"] / row["b"]) == pytest.approx(row["Hin"], rel=1e-12)
+    for row in exact["cyl_axis"]:
+        assert axis_field_of_cylinder(row["J"], row["R"], row["h"], row["z_face"]) == pytest.approx(row["B"], rel=1e-12)
+    for offset, force in zip(
+        (0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04), exact["coil_magnet_ex"]["F_thin_zc0to40"], strict=True
+    ):
+        assert cases.coil_on_magnet_exact(offset) == pytest.approx(abs(force), rel=1e-9, abs=1e-12)

@@ -1,0 +1,262 @@
+"""Problems with a known answer, each as a number that the field solver gives.
+
+The tests of ``tests/physics`` and the page ``docs/validation.md`` take their numbers from here.
+"""
+
+import dataclasses
+import math
+from functools import cache
+
+import magpylib
+import ngsolve as ng
+import numpy as np
+from netgen.occ import Glue, OCCGeometry, WorkPlane
+from ngsolve import H1, LinearForm, Mesh, dx
+from scipy import special
+
+from femfit.actuator.load import read_actuator
+from femfit.actuator.parts import LinearMaterial, Region
+from femfit.core.constants import MU_0
+from femfit.fem.settings import SolverSettings
+from femfit.fem.weak_form import flux_density, stiffness
+from support.actuators import GEOMETRY, assembly, magnet, rectangle
+from support.field import prepared, solved
+from support.reference import REFERENCE
+from support.saturating import bobbin, problem_at, rows_at
+
+DUMMY = 1e-6
+"""Remanence in T of a magnet that is there only because an assembly has a moving part."""
+
+
+def loops_exact(a, b, z):
+    """M and dM/dz of coaxial loops in H and H/m, by elliptic integrals (Maxwell)."""
+
+    def mutual(h):
+        k2 = 4.0 * a * b / ((a + b) ** 2 + h**2)
+        k = math.sqrt(k2)
+        return MU_0 * math.sqrt(a * b) * ((2.0 / k - k) * special.ellipk(k2) - 2.0 / k * special.ellipe(k2))
+
+    step = 1e-4 * a
+    slope = (8.0 * (mutual(z + step) - mutual(z - step)) - mutual(z + 2 * step) + mutual(z - 2 * step)) / (12.0 * step)
+    return mutual(z), slope
+
+
+@cache
+def loops(a, b, z):
+    """M and dM/dz of a loop of radius a, as a coil of a hundredth of it, and a circle of radius b at z."""
+    side = 0.01 * a  # a section this small changes M by (side / a)^2 / 24
+    coil = rectangle(a - side / 2.0, a + side / 2.0, -side / 2.0, side / 2.0)
+    actuator = assembly(moving=[magnet(DUMMY, 0.02 * a, 0.02 * a)], distances=(3.0 * a,), coil=coil, hall=(b, z))
+    problem = prepared(actuator, 3.0 * a)
+    _, w = problem.fields(3.0 * a)
+    point = problem.mesh(b, z)
+    return 2.0 * math.pi * b**2 * w(point), -2.0 * math.pi * b * flux_density(w)[0](point)
+
+
+def solenoid(length):
+    """L per turn squared of a solenoid of radius 1 m: two thicknesses extrapolated to none, the error is linear."""
+    values = []
+    for thickness in (0.02, 0.01):
+        coil = rectangle(1.0 - thickness / 2.0, 1.0 + thickness / 2.0, -length, 0.0)
+        actuator = assembly(moving=[magnet(DUMMY, 0.05, 0.05)], distances=(2.0,), coil=coil)
+        values.append(solved(actuator).flux_linkage[1])
+    return 2.0 * values[1] - values[0]
+
+
+def brooks(settings=None):
+    """L per turn squared of a square section of 10 mm on an inner radius of 10 mm."""
+    coil = rectangle(0.01, 0.02, -0.02, -0.01)
+    actuator = assembly(moving=[magnet(DUMMY, 0.001, 0.001)], distances=(0.1,), coil=coil, turns=1)
+    return solved(actuator, settings=settings).flux_linkage[1]
+
+
+def magnet_pair(remanence, fixed, moving, gap):
+    """Pull in N of two coaxial cylinder magnets, each (radius, height) in m."""
+    lower = magnet(remanence, fixed[0], fixed[1], z_min=-fixed[1], name="lower")
+    return solved(assembly(fixed=[lower], moving=[magnet(abs(remanence), *moving)], distances=(gap,))).force[0]
+
+
+def axis_field(height):
+    """B_z at a height above the seed magnet's face, J = 1.44 T, 11 mm x 5 mm."""
+    actuator = assembly(moving=[magnet(1.44, 0.0055, 0.005)], distances=(0.05,), hall=(0.0, 0.05 - height))
+    return solved(actuator).hall[0]
+
+
+def coil_on_magnet_exact(offset):
+    """|F| in N of a current sheet of 100 turns with 1 A on a magnet of J = 1 T, from magpylib's exact field."""
+    body = magpylib.magnet.Cylinder(polarization=(0, 0, 1.0), dimension=(0.03, 0.015), position=(0, 0, 0))
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    z = -offset + 0.01 * nodes
+    radial = body.getB(np.stack([np.full_like(z, 0.02), 0 * z, z], axis=1))[:, 0]
+    return abs(2.0 * math.pi * 0.02 * 100.0 * 0.5 * np.sum(weights * radial))
+
+
+def coil_on_magnet(offset):
+    """The same from the field solver, the sheet as a winding of 0.4 mm."""
+    middle = 0.1 + 0.0075 - offset
+    coil = rectangle(0.0198, 0.0202, middle - 0.01, middle + 0.01)
+    actuator = assembly(moving=[magnet(1.0, 0.015, 0.015)], distances=(0.1,), coil=coil, turns=100)
+    return abs(solved(actuator).force[1])
+
+
+def image_of_a_dipole():
+    """F d^4 in N m^4 of a magnet whose octupole vanishes, before a wide plate of mu_r 1e6."""
+    radius, height, distance = 0.0055, math.sqrt(3.0) * 0.0055, 0.06
+    plate = Region("plate", rectangle(0.0, 3.0, -2.0, 0.0), LinearMaterial("iron", 1e6))
+    gap = distance - height / 2.0
+    coil = rectangle(3.2, 3.25, -0.1, -0.05)
+    force = solved(assembly(fixed=[plate], moving=[magnet(1.44, radius, height)], distances=(gap,), coil=coil)).force[0]
+    return force * distance**4
+
+
+def image_of_a_dipole_exact():
+    """3 mu_0 m^2 / (32 pi) for the moment of that magnet."""
+    moment = 1.44 / MU_0 * math.pi * 0.0055**2 * math.sqrt(3.0) * 0.0055
+    return 3.0 * MU_0 * moment**2 / (32.0 * math.pi)
+
+
+def ball(permeability, inner=None):
+    """B / B_0 at the centre of a sphere, or of a shell with an inner radius, in a uniform field; outer radius 1."""
+    radius, order = 3.0, 6
+
+    def half(r):
+        return WorkPlane().MoveTo(0.0, -r).Arc(r, 180.0).Close().Face()
+
+    body, air = half(1.0), half(radius) - half(1.0)
+    pieces = [body, air]
+    if inner is not None:
+        hollow = half(inner)
+        body = body - hollow
+        hollow.faces.name = "air"
+        pieces = [body, hollow, air]
+    body.faces.name, body.faces.maxh, air.faces.name = "body", 0.1, "air"
+    shape = Glue(pieces)
+    for edge in shape.edges:
+        if math.hypot(edge.center.x, edge.center.y) > 0.9 * radius or edge.center.x > 1.2:
+            edge.name = "outer"
+    mesh = Mesh(OCCGeometry(shape, dim=2).GenerateMesh(maxh=0.5))
+    mesh.Curve(order)
+    space = H1(mesh, order=order)
+    v = space.TestFunction()
+    # w = 1/2 is the applied field; the body answers for what its reluctivity differs from air's
+    extra = (1.0 - 1.0 / permeability) / MU_0
+    load = LinearForm(extra * flux_density(v)[1] * 2.0 * math.pi * ng.x * dx("body", bonus_intorder=3)).Assemble()
+    nu = mesh.MaterialCF({"body": 1.0 / (permeability * MU_0)}, default=1.0 / MU_0)
+    form = stiffness(space, nu, radius, condense=False).Assemble()
+    w = ng.GridFunction(space)
+    w.vec.data = form.mat.Inverse(space.FreeDofs(), inverse="umfpack") * load.vec
+    return 1.0 + flux_density(w)[1](mesh(1e-9, 0.0))
+
+
+def sphere_exact(permeability):
+    """3 mu_r / (mu_r + 2)."""
+    return 3.0 * permeability / (permeability + 2.0)
+
+
+def shell_exact(permeability, ratio):
+    """What a shell of inner over outer radius leaves of the field."""
+    outer = (2.0 * permeability + 1.0) * (permeability + 2.0)
+    return 9.0 * permeability / (outer - 2.0 * ratio**3 * (permeability - 1.0) ** 2)
+
+
+def team_23(permeability):
+    """Force in N at 50 mA in TEAM problem 23: SmCo magnet, air coil of 280 turns, as coded in Ansys VM270."""
+    coil = rectangle(1.524e-3, 1.9812e-3, -1.524e-3, 0.0)
+    body = magnet(1.02, 0.5 * 2.9972e-3, 1.6e-3, permeability=permeability)
+    return 0.05 * solved(assembly(moving=[body], distances=(0.361e-3,), coil=coil, turns=280)).force[1]
+
+
+def team_23_recoil():
+    """Recoil permeability from its remanence and coercive field."""
+    return 1.02 / (MU_0 * 720e3)
+
+
+def large_magnets(gap):
+    """Pull in kg of two magnets S-45-30-N, N45 with 1.32 T."""
+    return magnet_pair(1.32, (0.0225, 0.03), (0.0225, 0.03), gap) / 9.80665
+
+
+@cache
+def linear_rig():
+    """Force at 20 mm and 1 A of the rig, its -dW'/dd, dF/di, and -d(flux linkage)/dd, on one stretched mesh."""
+    step, current = 2e-4, 1.0
+    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
+    axes = dataclasses.replace(rig.sweep, distances_m=(0.02 - step, 0.02, 0.02 + step))
+    problem = prepared(dataclasses.replace(rig, sweep=axes), 0.02)
+    low, middle, high = (problem.solve(d) for d in axes.distances_m)
+
+    def coenergy(s):
+        return s.coenergy + s.flux_linkage[0] * current + 0.5 * s.flux_linkage[1] * current**2
+
+    def flux(s):
+        return s.flux_linkage[0] + s.flux_linkage[1] * current
+
+    force = float(np.polynomial.polynomial.polyval(current, middle.force))
+    constant = middle.force[1] + 2.0 * middle.force[2] * current
+    return force, (coenergy(low) - coenergy(high)) / (2 * step), constant, (flux(low) - flux(high)) / (2 * step)
+
+
+@cache
+def saturated_disc():
+    """The same for the steel disc before a bobbin of steel at 4 mm and 8 A."""
+    step, current, change = 1e-4, 8.0, 0.1
+    distances = (0.004 - step, 0.004, 0.004 + step)
+    currents = (current - change, current, current + change)
+    problem = problem_at(bobbin(distances=distances, currents=currents), 0.004)
+    low, middle, high = ({k: np.array(v) for k, v in problem.rows(d, currents).items()} for d in distances)
+    work = (low["coenergy_J"][1] - high["coenergy_J"][1]) / (2 * step)
+    constant = (middle["force_N"][2] - middle["force_N"][0]) / (2 * change)
+    return middle["force_N"][1], work, constant, (low["flux_linkage_Wb"] - high["flux_linkage_Wb"])[1] / (2 * step)
+
+
+LDX_LIFT = (0.246, 0.70, 0.1, 3500.0 * 80.0)
+"""Levitation coil: inner and outer radius, length, ampere turns; its lower face lies 1.525 m above the middle."""
+
+LDX_FLOAT = ((0.2717, 0.01152, 0.0694, 26.6), (0.28504, 0.01508, 0.125, 81.7), (0.33734, 0.08936, 0.1615, 607.7))
+"""Floating coil's three parts about the middle: mean radius, width, length, turns with 1629 A."""
+
+
+def ldx_mass():
+    """Mass in kg that the levitated dipole's coils carry with g = 9.81: the Lorentz force on the floating coil."""
+    r1, r2, length, ampere_turns = LDX_LIFT
+    actuator = assembly(
+        moving=[magnet(DUMMY, 0.05, 0.05)],
+        distances=(3.0,),
+        coil=rectangle(r1, r2, -length, 0.0),
+        turns=ampere_turns,
+    )
+    problem = prepared(actuator, 3.0)
+    _, w = problem.fields(3.0)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    force = 0.0
+    for middle, width, height, turns in LDX_FLOAT:
+        r, z = np.meshgrid(middle + 0.5 * width * nodes, 1.525 + 0.5 * height * nodes)
+        radial = flux_density(w)(problem.mesh(r.ravel(), z.ravel()))[:, 0].reshape(r.shape)
+        force += 2.0 * math.pi * turns * 1629.0 * 0.25 * np.einsum("ij,i,j->", radial * r, weights, weights)
+    return abs(force) / 9.81
+
+
+def difference_from_peer(name, worst=False):
+    """Median (or largest) |F / F_peer - 1| over a table of the peer's for the steel disc before a bobbin of steel."""
+    ours, peer = _peer_rows(name)
+    difference = np.abs(ours / peer - 1.0)
+    return float(difference.max() if worst else np.median(difference))
+
+
+@cache
+def _peer_rows(name):
+    import pandas as pd
+
+    table = pd.read_csv(REFERENCE / name)
+    table = table[table["current_A"] > 0.0]
+    ours, peer = [], []
+    for distance, rows in table.groupby(table["distance_m"].round(6)):
+        currents = tuple(sorted(rows["current_A"]))
+        actuator = bobbin(distances=(float(distance),), currents=currents)
+        force = dict(zip(currents, rows_at(actuator)["force_N"], strict=True))
+        ours += [force[i] for i in rows["current_A"]]
+        peer += list(rows["force_N"])
+    return np.array(ours), np.array(peer)
+
+
+FINER = SolverSettings().finer()
