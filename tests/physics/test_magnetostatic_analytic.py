@@ -16,6 +16,7 @@ from support.actuators import assembly, magnet, rectangle
 from support.exact import axis_field_of_cylinder
 from support.field import prepared, solved
 from support.reference import REFERENCE, needs_reference
+from support.validation_cases import brooks, loops, magnet_pair, solenoid
 
 # Published once, cited so that the test also runs where the reference data are absent: force between two coaxial
 # cylinder magnets J = 1.3 T, R = 20 mm, h = 40 mm, centres 50 mm apart (magcode repository, Apache-2.0).
@@ -71,51 +72,33 @@ def test_inductance_of_a_brooks_coil_is_exact():
     # Square section of 10 mm, inner radius 10 mm. Grover tabulates 0.025491 uH per turn squared.
     exact = inductance_of_thick_coil(0.01, 0.02, 0.01)
     assert exact == pytest.approx(0.025491e-6, rel=3e-5)
-    actuator = assembly(
-        moving=[magnet(1e-6, 0.001, 0.001)], distances=(0.1,), coil=rectangle(0.01, 0.02, -0.02, -0.01), turns=1
-    )
-    assert solved(actuator).flux_linkage[1] == pytest.approx(exact, rel=5e-4)
-    assert solved(actuator, settings=SolverSettings().finer()).flux_linkage[1] == pytest.approx(exact, rel=5e-6)
+    assert brooks() == pytest.approx(exact, rel=5e-4)
+    assert brooks(SolverSettings().finer()) == pytest.approx(exact, rel=5e-6)
 
 
 @pytest.mark.parametrize(
     ("length", "inductance"), [(2.0, 1.3588917590e-6), (1.0, 2.0746304193e-6), (0.5, 2.8853346103e-6)]
 )
 def test_inductance_of_a_thin_solenoid_tends_to_nagaokas(length, inductance):
-    # Lyle/Nagaoka per turn squared, radius 1 m; two thicknesses extrapolated to zero, the error is linear in it.
-    values = []
-    for thickness in (0.02, 0.01):
-        coil = rectangle(1.0 - thickness / 2.0, 1.0 + thickness / 2.0, -length, 0.0)
-        actuator = assembly(moving=[magnet(1e-6, 0.05, 0.05)], distances=(2.0,), coil=coil)
-        values.append(solved(actuator).flux_linkage[1])
-    assert 2.0 * values[1] - values[0] == pytest.approx(inductance, rel=5e-4)
+    # Lyle/Nagaoka per turn squared, radius 1 m.
+    assert solenoid(length) == pytest.approx(inductance, rel=5e-4)
 
 
 @needs_reference
 def test_mutual_inductance_of_coaxial_loops_and_its_slope_are_exact():
     for row in json.loads((REFERENCE / "exact_references.json").read_text())["loops"]:
         a, b, z = row["a"], row["b"], row["z"]
-        side = 0.01 * a  # a section this small changes M by (side / a)^2 / 24
-        coil = rectangle(a - side / 2.0, a + side / 2.0, -side / 2.0, side / 2.0)
-        actuator = assembly(moving=[magnet(1e-6, 0.02 * a, 0.02 * a)], distances=(3.0 * a,), coil=coil, hall=(b, z))
-        problem = prepared(actuator, 3.0 * a)
-        _, w = problem.fields(3.0 * a)
-        point = problem.mesh(b, z)
-        assert 2.0 * math.pi * b**2 * w(point) == pytest.approx(row["M_H"], rel=2e-4)
-        slope = -2.0 * math.pi * b * flux_density(w)[0](point)  # dM/dz, the force between the loops per A^2
+        mutual, slope = loops(a, b, z)
+        assert mutual == pytest.approx(row["M_H"], rel=2e-4)
         assert slope == pytest.approx(row["dMdz"], rel=5e-4)
 
 
 def test_force_between_two_magnets_is_exact():
-    fixed = magnet(1.3, 0.02, 0.04, z_min=-0.04, name="lower")
-    actuator = assembly(fixed=[fixed], moving=[magnet(1.3, 0.02, 0.04)], distances=(0.01,))
-    assert solved(actuator).force[0] == pytest.approx(MAGCODE_FORCE, rel=2e-4)
+    assert magnet_pair(1.3, (0.02, 0.04), (0.02, 0.04), 0.01) == pytest.approx(MAGCODE_FORCE, rel=2e-4)
 
 
 def test_opposed_magnets_repel_by_the_same_force():
-    fixed = magnet(-1.3, 0.02, 0.04, z_min=-0.04, name="lower")
-    actuator = assembly(fixed=[fixed], moving=[magnet(1.3, 0.02, 0.04)], distances=(0.01,))
-    assert solved(actuator).force[0] == pytest.approx(-MAGCODE_FORCE, rel=2e-4)
+    assert magnet_pair(-1.3, (0.02, 0.04), (0.02, 0.04), 0.01) == pytest.approx(-MAGCODE_FORCE, rel=2e-4)
 
 
 @pytest.mark.parametrize("permeability", [5.0, 1000.0])
