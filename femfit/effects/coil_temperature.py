@@ -18,9 +18,12 @@ def _circuit(
     resistance: FloatArray, voltage: FloatArray, current: FloatArray, at: Conditions, p: Parameters
 ) -> tuple[FloatArray, FloatArray]:
     recorded = like(at.coil_temperature_C, current) - REFERENCE_TEMPERATURE_C
-    warming = -np.expm1(-like(at.time_s, current) / p["warming_time"])
+    warming = 1.0 if at.running else -np.expm1(-like(at.time_s, current) / p["warming_time"])
     unrecorded = COPPER * (p["warmer_K"] + p["warming_K"] * warming)
-    return resistance * (1.0 + np.where(np.isnan(recorded), unrecorded, p["coefficient_per_K"] * recorded)), voltage
+    growth = p["coefficient_per_K"] * np.nan_to_num(recorded) + np.where(
+        np.isnan(recorded) | at.running, unrecorded, 0.0
+    )
+    return resistance * (1.0 + growth), voltage
 
 
 COIL_TEMPERATURE = Effect(

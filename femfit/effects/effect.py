@@ -103,6 +103,9 @@ class Conditions:
         Zero on a static bench.
     motional_V : array or float
         Voltage that the motion induces, k_m v, as the model has it.
+    running : bool
+        Whether a plant or filter asks: its temperatures are the model's, and a warming that was fitted because nobody
+        recorded the temperature has come to its end.
     current_turn_A : (array or float, array or float)
         Lowest and highest current of the cycle that the reading belongs to.
     memory : mapping of str to array
@@ -118,6 +121,7 @@ class Conditions:
     velocity_m_s: FloatArray | float = 0.0
     current_rate_A_s: FloatArray | float = 0.0
     motional_V: FloatArray | float = 0.0
+    running: bool = False
     current_turn_A: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
     memory: Mapping[str, FloatArray] = field(default_factory=dict)
 

@@ -50,8 +50,10 @@ def _coenergy(
     recorded = like(at.magnet_temperature_C, d) - REFERENCE_TEMPERATURE_C
     coil = np.nan_to_num(like(at.coil_temperature_C, d) - REFERENCE_TEMPERATURE_C)
     unrecorded = USUAL_COEFFICIENT * (p["warmer_K"] + p["coil_share"] * coil)
+    hidden = np.isnan(recorded) | at.running
+    recorded = np.nan_to_num(recorded)
     known = p["coefficient_per_K"] * recorded + p["curvature_per_K2"] * recorded**2
-    scale = 1.0 + np.where(np.isnan(recorded), unrecorded, known)
+    scale = 1.0 + known + np.where(hidden, unrecorded, 0.0)
     return remanence_scaled(base, np.maximum(scale, 0.05), d, i, n_d, n_i)
 
 

@@ -167,7 +167,10 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     if not effects:
         return base
     at = Conditions(
-        nominal_of(base), coil_temperature_C=model.coil_temperature_C, magnet_temperature_C=model.magnet_temperature_C
+        nominal_of(base),
+        coil_temperature_C=model.coil_temperature_C,
+        magnet_temperature_C=model.magnet_temperature_C,
+        running=True,
     )
     dynamics = EffectDynamics(
         motion_jet=coenergy_jet(base.magnetics, None),

@@ -213,3 +213,14 @@ def test_drift_goes_on_while_the_plant_runs_and_is_nothing_at_its_start(levitati
     x = np.array([[0.022, 0.0, 0.4]])
     assert hall_voltage(model, x)[0] == levitation_model.sensor.voltage(0.022, 0.4)
     assert hall_voltage(model, x, 50.0)[0] - hall_voltage(model, x)[0] == pytest.approx(0.005)
+
+
+def test_a_warming_that_nobody_recorded_stays_in_the_model(levitation_model):
+    warm = with_effects(levitation_model, [added("coil_temperature", warmer_K=10.0, warming_K=15.0)])
+    assert warm.circuit.resistance_ohm == pytest.approx(2.69 * (1.0 + 0.00393 * 25.0))
+    known = added("coil_temperature", coefficient_per_K=0.004)
+    warm = with_effects(replace(levitation_model, coil_temperature_C=45.0), [known])
+    assert warm.circuit.resistance_ohm == pytest.approx(2.69 * 1.1)
+    weak = with_effects(levitation_model, [added("magnet_temperature", warmer_K=20.0)]).magnetics
+    force = levitation_model.magnetics.force(np.array(0.02), np.array(0.0))
+    assert weak.force(np.array(0.02), np.array(0.0)) == pytest.approx((1.0 - 0.022) ** 2 * force, rel=1e-9)
