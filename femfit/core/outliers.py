@@ -86,7 +86,7 @@ def _is_alone(
 ) -> bool:
     """Whether the neighbours agree once the reading is left out, and its repeats do not deviate with it."""
     neighbours = near[k]
-    plane = _plane(value[neighbours], place[neighbours] - place[k])
+    plane = _planes(value[neighbours][None], (place[neighbours] - place[k])[None])[0]
     rest = value[neighbours] - plane[0] - (place[neighbours] - place[k]) @ plane[1:]
     if abs(value[k] - plane[0]) < _SIGMA * max(float(1.4826 * np.median(np.abs(rest))), float(scale[k])):
         return False
@@ -113,28 +113,30 @@ def _nearest(place: FloatArray, run: IntArray) -> IntArray:
 def _deviations(value: FloatArray, place: FloatArray, near: IntArray, judged: IntArray) -> FloatArray:
     """Reading minus what the plane through its neighbours predicts."""
     offset = place[near[judged]] - place[judged][:, None, :]
-    result = np.empty(len(judged))
-    for row, k in enumerate(judged):
-        result[row] = value[k] - _plane(value[near[k]], offset[row])[0]
-    return result
+    return value[judged] - _planes(value[near[judged]], offset)[:, 0]
 
 
-def _plane(value: FloatArray, offset: FloatArray) -> FloatArray:
-    """Coefficients of a robust plane: least squares, then once more without what lies three deviations off."""
-    columns = np.column_stack([np.ones(len(value)), offset])
-    plane = _ridge(columns, value)
-    rest = np.abs(value - columns @ plane)
-    keep = rest <= 3.0 * 1.4826 * np.median(rest)
-    if keep.all() or keep.sum() < columns.shape[1] + 2:
-        return plane
-    return _ridge(columns[keep], value[keep])
+def _planes(value: FloatArray, offset: FloatArray) -> FloatArray:
+    """Coefficients of robust planes: least squares, then once more without what lies three deviations off.
+
+    ``value`` has the shape (m, neighbours), ``offset`` (m, neighbours, k), the result (m, 1 + k).
+    """
+    columns = np.concatenate([np.ones((*value.shape, 1)), offset], axis=2)
+    planes = _ridge(columns, value, np.ones_like(value))
+    rest = np.abs(value - np.einsum("mjk,mk->mj", columns, planes))
+    keep = rest <= 3.0 * 1.4826 * np.median(rest, axis=1)[:, None]
+    enough = keep.sum(axis=1) >= columns.shape[2] + 2
+    return _ridge(columns, value, np.where(enough[:, None], keep, True).astype(np.float64))
 
 
-def _ridge(columns: FloatArray, value: FloatArray) -> FloatArray:
-    """Least squares that leaves directions without spread alone."""
-    centre = float(np.median(value))
-    gram = columns.T @ columns
-    gram[np.diag_indices_from(gram)] += 1e-6 * float(np.trace(gram)) / len(gram)
-    plane = np.linalg.solve(gram, columns.T @ (value - centre))
-    plane[0] += centre
-    return np.asarray(plane)
+def _ridge(columns: FloatArray, value: FloatArray, weight: FloatArray) -> FloatArray:
+    """Weighted least squares that leaves directions without spread alone."""
+    centre = np.median(value, axis=1)
+    weighted = columns * weight[:, :, None]
+    gram = np.einsum("mja,mjb->mab", weighted, columns)
+    size = np.trace(gram, axis1=1, axis2=2) / gram.shape[1]
+    gram += 1e-6 * size[:, None, None] * np.eye(gram.shape[1])
+    right = np.einsum("mja,mj->ma", weighted, value - centre[:, None])
+    planes = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
+    planes[:, 0] += centre
+    return np.asarray(planes)
