@@ -7,6 +7,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
     from femfit.simulate.design import LoopDesign
     from femfit.simulate.experiment import Experiment
 
@@ -28,13 +29,14 @@ def simulate(
     runs: Annotated[int | None, Parameter(validator=Number(gte=1))] = None,
     seconds: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
     seed: Annotated[int, Parameter(validator=Number(gte=0))] = 1,
+    plant: Path | None = None,
     csv: Path | None = None,
     json: Path | None = None,
 ) -> None:
     """Close the loop around a model: controller, filter, sensor, steps, noise, faults.
 
-    Without --controller, --filter, --runs, --seconds, --csv or a fault: the paper's Table 6 with this model's numbers
-    beside it, the noise bound, and what a Hall bias, a force error, a wrong start and direct feedback do.
+    Without --controller, --filter, --runs, --seconds, --plant, --csv or a fault: the paper's Table 6 with this model's
+    numbers beside it, the noise bound, and what a Hall bias, a force error, a wrong start and direct feedback do.
 
     Parameters
     ----------
@@ -62,6 +64,8 @@ def simulate(
         Of one loop; default 1 a reference distance.
     seed : int
         Of the noise.
+    plant : Path
+        Model file of what truly moves and is truly sensed, while controller and filter believe in MODEL.
     csv : Path
         File for the time series of up to ten runs.
     json : Path
@@ -74,7 +78,7 @@ def simulate(
 
     actuator = read_model(model)
     noise = None if noise_mV is None else 1e-3 * noise_mV
-    chosen = (controller, observer, runs, seconds, csv, stuck_after_s)
+    chosen = (controller, observer, runs, seconds, plant, csv, stuck_after_s)
     faults = (hall_bias_mV, drift_mV_per_s, force_scale - 1.0, dropout)
     if all(choice is None for choice in chosen) and not any(faults):
         from femfit.simulate.study import closed_loop_study
@@ -96,12 +100,14 @@ def simulate(
         dropout_probability=dropout,
     )
     duration = float(len(design.targets_m)) if seconds is None else seconds
-    _repeat(design, experiment, 1 if runs is None else runs, duration, seed, csv, json)
+    truth = None if plant is None else read_model(plant)
+    _repeat(design, experiment, truth, 1 if runs is None else runs, duration, seed, csv, json)
 
 
 def _repeat(
     design: "LoopDesign",
     experiment: "Experiment",
+    truth: "ActuatorModel | None",
     runs: int,
     duration: float,
     seed: int,
@@ -124,10 +130,20 @@ def _repeat(
         runs=runs,
         duration_s=duration,
         recorded=0 if csv is None else min(runs, 10),
+        plant=truth,
     )
-    print("\n".join([f"Closed loop of {design.model.name}, seed {seed}", *design_lines(design), ""]))
+    loop = design.model.name if truth is None else f"{design.model.name} around the plant {truth.name}"
+    print("\n".join([f"Closed loop of {loop}, seed {seed}", *design_lines(design), ""]))
     print("\n".join(summary_lines(summary)))
-    write_json(json, {"model": design.model.name, "seed": seed, **json_ready(asdict(summary))})
+    write_json(
+        json,
+        {
+            "model": design.model.name,
+            "plant": truth.name if truth else None,
+            "seed": seed,
+            **json_ready(asdict(summary)),
+        },
+    )
     if csv is not None:
         write_time_series(csv, result)
         print(f"written: {csv}")
