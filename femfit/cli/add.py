@@ -51,11 +51,13 @@ def add(
     from femfit.core.measurement_file import read_bench_table
     from femfit.diagnose.add import AddOptions, add_effects
     from femfit.diagnose.add_text import add_lines
+    from femfit.diagnose.plausible import plausible_table
     from femfit.model.json_file import read_model, write_model
 
     options = AddOptions(base, coil_temperature_C, magnet_temperature_C)
     with status("Reading") as say:
-        actuator, table = read_model(model), read_bench_table(data)
+        actuator = read_model(model)
+        table = plausible_table(actuator, read_bench_table(data))
         result = add_effects(actuator, table, (effect, *others), options, say)
     record = result.to_dict() | {"data": data.name}
     provenance = dict(result.model.provenance)

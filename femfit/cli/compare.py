@@ -31,10 +31,11 @@ def compare(
     from femfit.diagnose.compare import compare_observations
     from femfit.diagnose.compare_text import comparison_lines
     from femfit.diagnose.observations import bench_observations
+    from femfit.diagnose.plausible import plausible_table
 
     with status("Reading") as say:
         actuator, base = _model(model), None if reference is None else _model(reference)
-        observations = bench_observations(actuator, read_bench_table(data))
+        observations = bench_observations(actuator, plausible_table(actuator, read_bench_table(data)))
         say("Comparing")
         comparison = compare_observations(observations, actuator, base)
     written = []

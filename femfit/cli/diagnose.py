@@ -39,12 +39,14 @@ def diagnose(
     from femfit.core.measurement_file import read_bench_table
     from femfit.diagnose.diagnose import DiagnosisOptions, examine
     from femfit.diagnose.observations import bench_observations
+    from femfit.diagnose.plausible import plausible_table
     from femfit.diagnose.text import diagnosis_lines
     from femfit.model.json_file import read_model
 
     options = DiagnosisOptions(exclude=exclude, bootstrap=bootstrap, seed=seed)
     with status("Reading") as say:
-        actuator, table = read_model(model), read_bench_table(data)
+        actuator = read_model(model)
+        table = plausible_table(actuator, read_bench_table(data))
         observations = bench_observations(actuator, table)
         examination = examine(observations, options, say)
         if report is not None:

@@ -25,6 +25,7 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
     from femfit.diagnose.diagnose import DiagnosisOptions, considered_effects, examine
     from femfit.diagnose.observations import bench_observations
     from femfit.diagnose.plan import examine_plan
+    from femfit.diagnose.plausible import plausible_table
     from femfit.diagnose.suggest import suggest_measurements
     from femfit.diagnose.text import plan_lines, suggestion_lines
     from femfit.model.json_file import read_model
@@ -37,7 +38,7 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
         return
     if data is None or plan is not None:
         raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
-    table = read_bench_table(data)
+    table = plausible_table(actuator, read_bench_table(data))
     with status("Diagnosing") as say:
         examination = examine(bench_observations(actuator, table), DiagnosisOptions(bootstrap=0), say)
         explanations = examination.explanations
