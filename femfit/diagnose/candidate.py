@@ -1,12 +1,14 @@
 """An explanation: one effect, or two, refitted within bounds and tested again."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from femfit.diagnose.diagnosis import Gate
 from femfit.diagnose.evidence import Evidence
 from femfit.diagnose.refit import Refit, refit
-from femfit.diagnose.scoring import Scored, further_effect, parameter_price
+from femfit.diagnose.scoring import Scored, further_effects, parameter_price
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,10 @@ class Candidate:
         The test after it.
     further : float
         Smallest p-value of a further effect beside it, times the number of effects.
+    start : tuple of Scored
+        The effects' columns and amplitudes that the refit began at.
+    beside : tuple of Scored
+        The other effects as they would go on from here, best first.
     """
 
     fit: Refit
@@ -32,6 +38,8 @@ class Candidate:
     excess: float
     gate: Gate
     further: float
+    start: tuple[Scored, ...]
+    beside: tuple[Scored, ...]
 
     def passes(self, level: float) -> bool:
         """Whether it leaves neither structure nor anything for a further effect to explain."""
@@ -59,13 +67,46 @@ def refitted_candidates(evidence: Evidence, starts: Sequence[Sequence[Scored]]) 
         constants = sum(p.shape for _, p in fit.free)
         price = parameter_price(fit.rest) * (fit.used - 0.5 * constants)
         fitted = fit.jacobian[:, ~fit.active]
+        beside, further = further_effects(evidence, fit.names, fit.rest, fitted)
         result.append(
             Candidate(
                 fit=fit,
                 cost=fit.chi2 + price,
                 excess=evidence.patterns.excess(fit.rest, fitted),
                 gate=evidence.patterns.test(fit.rest, fitted),
-                further=further_effect(evidence, fit.names, fit.rest, fitted),
+                further=further,
+                start=tuple(start),
+                beside=tuple(beside),
             )
         )
     return sorted(result, key=lambda one: one.cost)
+
+
+def forward_pairs(singles: Sequence[Candidate], leading: int, wanted: int) -> list[list[Scored]]:
+    """Pairs of a refitted effect and what goes on best from it.
+
+    A first-order score misses an effect whose shape constants are far from where its columns were taken; a refit does
+    not.
+
+    Parameters
+    ----------
+    singles : sequence of Candidate
+        Cheapest first.
+    leading : int
+        How many of them are continued.
+    wanted : int
+        With how many others each.
+
+    Returns
+    -------
+    list of list of Scored
+        Starting points of refits.
+    """
+    pairs = []
+    for one in singles[:leading]:
+        (columns, white, _, fall), (added,) = one.start[0], one.fit.effects
+        shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
+        amplitude = np.array([added.parameters[p.name] - p.null for p in columns.amplitudes])
+        first = (replace(columns, shape=shape), white, amplitude, fall)
+        pairs += [[first, second] for second in one.beside[:wanted]]
+    return pairs

@@ -1,6 +1,6 @@
 """What each effect would do to these readings, to first order."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -95,13 +95,13 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
     Returns
     -------
     list of EffectColumns
-        Shape constants at their usual value and at a quarter and three quarters of their usual range; combinations
+        Shape constants at their usual value, at the lower end and at three quarters of their usual range; combinations
         without any effect on these readings are left out.
     """
     constants = [p for p in effect.parameters if p.shape]
     grid = [
         dict(zip((p.name for p in constants), values, strict=True))
-        for values in product(*({p.null, *_quarters(p)} for p in constants))
+        for values in product(*(_trial_values(p) for p in constants))
     ]
     result = []
     for shape in grid:
@@ -113,9 +113,9 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
     return result
 
 
-def _quarters(p: EffectParameter) -> Iterable[float]:
+def _trial_values(p: EffectParameter) -> set[float]:
     low, high = p.sane
-    return (low + 0.25 * (high - low), low + 0.75 * (high - low))
+    return {p.null, low, low + 0.75 * (high - low)}
 
 
 def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.diagnose.candidate import Candidate, refitted_candidates
+from femfit.diagnose.candidate import Candidate, forward_pairs, refitted_candidates
 from femfit.diagnose.diagnosis import Gate, ScoredEffect, Verdict
 from femfit.diagnose.evidence import Evidence
-from femfit.diagnose.scoring import best_pairs, score_effects
+from femfit.diagnose.scoring import Scored, best_pairs, score_effects
 
 _KNOWN_MISFIT = 4.0
 """A structured misfit up to twice (in amplitude) the model's own to its sweep is no missing physics."""
@@ -32,24 +32,30 @@ class Levels:
         Below this p-value the second gate finds structure left.
     enough, enough_of_two : float
         Part of the structured excess that one name, or two, must explain where the second gate does not pass.
+    most, ahead : float
+        Part that one name must explain where no further effect adds anything, and by how much more than any other name.
     second : float
         Part that each of two effects must explain beyond the other.
     tie, tie_share : float
         Two explanations are not told apart where their weighted sums of squares differ by less than ``tie``, or by less
         than ``tie_share`` of what the better one explains.
-    refitted, paired : int
-        How many of the best single effects are refitted, and how many are tried in pairs with every other.
+    refitted, paired, continued : int
+        How many of the best single effects are refitted, how many are tried in pairs with every other to first order,
+        and how many refitted ones are continued by how many others.
     """
 
     gate: float = 0.01
     after: float = 0.005
     enough: float = 0.97
-    enough_of_two: float = 0.99
+    enough_of_two: float = 0.98
+    most: float = 0.7
+    ahead: float = 0.3
     second: float = 0.01
     tie: float = 9.0
     tie_share: float = 0.02
     refitted: int = 8
     paired: int = 8
+    continued: int = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +116,9 @@ def decide(evidence: Evidence, levels: Levels) -> Decision:
     chosen = _first_passing(singles, levels, excess)
     if chosen is not None:
         return _named("named", chosen, singles, levels, before, excess, scores)
-    pairs = refitted_candidates(evidence, best_pairs(rest, best, levels.paired, levels.refitted))
+    starts = best_pairs(rest, best, levels.paired, levels.refitted // 2)
+    starts += forward_pairs(singles, levels.continued, levels.continued)
+    pairs = refitted_candidates(evidence, _without_repeats(starts))
     pairs = [pair for pair in pairs if _both_needed(pair, singles, levels, excess)]
     chosen = _first_passing(pairs, levels, excess)
     if chosen is not None:
@@ -119,11 +127,26 @@ def decide(evidence: Evidence, levels: Levels) -> Decision:
         enough = [one for one in found if one.excess <= (1.0 - share) * excess]
         if enough:
             return _named("form_insufficient", min(enough, key=_cost), found, levels, before, excess, scores)
+    if _stands_alone(singles, levels, excess):
+        return _named("form_insufficient", singles[0], singles, levels, before, excess, scores)
     return Decision("unexplained", None, (), before, excess, scores, tuple(sorted(singles + pairs, key=_cost)))
 
 
 def _cost(candidate: Candidate) -> float:
     return candidate.cost
+
+
+def _stands_alone(singles: Sequence[Candidate], levels: Levels, excess: float) -> bool:
+    """Whether one effect explains most of the excess, no other comes near it, and none adds to it."""
+    if len(singles) < 2 or singles[0].further <= levels.after:
+        return False
+    left = [max(one.excess, 0.0) / excess for one in singles[:2]]
+    return left[0] <= 1.0 - levels.most and left[1] >= left[0] + levels.ahead
+
+
+def _without_repeats(starts: Sequence[list[Scored]]) -> list[list[Scored]]:
+    """One starting point for each pair of names, the later one: it begins at a refit."""
+    return list({frozenset(item[0].effect.name for item in start): start for start in starts}.values())
 
 
 def _first_passing(candidates: Sequence[Candidate], levels: Levels, excess: float) -> Candidate | None:

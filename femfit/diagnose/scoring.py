@@ -98,8 +98,10 @@ def _worth(item: Scored, price: float) -> float:
     return item[3] - price * len(item[0].amplitudes)
 
 
-def further_effect(evidence: Evidence, names: Sequence[str], rest: FloatArray, fitted: FloatArray) -> float:
-    """Whether a further effect explains anything beside fitted ones.
+def further_effects(
+    evidence: Evidence, names: Sequence[str], rest: FloatArray, fitted: FloatArray
+) -> tuple[list[Scored], float]:
+    """What further effects explain beside fitted ones.
 
     Parameters
     ----------
@@ -114,25 +116,32 @@ def further_effect(evidence: Evidence, names: Sequence[str], rest: FloatArray, f
 
     Returns
     -------
-    float
-        The smallest p-value, times the number of shapes that were tried (Bonferroni).
+    tuple of (list of Scored, float)
+        The other effects, best first; and the smallest p-value, times the number of shapes that were tried
+        (Bonferroni).
     """
     left = orthonormal_basis(fitted)
     rest = rest - left @ (left.T @ rest)
     smallest, tried, price = 1.0, 0, parameter_price(rest)
+    best: dict[str, Scored] = {}
     for one, white in evidence.columns:
-        if one.effect.name in names:
+        name = one.effect.name
+        if name in names:
             continue
         beside = white - left @ (left.T @ white)
         length, before = np.linalg.norm(beside, axis=0), np.linalg.norm(white, axis=0)
         seen = np.flatnonzero(length > _SEEN * before)
         tried += len(one.amplitudes)
-        if len(seen):
-            part = replace(one, amplitudes=tuple(one.amplitudes[k] for k in seen), columns=one.columns[:, seen])
-            best, _, _, fall = _best_shapes(part, beside[:, seen], rest, price)
-            p_value = tail_probability(fall, len(best.amplitudes), evidence.patterns.degrees_of_freedom)
-            smallest = min(smallest, p_value)
-    return min(1.0, tried * smallest)
+        if not len(seen):
+            continue
+        part = replace(one, amplitudes=tuple(one.amplitudes[k] for k in seen), columns=one.columns[:, seen])
+        found = _best_shapes(part, beside[:, seen], rest, price)
+        p_value = tail_probability(found[3], len(found[0].amplitudes), evidence.patterns.degrees_of_freedom)
+        smallest = min(smallest, p_value)
+        if name not in best or _worth(found, price) > _worth(best[name], price):
+            best[name] = found
+    listed = sorted(best.values(), key=lambda item: -_worth(item, price))
+    return listed, min(1.0, tried * smallest)
 
 
 def best_pairs(rest: FloatArray, best: Sequence[Scored], leading: int, wanted: int) -> list[list[Scored]]:
