@@ -6,7 +6,7 @@ from typing import Any
 from femfit.actuator.parts import Actuator
 from femfit.fem.layout import layout_of
 from femfit.fem.problem import prepare
-from femfit.fem.settings import SolverSettings
+from femfit.fem.settings import SolverSettings, settings_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +55,14 @@ def solve_point(
     current : float
         In A.
     settings : SolverSettings, optional
-        As those of the sweep; the defaults otherwise.
+        As those of the sweep; the actuator's own otherwise.
 
     Returns
     -------
     SolvedPoint
         To sample.
     """
-    settings = settings or SolverSettings()
+    settings = settings or settings_for(actuator)
     problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)
     field = problem.field(distance, current)
     return SolvedPoint(
