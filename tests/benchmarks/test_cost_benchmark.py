@@ -105,9 +105,9 @@ def page(points, unknowns):
         (
             f"Against unknowns, one distance at order 5: to the power {exponent(*unknowns[:-1].T):.2f} up to 100,000, "
             f"{exponent(*unknowns.T):.2f} with the largest; N log N has {exponent(n, n * np.log(n)):.2f}. A direct "
-            "factorisation in two dimensions ends at N^1.5; inner unknowns are condensed, which keeps that end far, though "
-            "the power is a little above N log N's; a mesh of 354,000, left out here because it takes minutes, raised it "
-            "to 1.17."
+            "factorisation in two dimensions ends at N^1.5; inner unknowns are condensed, which keeps that end far, "
+            "though the power is a little above N log N's; a mesh of 354,000, left out here because it takes minutes, "
+            "raised it to 1.17."
         ),
         "",
         "| unknowns | s | us an unknown |",
