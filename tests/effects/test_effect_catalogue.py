@@ -19,6 +19,7 @@ from femfit.effects.effect import AddedEffect, Conditions, Effect
 from femfit.effects.hall_offset import HALL_OFFSET
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
+from support.effects_page import PAGE, page
 
 DEMANDED = (
     "core_saturation",
@@ -193,3 +194,7 @@ def test_a_package_whose_effect_is_broken_is_named(third_party, value):
     third_party(broken=value)
     with pytest.raises(ModelFileError, match="broken"):
         effect_by_name("broken")
+
+
+def test_the_page_of_effects_says_what_the_catalogue_says():
+    assert PAGE.read_text(encoding="utf-8") == page(), "Write it anew: python tests/support/effects_page.py"

@@ -1,0 +1,262 @@
+"""Effects against computations that do not know their formulas: field solutions, superposition, play operators."""
+
+import dataclasses
+
+import magpylib
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, lsq_linear
+
+from femfit.actuator.parts import LinearMaterial
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import Conditions, Nominal
+from femfit.effects.jet import Jet
+from femfit.fem.layout import layout_of, stretch_groups
+from femfit.fem.problem import prepare
+from femfit.fem.settings import SolverSettings
+from femfit.model.with_effects import nominal_of
+from support.saturating import LIBRARY, rig_with_core
+
+QUICK = SolverSettings(order=3, corner_fraction=0.25)
+DISTANCES = (0.015, 0.019, 0.026, 0.036, 0.045)
+CURRENTS = np.linspace(-1.4, 1.4, 8)
+SCALES = {"force_N": 4e-4, "flux_linkage_Wb": 2e-5, "hall_T": 6e-5}  # noise of a good bench
+CURVE = LIBRARY["ferrite_k10"].material
+LINEAR = LinearMaterial("linear", relative_permeability=800.0)  # the curve's own beginning
+
+
+def solved(core, remanence=1.0):
+    """Force, flux linkage and Hall field of the rig; each of shape (distances, currents)."""
+    rig = rig_with_core(core, DISTANCES)
+    regions = tuple(
+        dataclasses.replace(r, material=dataclasses.replace(r.material, remanence_T=remanence * r.material.remanence_T))
+        for r in rig.moving.regions
+    )
+    rig = dataclasses.replace(
+        rig,
+        moving=dataclasses.replace(rig.moving, regions=regions),
+        sweep=dataclasses.replace(rig.sweep, currents_A=tuple(CURRENTS)),
+    )
+    layout, rows = layout_of(rig, QUICK), {}
+    for group in stretch_groups(DISTANCES, layout, QUICK):
+        problem = prepare(rig, group, layout, QUICK)
+        rows |= {d: problem.rows(d, rig.sweep.currents_A) for d in group}
+    return {name: np.array([rows[d][name] for d in DISTANCES]) for name in SCALES}
+
+
+def linear_jet(table):
+    """W' of a linear solution at its own distances: quadratic in the current, its slope the solved force."""
+    force, flux, hall = (np.polynomial.polynomial.polyfit(CURRENTS, table[n].T, 2) for n in SCALES)
+
+    def evaluate(d, i, n_d, n_i):
+        k = np.searchsorted(np.array(DISTANCES), d - 1e-9)
+        result = np.zeros((2, n_d + 1, n_i + 1, len(d)))
+        powers = {
+            (0, 0): [0 * flux[0], flux[0], 0.5 * flux[1]],  # up to what depends on the distance alone
+            (0, 1): [-force[0], -force[1], -force[2]],
+            (1, 0): [hall[0], hall[1], 0 * hall[0]],
+        }
+        for (c, a), terms in powers.items():
+            if a <= n_d:
+                polynomial = np.array([term[k] for term in terms])
+                for b in range(min(n_i, 2) + 1):
+                    factor = [1.0, 1.0, 0.5][b]
+                    slope = np.polynomial.polynomial.polyder(polynomial, b) if b else polynomial
+                    result[c, a, b] = factor * sum(s * i**n for n, s in enumerate(slope))
+        return Jet(result)
+
+    return evaluate
+
+
+@pytest.fixture(scope="module")
+def linear():
+    return solved(LINEAR)
+
+
+@pytest.fixture(scope="module")
+def nominal(linear, levitation_model):
+    return dataclasses.replace(
+        nominal_of(levitation_model),
+        current_min_A=-1.4,
+        force_N=np.abs(linear["force_N"]).max(),
+        flux_linkage_Wb=np.abs(linear["flux_linkage_Wb"]).max(),
+        inductance_H=float(np.ptp(linear["flux_linkage_Wb"][2]) / 2.8),
+    )
+
+
+GRID = [x.ravel() for x in np.meshgrid(DISTANCES, CURRENTS, indexing="ij")]
+
+
+def read(jet):
+    return {
+        "force_N": -jet.derivative(1, 0),
+        "flux_linkage_Wb": jet.derivative(0, 1),
+        "hall_T": jet.derivative(0, 0, 1),
+    }
+
+
+def changed(effect, base, nominal, parameters):
+    d, i = GRID
+    return read(effect.coenergy(base, d, i, 1, 1, Conditions(nominal), effect.null() | parameters))
+
+
+def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(linear, nominal):
+    effect, base, saturated = effect_by_name("core_saturation"), linear_jet(linear), solved(CURVE)
+    width = np.array([p.sane[1] - p.sane[0] for p in effect.parameters])
+    target = np.concatenate([(saturated[n] - linear[n]).ravel() / s for n, s in SCALES.items()])
+
+    def left(x):
+        values = dict(zip((p.name for p in effect.parameters), x * width, strict=True))
+        found = changed(effect, base, nominal, values)
+        return target - np.concatenate([(found[n] - linear[n].ravel()) / s for n, s in SCALES.items()])
+
+    low, high = (np.array([getattr(p, end) for p in effect.parameters]) / width for end in ("lower", "upper"))
+    start = np.array([p.null if p.shape else 0.1 * p.sane[1] for p in effect.parameters]) / width
+    fit = least_squares(left, start, bounds=(low, high), max_nfev=60)
+    assert np.sqrt(np.mean(target**2)) > 10.0  # what is described is large: ten times the noise
+    assert np.linalg.norm(fit.fun) < 0.05 * np.linalg.norm(target)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [("magnet_demagnetisation", {"loss": 0.08}), ("magnet_temperature", {"coefficient_per_K": -4e-3})],
+)
+def test_a_weaker_magnet_is_the_field_solution_with_less_remanence(name, parameters, linear, nominal):
+    effect, d = effect_by_name(name), GRID[0]
+    at = Conditions(nominal, magnet_temperature_C=np.full(len(d), 40.0))
+    found = read(effect.coenergy(linear_jet(linear), *GRID, 1, 1, at, effect.null() | parameters))
+    for channel, values in solved(LINEAR, remanence=0.92).items():
+        # Linear iron is exactly homogeneous; the solver's rounding is left
+        np.testing.assert_allclose(found[channel], values.ravel(), atol=1e-6 * np.abs(values).max())
+
+
+def on_axis(d, height, radius=0.0055, remanence=1.45):
+    """B_z on the axis at the distance d from a cylinder magnet's face (closed form)."""
+    return 0.5 * remanence * ((d + height) / np.hypot(d + height, radius) - d / np.hypot(d, radius))
+
+
+def test_a_demagnetised_layer_is_the_field_of_the_rest_of_the_magnet(nominal):
+    effect = effect_by_name("magnet_demagnetisation")
+
+    def base(d, i, n_d, n_i):
+        result = np.zeros((2, n_d + 1, n_i + 1, len(d)))
+        result[1, 0, 0] = on_axis(d, 0.005)
+        return Jet(result)
+
+    d = np.linspace(0.015, 0.045, 7)
+    values = effect.null() | {"layer_m": 5e-4, "magnet_height_m": 0.005}
+    found = effect.coenergy(base, d, np.zeros(7), 0, 0, Conditions(nominal), values).derivative(0, 0, 1)
+    exact, whole = on_axis(d + 5e-4, 0.0045), on_axis(d, 0.005)
+    # At three times its height a magnet is a dipole to within (height / distance)^2, 11 %, of this change's own half
+    np.testing.assert_allclose(found - whole, exact - whole, rtol=0.05)
+
+
+def offset_magnet(d, e):
+    """A coil of 30 loops below z = 0 at 1 A and a cylinder magnet above it, off the axis by e."""
+    loops = [
+        magpylib.current.Circle(diameter=0.03, current=1.0, position=(0, 0, -z)) for z in np.linspace(0, 0.015, 30)
+    ]
+    magnet = magpylib.magnet.Cylinder(polarization=(0, 0, 1.45), dimension=(0.011, 0.005), position=(e, 0, d + 0.0025))
+    force, _ = magpylib.getFT(loops, magnet, meshing=400)
+    return -float(np.sum(np.reshape(force, (-1, 3))[:, 2])), magpylib.getB(magnet, (0, 0, 0))[2]
+
+
+def test_a_lateral_offset_is_the_superposition_of_loops_in_three_dimensions(nominal):
+    effect, e = effect_by_name("lateral_misalignment"), 1.5e-3
+    nodes = 0.030 + 0.017 * np.cos(np.pi * (np.arange(12) + 0.5) / 12)
+    axis = np.array([offset_magnet(d, 0.0) for d in nodes])
+    force, field = (
+        np.polynomial.chebyshev.Chebyshev.fit(nodes, column, 11, domain=[0.013, 0.047]) for column in axis.T
+    )
+
+    def base(d, i, n_d, n_i):
+        result = np.zeros((2, n_d + 1, n_i + 1, len(d)))
+        factorial = np.cumprod([1.0, *range(1, n_d + 1)])
+        for a in range(n_d + 1):
+            if a:
+                slope = -(force.deriv(a - 1) if a > 1 else force)(d) / factorial[a]
+                result[0, a, 0] = i * slope
+                if n_i:
+                    result[0, a, 1] = slope
+            result[1, a, 0] = (field.deriv(a) if a else field)(d) / factorial[a]
+        return Jet(result)
+
+    d = np.array([0.016, 0.020, 0.028, 0.040])
+    values = effect.null() | {"offset_squared_m2": e**2}
+    found = effect.coenergy(base, d, np.ones(4), 1, 1, Conditions(nominal), values)
+    exact = np.array([offset_magnet(x, e) for x in d]) - np.stack([force(d), field(d)], axis=1)
+    # The next term of the expansion is (e/d)^2 / 2 of this one at the smallest distance
+    np.testing.assert_allclose(-found.derivative(1, 0) - force(d), exact[:, 0], rtol=0.03)
+    np.testing.assert_allclose(found.derivative(0, 0, 1) - field(d), exact[:, 1], rtol=0.03)
+
+
+def test_a_small_cores_attraction_falls_off_the_axis_as_the_image_share_says():
+    # A dipole at (e, d) polarises a small sphere: W' ~ B^2 ~ (4 d^2 + e^2) / (d^2 + e^2)^4; W'' = 168 / d^8
+    d, e = 1.0, 1e-3
+    fall = ((4 * d**2 + e**2) / (d**2 + e**2) ** 4 - 4 / d**6) / (-0.25 * e**2 * 168 / d**8)
+    share = next(p for p in effect_by_name("lateral_misalignment").parameters if p.name == "image_share")
+    assert share.null == pytest.approx(fall, abs=0.06)
+    assert share.sane[0] <= 0.0  # an infinite plate's image follows the magnet
+
+
+def test_the_family_of_inductance_describes_a_small_iron_body_before_a_coil(nominal):
+    # The body's moment grows with the coil's field on the axis and is seen through the same field
+    effect, d = effect_by_name("position_dependent_inductance"), np.linspace(0.015, 0.045, 16)
+    seen = 0.01**4 / (0.01**2 + (d + 0.0075) ** 2) ** 3
+
+    def base(d, i, n_d, n_i):
+        return Jet(np.zeros((2, n_d + 1, n_i + 1, len(d))))
+
+    columns = [
+        effect.coenergy(base, d, np.ones(16), 0, 1, Conditions(nominal), effect.null() | {p.name: 1.0}).derivative(0, 1)
+        for p in effect.amplitudes
+    ]
+    fit = lsq_linear(np.stack(columns, axis=1), seen)
+    assert np.linalg.norm(fit.fun) < 0.03 * np.linalg.norm(seen)
+
+
+def played(current, thresholds, weights):
+    """A sum of play operators over three equal cycles, of which the last is returned."""
+    total = np.zeros(len(current))
+    for threshold, weight in zip(thresholds, weights, strict=True):
+        state = 0.0
+        for _ in range(3):
+            track = []
+            for value in current:
+                state = min(max(state, value - threshold), value + threshold)
+                track.append(state)
+        total += weight * np.array(track)
+    return total
+
+
+def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
+    effect = effect_by_name("hysteresis")
+    rising = np.linspace(-1.4, 1.4, 281)
+    fine = np.concatenate([rising, rising[::-1]])
+    seen = np.concatenate([np.arange(0, 281, 20), 281 + np.arange(0, 281, 20)])
+    i, branch = fine[seen], np.repeat([1.0, -1.0], 15)
+    loop = played(fine, (0.05, 0.15, 0.4), (0.5, 0.3, 0.2))[seen] - i
+    at = Conditions(nominal, branch=branch, current_turn_A=(-1.4, 1.4))
+
+    def base(d, i, n_d, n_i):  # lambda = i
+        return Jet(
+            np.stack([np.stack([[0.5 * i**2, i, 0 * i + 0.5, 0 * i][: n_i + 1]] * 1), np.zeros((1, n_i + 1, len(i)))])
+        )
+
+    def column(name):
+        linkage = effect.coenergy(base, i, i, 0, 1, at, effect.null() | {name: 1.0}).derivative(0, 1)
+        return linkage - i
+
+    # A straight line is the base's own
+    columns = np.stack([*(column(p.name) for p in effect.amplitudes), i, np.ones(30)], axis=1)
+    low = [p.lower for p in effect.amplitudes] + [-np.inf] * 2
+    high = [p.upper for p in effect.amplitudes] + [np.inf] * 2
+    fit = lsq_linear(columns, loop, bounds=(low, high))
+    straight = loop - np.polyval(np.polyfit(i, loop, 1), i)
+    assert np.linalg.norm(fit.fun) < 0.07 * np.linalg.norm(straight)
+
+
+def test_every_quantity_that_a_parameter_is_a_part_of_is_known(nominal):
+    known = {field.name for field in dataclasses.fields(Nominal)} | {"current_scale"}
+    for name in ("force_offset", "current_offset", "hysteresis", "driver_dead_zone", "end_stop_contact"):
+        assert {p.of for p in effect_by_name(name).amplitudes} <= known
