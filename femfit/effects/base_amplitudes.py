@@ -14,14 +14,14 @@ IEC 60404-8-1 (2015), table of NdFeB grades: remanence within some 3 %; IEC 6031
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.magnet_temperature import remanence_scaled
 
 PRIOR_SD = 0.02
 """Standard deviation of each relative error before anything is measured."""
 
 
 def _magnet(base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters) -> Jet:
-    s = 1.0 + p["remanence_error"]
-    return (s * s) * base(d, i / s, n_d, n_i).scaled(current=1.0 / s, hall=1.0 / s)
+    return remanence_scaled(base, 1.0 + p["remanence_error"], d, i, n_d, n_i)
 
 
 def _turns(base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters) -> Jet:
