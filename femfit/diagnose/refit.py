@@ -176,11 +176,11 @@ def refit(
         inner,
         bounds=(low, high),
         method="trf",
-        x_scale=0.1,
+        x_scale="jac",
         diff_step=np.full(len(x0), 1e-5),
         xtol=1e-6,
         ftol=1e-8,
-        max_nfev=30,
+        max_nfev=60,
     )
     x, best = solution.x, rest(solution.x)
     active, jacobian = (x - low < 1e-5) | (high - x < 1e-5), np.asarray(solution.jac)[: len(best)]
@@ -189,10 +189,10 @@ def refit(
 
 
 def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[AddedEffect, ...]:
-    """The effects with 95 % intervals of the parameters off their bounds, from the curvature at the optimum."""
+    """The effects with 95 % intervals of what moves the prediction and is off its bounds, from the curvature."""
     intervals: list[dict[str, tuple[float, float]]] = [{} for _ in fit.effects]
     half = stats.norm.isf(0.025) * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    for j in np.flatnonzero(~fit.active):
+    for j in np.flatnonzero(~fit.active & np.any(fit.jacobian != 0.0, axis=0)):
         k, p = fit.free[j]
         intervals[k][p.name] = (float((x[j] - half[j]) * width[j]), float((x[j] + half[j]) * width[j]))
     return tuple(AddedEffect(a.effect, a.parameters, ci) for a, ci in zip(fit.effects, intervals, strict=True))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
+from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.trial.campaign.noise import Meter, measured
 from femfit.trial.truth.thermal import COPPER_PER_K, REFERENCE_C, ThermalNetwork, heat
@@ -60,7 +61,7 @@ def measure(truth: ActuatorModel, bench: VirtualBench, random: np.random.Generat
     Parameters
     ----------
     truth : ActuatorModel
-        With circuit; the Hall output is read where it has a sensor.
+        With circuit, whose resistance holds at ``coil_temperature_C``; the Hall output is read where it has a sensor.
     bench : VirtualBench
         What is done.
     random : Generator
@@ -71,7 +72,8 @@ def measure(truth: ActuatorModel, bench: VirtualBench, random: np.random.Generat
     DataFrame
         A bench table as ``femfit diagnose`` reads it.
     """
-    box, resistance = truth.validity, truth.require_circuit().resistance_ohm
+    box = truth.validity
+    cold = truth.require_circuit().resistance_ohm / _copper(np.asarray(truth.coil_temperature_C))
     margin = 0.02 * (box.distance_max_m - box.distance_min_m)
     distance = np.round(np.geomspace(box.distance_min_m + margin, box.distance_max_m - margin, bench.distances), 6)
     rising = np.round(np.linspace(box.current_min_A, box.current_max_A, bench.currents), 6)
@@ -98,7 +100,7 @@ def measure(truth: ActuatorModel, bench: VirtualBench, random: np.random.Generat
     values = {
         "force_N": state.force,
         "flux_linkage_Wb": truth.magnetics.flux_linkage(place, current),
-        "voltage_V": resistance * (1.0 + COPPER_PER_K * (warm.coil - REFERENCE_C)) * current,
+        "voltage_V": cold * _copper(warm.coil) * current,
     }
     if truth.sensor is not None:
         values["hall_V"] = truth.sensor.voltage(place, current)
@@ -106,3 +108,8 @@ def measure(truth: ActuatorModel, bench: VirtualBench, random: np.random.Generat
         meter = Meter(bench.noise[name] * float(np.ptp(value)), bench.correlation, 1.3 * float(np.abs(value).max()))
         rows[name] = measured(value, meter, run, random)
     return rows
+
+
+def _copper(temperature: FloatArray) -> FloatArray:
+    """Resistance of copper over that at 20 degC."""
+    return np.asarray(1.0 + COPPER_PER_K * (temperature - REFERENCE_C))
