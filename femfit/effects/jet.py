@@ -136,11 +136,13 @@ class Jet:
         n_d, n_i = (min(pair) for pair in zip(self.orders, other.orders, strict=True))
         x, y = self.coefficients, other.coefficients
         result = np.zeros((2, n_d + 1, n_i + 1, *np.broadcast_shapes(x.shape[3:], y.shape[3:])))
+        hall = x[1].any() or y[1].any()  # two thirds of the work, and a model without effects on the element has none
         for a in range(n_d + 1):
             for b in range(n_i + 1):
                 rest = (slice(None, n_d + 1 - a), slice(None, n_i + 1 - b))
                 result[0, a:, b:] += x[0, a, b] * y[0][rest]
-                result[1, a:, b:] += x[0, a, b] * y[1][rest] + x[1, a, b] * y[0][rest]
+                if hall:
+                    result[1, a:, b:] += x[0, a, b] * y[1][rest] + x[1, a, b] * y[0][rest]
         return Jet(result)
 
 
