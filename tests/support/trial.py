@@ -4,6 +4,9 @@ import numpy as np
 
 from femfit.trial.truth.bench import Points
 
+FAMILIES = ("core", "magnets", "layer", "ring")
+"""Field solutions that the tests of the trial use."""
+
 
 def points_at(distance, current, coil_C=20.0, magnet_C=20.0, element_C=20.0):
     n = len(distance)

@@ -6,11 +6,21 @@ import pytest
 
 from femfit.actuator.load import read_actuator
 from femfit.trial.truth.families import load_truth
-
-GEOMETRY = Path(__file__).parents[2] / "geometry"
+from support.trial import FAMILIES
 
 
 @pytest.fixture(scope="session")
-def rig_truth(tmp_path_factory):
-    actuator = read_actuator(GEOMETRY / "emaws-rig.toml")
-    return load_truth(actuator, tmp_path_factory.mktemp("tables"), {"core", "magnets", "layer", "ring"}, workers=1)
+def trial_directory(tmp_path_factory):
+    """Of a small trial, with the rig's drawing: fewer points in its sweep, which is smooth."""
+    directory = tmp_path_factory.mktemp("trial")
+    text = (Path(__file__).parents[2] / "geometry" / "emaws-rig.toml").read_text()
+    for old, new in (("step = 0.2 }", "step = 0.7 }"), ("step = 0.5 }", "step = 1.5 }")):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (directory / "rig.toml").write_text(text)
+    return directory
+
+
+@pytest.fixture(scope="session")
+def rig_truth(trial_directory):
+    return load_truth(read_actuator(trial_directory / "rig.toml"), trial_directory / "tables", FAMILIES, workers=1)

@@ -77,3 +77,10 @@ def test_keys_are_sealed_and_the_files_are_what_the_reader_reads(rig_truth, tmp_
     path.write_text(json.dumps(key | {"effects": []}))
     with pytest.raises(RunDirectoryError, match="was changed"):
         read_key(tmp_path, 7, commitment)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_a_zero_error_of_the_stage_is_no_re_mount_like_the_others(rig_truth, number):
+    key = make_case(rig_truth, Order(number, "emaws-rig", ("distance_offset",), 1.0, 3)).key
+    mounts = key["plan"]["runs"] * key["plan"]["mounts_per_run"]
+    assert key["effects"][0]["size"] >= 3.99 * key["plan"]["mount_m"] / mounts**0.5

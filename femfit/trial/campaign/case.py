@@ -109,6 +109,7 @@ def make_case(truth: Truth, order: Order) -> Case:
         if sizes is not None:
             meters = {name: replace(meter, sigma=meter.sigma * sizes[1]) for name, meter in meters.items()}
             effects = list(zip(hidden, sizes[0], strict=True))
+            plan, options = _told_from_mounts(plan, options, effects)
             return _measure(truth, order, (plan, options, complete), effects, meters, generator)
     raise DomainError(
         f"Case {order.number} must let {' and '.join(order.effects)} reach {order.level:g} noise sigmas; no campaign "
@@ -138,6 +139,21 @@ def _sizes(
         if np.isfinite(sizes).all():
             return sizes, factor
     return None
+
+
+def _told_from_mounts(
+    plan: Plan, options: PlanOptions, effects: Sequence[tuple[Hidden, float]]
+) -> tuple[Plan, PlanOptions]:
+    """The plan with mounts so repeatable that a zero error of the stage stands out of their mean by four deviations.
+
+    One that does not is a re-mount like the others, and nobody could know it.
+    """
+    for hidden, size in effects:
+        if hidden.name == "distance_offset" and options.mount_m > 0.0:
+            largest = size * np.sqrt(options.runs * options.mounts_per_run) / 4.0
+            share = min(1.0, float(largest / options.mount_m))
+            return replace(plan, remount=share * plan.remount), replace(options, mount_m=share * options.mount_m)
+    return plan, options
 
 
 def _measure(

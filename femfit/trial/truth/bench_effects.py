@@ -54,7 +54,7 @@ BENCH_EFFECTS: Mapping[str, Entry] = {
     "magnet_demagnetisation": Entry(magnetics.magnet_demagnetisation, _ALL, (_D,), "layer"),
     "position_dependent_inductance": Entry(magnetics.position_dependent_inductance, _FIELD, (_D, _I), "ring"),
     "lateral_misalignment": Entry(magnetics.lateral_misalignment, _ALL, (_D,)),
-    "external_field": Entry(magnetics.external_field, _ALL, (_D, _I), "core"),
+    "external_field": Entry(magnetics.external_field, ("hall_V",), (_D, _I), "core"),
     "coil_temperature": Entry(
         bench.coil_temperature, ("voltage_V",), ("coil_temperature_C", _I), column="coil_temperature_C"
     ),

@@ -33,19 +33,30 @@ def core_saturation(truth: Truth, generator: np.random.Generator) -> Hidden:
 
 
 def hysteresis(truth: Truth, generator: np.random.Generator) -> Hidden:
-    """A core that remembers its currents: Preisach relays along the actual history set its remanence."""
+    """A core that remembers its currents: Preisach relays along the actual history set its remanence.
+
+    In half of the campaigns the current is cycled before each run, in the others a run starts demagnetised.
+    """
     family = truth.families["core"]
     scale = max(map(abs, truth.actuator.sweep.currents_A))
     coercive, interaction, spread = generator.uniform([0.1, 0.25, 0.3], [0.25, 0.5, 0.6])
+    cycles = int(generator.choice([0, 3]))
 
     def field(size: float, at: Points) -> Fields:
         relays = relay_ensemble(coercive * scale, interaction * scale, spread)
         memory = np.empty(len(at.current))
-        for run in np.unique(at.run):  # demagnetised before each run
-            memory[at.run == run] = relays.irreversible(at.current[at.run == run])
+        for run in np.unique(at.run):
+            during = at.current[at.run == run]
+            before = np.tile([during.max(), during.min()], cycles)
+            memory[at.run == run] = relays.irreversible(np.concatenate([before, during]))[len(before) :]
         return family.change(size * memory, at.distance, at.current)
 
-    constants = {"coercive": float(coercive), "interaction": float(interaction), "spread": float(spread)}
+    constants = {
+        "coercive": float(coercive),
+        "interaction": float(interaction),
+        "spread": float(spread),
+        "cycles_before": float(cycles),
+    }
     return Hidden("hysteresis", typical=0.02, limit=1.0, unit="T", fields=field, constants=constants)
 
 

@@ -1,0 +1,42 @@
+"""The hidden-effect trial itself, with few cases: the whole way from the drawing to the table."""
+
+import csv
+import json
+
+import pytest
+
+from femfit.trial.run import TrialOptions, make_trial, run_trial, write_cases_csv
+from femfit.trial.table import trial_table
+from support.trial import FAMILIES
+
+
+@pytest.fixture(scope="module")
+def judged(trial_directory, rig_truth):
+    options = TrialOptions(cases=14, seed=4, workers=1, baselines=False, withhold=False, families=FAMILIES)
+    commitments = make_trial([trial_directory / "rig.toml"], trial_directory, options)
+    return run_trial(trial_directory, commitments, options)
+
+
+def test_nothing_is_named_where_nothing_is_hidden(judged):
+    # 2 % may be named: one of the four cases in 8 % of seeds, two in 0.2 %
+    clean = [j for j in judged if not j.effects]
+    assert len(clean) >= 4
+    assert sum(bool(j.named) for j in clean) <= 1
+
+
+def test_what_is_hidden_is_mostly_found(judged):
+    # 97 % of single effects are asked for: fewer than four of five in a handful is no chance
+    single = [j for j in judged if len(j.effects) == 1 and j.level >= 1.0]
+    assert len(single) >= 3
+    assert sum(j.in_class[0] for j in single) >= 0.8 * len(single)
+
+
+def test_every_case_is_answered_and_listed(judged, trial_directory):
+    assert [j.case for j in judged] == list(range(1, 15))
+    assert "error" not in {j.verdict for j in judged}
+    answers = json.loads((trial_directory / "answers" / "0001.json").read_text())
+    assert answers["full"]["verdict"] == judged[0].verdict
+    write_cases_csv(judged, trial_directory / "cases.csv")
+    with (trial_directory / "cases.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == 14
+    assert {line.group for line in trial_table(judged)} >= {"no effect", "two effects"}
