@@ -146,13 +146,15 @@ def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, 
     seen = (vectors[:, keep].T @ (z.T @ y)) / np.sqrt(values[keep])
     mounts = len(np.unique(observations.column("mount")))
     runs = np.array([len(np.unique(observations.column("run")[observations.of(name)])) for name in noise.channels])
-    group = np.concatenate([np.zeros(mounts, dtype=int), np.repeat(1 + np.arange(len(runs)), runs)])
+    group = np.concatenate([np.zeros(2 * mounts, dtype=int), np.repeat(1 + np.arange(len(runs)), runs)])
+    second = np.concatenate([np.zeros(mounts), np.ones(mounts), np.zeros(int(runs.sum()))]).astype(bool)
     prior = np.concatenate([[_PRIOR_MOUNT_M], _PRIOR_RUN * noise.sigma])
     weight = np.concatenate([[_PRIOR_MOUNT_DOF], np.full(len(runs), _PRIOR_RUN_DOF)])
 
     def cost(log_scale: FloatArray) -> float:
         variance = (prior * np.exp(log_scale)) ** 2
-        total = (root * variance[group]) @ root.T + np.eye(len(root))
+        each = np.where(second, 3.0 * variance[0] ** 2, variance[group])
+        total = (root * each) @ root.T + np.eye(len(root))
         _, log_determinant = np.linalg.slogdet(total)
         fit = log_determinant + seen @ np.linalg.solve(total, seen)
         return float(fit + np.sum(weight * (2.0 * log_scale + np.exp(-2.0 * log_scale))))

@@ -47,6 +47,8 @@ class Observations:
         Further effects -> what the model with them predicts, shape (M,).
     distance_slope : array, shape (M,)
         Change of each reading per metre of distance: what a re-mount changes.
+    distance_curvature : array, shape (M,)
+        Change of that per metre: what a re-mount changes where the force grows steeply.
     nominal : Nominal
         Of the base model.
     declared_noise : mapping of str to float
@@ -67,6 +69,7 @@ class Observations:
     given: tuple[str, ...]
     predict: Predict
     distance_slope: FloatArray
+    distance_curvature: FloatArray
     nominal: Nominal
     declared_noise: Mapping[str, float]
     tolerance: FloatArray
@@ -111,6 +114,7 @@ class Observations:
             row=self.row[keep],
             value=self.value[keep],
             distance_slope=self.distance_slope[keep],
+            distance_curvature=self.distance_curvature[keep],
             tolerance=self.tolerance[keep],
             predict=lambda effects: predict(effects)[keep],
         )
@@ -191,7 +195,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
     ahead, behind = (predict_readings(model, d + s, i, at) for s in (step, -step))
     slope = (stacked(ahead) - stacked(behind)) / (2.0 * step)
-    tolerance = _tolerance(model)
+    curvature = (stacked(ahead) - 2.0 * stacked(reading) + stacked(behind)) / step**2
+    tolerance = model_tolerance(model)
     return Observations(
         channels=channels,
         channel=channel,
@@ -201,6 +206,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         given=table.given,
         predict=predict,
         distance_slope=slope,
+        distance_curvature=curvature,
         nominal=nominal,
         declared_noise=table.declared_noise,
         tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[channel],
@@ -294,8 +300,19 @@ def _covariates(rows: pd.DataFrame) -> pd.DataFrame:
     ).fillna({"branch": 0.0})
 
 
-def _tolerance(model: ActuatorModel) -> dict[str, float]:
-    """Misfit of the model to the sweep that it was fitted to, per channel."""
+def model_tolerance(model: ActuatorModel) -> dict[str, float]:
+    """Misfit of a model to the sweep that it was fitted to.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Any.
+
+    Returns
+    -------
+    dict of str to float
+        Root mean square per channel of a bench that is known.
+    """
     misfit, sensor = model.misfit, model.sensor
     if misfit is None:
         return {}

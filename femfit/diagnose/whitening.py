@@ -170,12 +170,14 @@ def random_columns(observations: Observations, mount_m: float, run: FloatArray) 
     Returns
     -------
     tuple of array, shapes (M, q) and (q,)
-        One column a mount, then one a channel and run.
+        One column a mount to first order, one to second, then one a channel and run.
     """
     mount, runs = observations.column("mount").astype(int), observations.column("run").astype(int)
     mounts = np.unique(mount)
-    columns = [(mount[:, None] == mounts) * observations.distance_slope[:, None]]
-    deviations = [np.full(len(mounts), mount_m)]
+    here = mount[:, None] == mounts
+    columns = [here * observations.distance_slope[:, None], 0.5 * here * observations.distance_curvature[:, None]]
+    # The square of a normal error of variance s^2 has the root mean square sqrt(3) s^2
+    deviations = [np.full(len(mounts), mount_m), np.full(len(mounts), np.sqrt(3.0) * mount_m**2)]
     for c in range(len(observations.channels)):
         here = observations.channel == c
         there = np.unique(runs[here])
