@@ -18,6 +18,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
     ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
     ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
+    ("audit", "femfit.cli.audit:audit", "Check a model or a published parameter set on its own."),
     ("compare", "femfit.cli.compare:compare", "How far a model is from measurements, against their noise, and where."),
     (
         "diagnose",
