@@ -64,8 +64,10 @@ def refitted_candidates(evidence: Evidence, starts: Sequence[Sequence[Scored]]) 
     result = []
     for start in starts:
         fit = refit(evidence.observations, evidence.whitening, [(one, amplitude) for one, _, amplitude, _ in start])
+        # A constant that ended at its bound was searched for as well; it matters less than an amplitude
+        amplitudes = sum(not p.shape and not bound for (_, p), bound in zip(fit.free, fit.active, strict=True))
         constants = sum(p.shape for _, p in fit.free)
-        price = parameter_price(fit.rest) * (fit.used - 0.5 * constants)
+        price = parameter_price(fit.rest) * (amplitudes + 0.5 * constants)
         fitted = fit.jacobian[:, ~fit.active]
         beside, further = further_effects(evidence, fit.names, fit.rest, fitted)
         result.append(

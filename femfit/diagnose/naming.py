@@ -52,7 +52,7 @@ class Levels:
     ahead: float = 0.3
     second: float = 0.01
     tie: float = 9.0
-    tie_share: float = 0.02
+    tie_share: float = 0.01
     refitted: int = 8
     paired: int = 8
     continued: int = 3

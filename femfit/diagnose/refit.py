@@ -69,11 +69,6 @@ class Refit:
         return float(self.rest @ self.rest)
 
     @property
-    def used(self) -> int:
-        """Number of parameters that do not stand at a bound."""
-        return int(np.count_nonzero(~self.active))
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Of the effects."""
         return tuple(added.effect.name for added in self.effects)
