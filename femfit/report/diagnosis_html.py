@@ -81,7 +81,7 @@ def _summary(content: DiagnosisContent) -> tuple[Markup, ...]:
         "unexplained": "Something is missing, and none of the catalogue's effects explains it.",
         "compare_only": "The data can be compared with the model, but without a noise floor nothing can be named.",
     }
-    said = [text("<strong>Verdict.</strong> {}", verdicts[diagnosis.verdict].replace(" is missing from", _is(content)))]
+    said = [text("<strong>Verdict.</strong> {}", _plural(verdicts[diagnosis.verdict], len(names.split())))]
     if diagnosis.where.channel:
         said.append(text("<strong>Where.</strong> {}", diagnosis.where.sentence))
     members = [" and ".join(one.members) for one in diagnosis.missing if len(one.members) > 1]
@@ -112,8 +112,13 @@ def _summary(content: DiagnosisContent) -> tuple[Markup, ...]:
     return tuple(said)
 
 
-def _is(content: DiagnosisContent) -> str:
-    return " is missing from" if len(content.diagnosis.missing) == 1 else " are missing from"
+def _plural(sentence: str, words: int) -> str:
+    """A sentence about one effect as one about several."""
+    if words < 2:
+        return sentence
+    for one, several in ((" is missing from", " are missing from"), ("with it", "with them"), ("explains", "explain")):
+        sentence = sentence.replace(one, several)
+    return sentence.replace("its exact form", "their exact form")
 
 
 def _provenance(content: DiagnosisContent) -> Section:

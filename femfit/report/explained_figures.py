@@ -54,11 +54,13 @@ def ranking_figure(
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
     axes.set(xlim=(0.0, 104.0), xlabel="structured misfit explained, each effect alone (%)")
-    axes.plot([], [], "o", color=INK, markersize=4.5, label="on runs left out")
+    if any(np.isfinite(s.error_fall) for s in shown):
+        axes.plot([], [], "o", color=INK, markersize=4.5, label="on runs left out")
     for colour, label in ((VERMILION, "named"), (ORANGE, "not told from it")):
         if colour in colours:
             axes.barh([0], [0], color=colour, label=label)
-    axes.legend(loc="lower right")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower right")
     return figure
 
 

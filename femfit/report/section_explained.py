@@ -5,6 +5,7 @@ from markupsafe import Markup
 
 from femfit.diagnose.diagnosis import NamedEffect
 from femfit.effects.catalogue import all_effects
+from femfit.effects.effect import EffectParameter
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.embed import svg_uri
 from femfit.report.explained_figures import ranking_figure
@@ -95,7 +96,7 @@ def _named_table(one: NamedEffect) -> DataTable:
             (
                 name,
                 significant(value, 4),
-                f"{significant(low, 3)} … {significant(high, 3)}" if np.isfinite(low) else "at its bound",
+                f"{significant(low, 3)} … {significant(high, 3)}" if np.isfinite(low) else _no_interval(value, p),
                 f"{plain(p.sane[0])} … {plain(p.sane[1])}" if p else NOTHING,
                 formula_markup(p.unit) if p else "",
                 p.description if p else "",
@@ -113,6 +114,12 @@ def _named_table(one: NamedEffect) -> DataTable:
         ("parameter", "fitted", "95 % interval", "usual", "unit", "what it is"),
         tuple(rows),
     )
+
+
+def _no_interval(value: float, parameter: EffectParameter | None) -> str:
+    if parameter is None or parameter.shape or value not in {parameter.lower, parameter.upper}:
+        return NOTHING
+    return "at its bound"
 
 
 def alternatives_section(content: DiagnosisContent) -> Section | None:
