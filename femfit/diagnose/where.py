@@ -9,8 +9,8 @@ from femfit.diagnose.patterns import Patterns, smooth_patterns
 from femfit.diagnose.region import describe_region
 from femfit.diagnose.whitening import Whitening, orthonormal_basis
 
-_LEAST_SHARE = 0.1
-"""Part of a channel's structured excess that a covariate must add to be reported."""
+_LEAST_SHARE = 0.05
+"""Part of a channel's structure that a covariate must add to be reported."""
 
 _ALIASES = {"elapsed": "order"}
 """Clocks that mean the same to a reader."""
@@ -19,9 +19,7 @@ _ALIASES = {"elapsed": "order"}
 def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     """Find the channel with the most structured misfit over its noise, its covariates, and a sentence.
 
-    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs; channel
-    and covariates are chosen with the noise along runs whitened alone, since a misfit along the distance looks to the
-    full whitening like re-mounts and would be passed over.
+    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs.
 
     Parameters
     ----------
@@ -36,8 +34,8 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
         Covariates in the order in which they explain the structure; none where the misfit is the same everywhere.
     """
     patterns = smooth_patterns(observations)
-    smooth = structured_misfit(patterns, whitening.full(patterns.columns), whitening.full(observations.residual))
-    columns, rest = whitening.serial(patterns.columns), whitening.serial(observations.residual)
+    columns, rest = whitening.full(patterns.columns), whitening.full(observations.residual)
+    smooth = structured_misfit(patterns, columns, rest)
     counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
     excess = np.array([_excess(columns[:, patterns.channel == c], rest) for c in range(len(counts))])
     worst = int(np.argmax(excess / counts))
@@ -73,8 +71,8 @@ def _covariates(
 ) -> tuple[str, ...]:
     """Covariates in the order in which each adds most to what the ones before explain with their products.
 
-    The gain of a covariate is the geometric mean of two shares: of the structure, and of its excess over noise. The
-    first alone follows the noise, the second alone the readings that are many.
+    The gain of a covariate is the geometric mean of two shares: of the structure, and of its excess over noise, mounts
+    and runs. The first alone follows the noise, the second alone is blind to what re-mounts look like as well.
     """
     here = np.flatnonzero(patterns.channel == channel)
     rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
