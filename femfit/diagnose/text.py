@@ -11,8 +11,8 @@ _SHOWN = 8
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise.",
-    "named": "Missing: {names}. With it the misfit is within the noise.",
-    "form_insufficient": "Missing: {names}. It explains nearly all of the misfit, but not its exact form.",
+    "named": "Missing: {names}. With {it} the misfit is within the noise.",
+    "form_insufficient": "Missing: {names}, which explains most of the misfit, but not its exact form.",
     "unexplained": "Something is missing, and it is no effect of the catalogue nor any two of them.",
     "compare_only": "These data can be compared, but nothing can be said to be missing.",
 }
@@ -33,7 +33,8 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     """
     lines = [*_could_show(diagnosis), *_misfit(diagnosis)]
     names = " and ".join(one.name for one in diagnosis.missing)
-    lines.append(_VERDICTS[diagnosis.verdict].format(names=names))
+    it = "them" if len(diagnosis.missing) > 1 else "it"
+    lines.append(_VERDICTS[diagnosis.verdict].format(names=names, it=it))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
     for one in diagnosis.missing:
