@@ -140,7 +140,8 @@ def _where(key: Mapping[str, Any], where: Mapping[str, Any]) -> tuple[bool, bool
     constant = False
     for effect in key["effects"]:
         most = max(effect["over_noise"].values())
-        channels |= {name for name, size in effect["over_noise"].items() if size >= _SHOWN * most}
+        shown = {name for name, size in effect["over_noise"].items() if size >= _SHOWN * most}
+        channels |= set(effect.get("channels", shown))  # of a time series, the balances in which it shows
         along |= set(effect["along"])
         constant |= not effect["along"]
     given: Sequence[str] = where["covariates"]

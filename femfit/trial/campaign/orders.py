@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from femfit.trial.campaign.case import LEVELS, Order
+from femfit.trial.truth.bench_effects import twins_of
 
 SHARES = {0: 0.3, 1: 0.45, 2: 0.25}
 """Part of the cases with so many effects."""
@@ -43,7 +44,9 @@ def draw_orders(possible: Mapping[str, Sequence[str]], cases: int, seed: int) ->
             actuator = str(generator.choice([a for a in names if name in possible[a]]))
             effects = (name,)
         elif count == 2:
-            effects = tuple(str(name) for name in generator.choice(possible[actuator], 2, replace=False))
+            first = str(generator.choice(possible[actuator]))
+            others = [name for name in possible[actuator] if name not in twins_of(first)]  # two twins are one effect
+            effects = (first, str(generator.choice(others)))
         level = float(generator.choice(LEVELS)) if count else 0.0
         result.append(Order(number, actuator, effects, level, seed))
     return result

@@ -189,7 +189,7 @@ def window_change(
     starts = np.arange(0, len(trajectory.voltage) - samples, samples)
     here = trajectory.state[starts].reshape(-1, trajectory.state.shape[2])
     pushes = np.stack([trajectory.voltage[starts + k].ravel() for k in range(samples)])
-    states = [here, here.copy()]
+    states = [here, changed.warmed(here)]
     result: dict[str, list[FloatArray]] = {"distance_m": [], "current_A": [], "hall_V": []}
     for push in pushes:
         states = [plant.step(state, push, time_s) for plant, state in zip((plain, changed), states, strict=True)]

@@ -13,7 +13,7 @@ from femfit.trial.truth.drawing_variants import moves_magnet
 from femfit.trial.truth.families import Truth
 
 Build = Callable[[Truth, np.random.Generator], Hidden]
-"""Signature of every hidden truth: (actuator's field solutions, source of randomness for its shape) -> what is hidden."""
+"""Signature of every hidden truth: (actuator's field solutions, randomness for its shape) -> what is hidden."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ R. L. Stoll, The Analysis of Eddy Currents (Clarendon, 1974), chapter 2.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebval
 
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import GRAVITY
@@ -94,8 +93,15 @@ class MovingTruth:
         state = np.zeros((len(distance), 8))
         state[:, 0], state[:, _CURRENT] = distance, current
         state[:, _EDDY] = current[:, None]
+        state = self.warmed(state)
         state[:, _SEEN] = self._hall(state)
         return state
+
+    def warmed(self, state: FloatArray) -> FloatArray:
+        """A state whose winding has carried its current for long, shape (runs, 8)."""
+        result = state.copy()
+        result[:, _HEAT] = self.body.warming_K * state[:, _CURRENT] ** 2
+        return result
 
     def hall_output(self, state: FloatArray) -> FloatArray:
         """The Hall element's output in V, shape (runs,); with a filter before it what that has let through."""
@@ -139,7 +145,9 @@ class MovingTruth:
         """Powers of the current of force, flux linkage and field, shape (3, 3, runs)."""
         low, high = np.log(self.truth.base.distances)
         x = (2.0 * np.log(distance) - low - high) / (high - low)
-        return np.asarray(chebval(x, np.moveaxis(self.truth.base.coefficients, 1, 0)))
+        table = self.truth.base.coefficients
+        waves = np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * np.arange(table.shape[1]))  # Chebyshev's polynomials
+        return np.moveaxis(np.tensordot(waves, table, (1, 1)), 0, 2)
 
     def _hall(self, state: FloatArray) -> FloatArray:
         field = self._coefficients(state[:, 0])[2]
