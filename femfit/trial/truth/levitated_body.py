@@ -143,10 +143,11 @@ class MovingTruth:
 
     def _coefficients(self, distance: FloatArray) -> FloatArray:
         """Powers of the current of force, flux linkage and field, shape (3, 3, runs)."""
-        low, high = np.log(self.truth.base.distances)
-        x = (2.0 * np.log(distance) - low - high) / (high - low)
+        near, far = self.truth.base.distances
+        low, high = np.log(near), np.log(far)
+        x = (2.0 * np.log(np.clip(distance, near, far)) - low - high) / (high - low)  # beyond, the body is lost
         table = self.truth.base.coefficients
-        waves = np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * np.arange(table.shape[1]))  # Chebyshev's polynomials
+        waves = np.cos(np.arccos(x.clip(-1.0, 1.0))[:, None] * np.arange(table.shape[1]))  # Chebyshev's polynomials
         return np.moveaxis(np.tensordot(waves, table, (1, 1)), 0, 2)
 
     def _hall(self, state: FloatArray) -> FloatArray:
