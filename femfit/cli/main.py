@@ -29,6 +29,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("suggest", "femfit.cli.suggest:suggest", "The next measurement that separates what is still confounded."),
     ("trial", "femfit.cli.trial:trial", "How often the diagnosis is right, on campaigns with a hidden effect."),
     ("integrate", "femfit.cli.integrate:integrate", "Drift-free flux or field from a coil's voltage."),
+    ("bench", "femfit.cli.bench:bench", "A bench table with flux linkage from a record of a coil's voltage."),
 )
 
 

@@ -1,0 +1,144 @@
+"""``femfit bench``: a bench table with flux linkage from a record of a coil's voltage."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from femfit.estimate.integrate.plateaus import PlateauOptions
+    from femfit.model.actuator_model import ActuatorModel
+
+NotNegative = Number(gte=0.0)
+
+
+def bench(
+    record: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    resistance_ohm: Annotated[float | None, Parameter(validator=NotNegative)] = None,
+    turns_ratio: Annotated[float, Parameter(validator=Number(gt=0.0))] = 1.0,
+    method: Literal["trapezoid", "ffa1", "plateaus"] = "plateaus",
+    settling_s: Annotated[float, Parameter(validator=NotNegative)] = 0.0,
+    still_A: Annotated[float, Parameter(name="--still-A", validator=NotNegative)] = 1e-3,
+    still_um: Annotated[float, Parameter(validator=NotNegative)] = 1.0,
+    model: Path | None = None,
+    initial_flux_Wb: Annotated[float | None, Parameter(name="--initial-flux-Wb")] = None,
+    json: Path | None = None,
+) -> None:
+    """Make a bench table for compare and diagnose from a record of a coil's voltage: one row a plateau.
+
+    Parameters
+    ----------
+    record : Path
+        CSV or Parquet with time_s, coil_voltage_V, current_A and distance_m, and any other column of a bench table
+        (run, mount, force_N, ...), which is averaged on the plateaus. Each run is integrated on its own.
+    output : Path
+        Bench table, .csv; its sidecar .toml, with noise and notes, is written beside it.
+    resistance_ohm : float
+        Of the excitation winding, where the voltage is its own: R i is taken off. Not for a separate sensing coil.
+    turns_ratio : float
+        Turns of the excitation winding over those of the sensing coil.
+    method : str
+        plateaus (offset voltage from each settled plateau, linear between), ffa1 (from each run's first plateau), or
+        trapezoid (none: drifts).
+    settling_s : float
+        Seconds left out after each change, until the eddy currents have decayed.
+    still_A : float
+        A current that moves by less from sample to sample is on a plateau.
+    still_um : float
+        The same for the distance.
+    model : Path
+        Model file that gives the flux linkage on each run's first plateau.
+    initial_flux_Wb : float
+        That flux linkage, where it is known; default 0.
+    json : Path
+        File for the result as JSON.
+    """
+    from json import dumps
+
+    from femfit.cli.output import write_json
+    from femfit.core.errors import TableError
+    from femfit.estimate.integrate.plateaus import PlateauOptions
+    from femfit.model.json_file import read_model
+
+    if output.suffix != ".csv" or output.resolve() == record.resolve():
+        raise TableError(f"The bench table must be another .csv file than the record; instead received {output}.")
+    if model is not None and initial_flux_Wb is not None:
+        raise TableError("Give the first plateau's flux linkage by --model or by --initial-flux-Wb, not by both.")
+    options = PlateauOptions(method, settling_s, still_A, 1e-6 * still_um)
+    rows = _read(record)
+    induced = (rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio
+    start = read_model(model) if model is not None else initial_flux_Wb or 0.0
+    table, sigma = _table(rows.assign(coil_voltage_V=induced), options, start)
+    begins = f"taken from {model.name}" if model is not None else f"taken as {initial_flux_Wb or 0.0:g} Wb"
+    taken = "no R i taken off" if resistance_ohm is None else f"R i taken off with {resistance_ohm:g} ohm"
+    notes = (
+        f"Flux linkage integrated from the coil voltage of {record.name} ({method}, {taken}, turns ratio "
+        f"{turns_ratio:g}); on each run's first plateau it was {begins}, not measured. The noise is the rms standard "
+        "uncertainty of the integral from white voltage noise; it accumulates within a run. Not in it: errors of "
+        "resistance, turns ratio, voltmeter gain and first value"
+        + ("; the offset voltage, which was not taken off." if method == "trapezoid" else ".")
+    )
+    table.to_csv(output, index=False)
+    side = output.with_suffix(".toml")
+    side.write_text(f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(notes)}\n", encoding="utf-8")
+    result = {"rows": len(table), "noise_Wb": sigma, "notes": notes, "output": str(output), "sidecar": str(side)}
+    print(f"{len(table)} plateaus, flux linkage within {sigma:.3g} Wb (noise, rms)\n{notes}")
+    print(f"written: {output}, {side}")
+    write_json(json, result)
+
+
+def _read(record: Path) -> "pd.DataFrame":
+    """Columns of a bench record in SI."""
+    import pandas as pd
+
+    from femfit.core.errors import TableError
+    from femfit.core.measurement_cells import cell_numbers, read_cells
+    from femfit.core.measurement_columns import BENCH_COLUMNS, recognise
+
+    names = ("time_s", "coil_voltage_V", *(name for name in BENCH_COLUMNS if name != "flux_linkage_Wb"))
+    cells = read_cells(record)
+    used, _ = recognise(map(str, cells.columns), str(record), names)
+    rows = pd.DataFrame({one.name: cell_numbers(cells[one.header], one)[0] for one in used})
+    missing = [name for name in ("time_s", "coil_voltage_V", "current_A", "distance_m") if name not in rows]
+    if missing:
+        raise TableError(f"A bench record needs {', '.join(missing)}; {record} has {', '.join(map(str, cells))}.")
+    return rows if "run" in rows else rows.assign(run=1.0)
+
+
+def _table(
+    rows: "pd.DataFrame", options: "PlateauOptions", start: "ActuatorModel | float"
+) -> "tuple[pd.DataFrame, float]":
+    """The bench table of all runs, and the rms of the flux linkage's noise."""
+    import numpy as np
+    import pandas as pd
+
+    from femfit.effects.effect import Conditions
+    from femfit.estimate.integrate.plateaus import plateau_flux
+    from femfit.model.readings import predict_readings
+    from femfit.model.with_effects import nominal_of
+
+    pieces, variances = [], []
+    for run in pd.unique(rows["run"]):
+        one = rows[rows["run"] == run].reset_index(drop=True)
+        time, voltage, current, distance = (
+            one[name].to_numpy() for name in ("time_s", "coil_voltage_V", "current_A", "distance_m")
+        )
+        found = plateau_flux(time, voltage, current, distance, options)
+        spans = list(zip(found.first, found.last, strict=True))
+        kept = one.drop(columns=["coil_voltage_V", "branch", "order"], errors="ignore")
+        means = pd.DataFrame([kept.iloc[a:b].mean() for a, b in spans])
+        means = means.assign(order=means["time_s"] - time[0], branch=found.branch)
+        begin = start
+        if not isinstance(begin, int | float):
+            at = Conditions(nominal=nominal_of(begin))
+            first = means.iloc[:1]
+            values = predict_readings(begin, first["distance_m"].to_numpy(), first["current_A"].to_numpy(), at)
+            begin = float(values["flux_linkage_Wb"][0])
+        pieces.append(means.drop(columns="time_s").assign(flux_linkage_Wb=begin + found.flux))
+        variances.append(found.sigma**2)
+    return pd.concat(pieces, ignore_index=True), float(np.sqrt(np.mean(np.concatenate(variances))))
