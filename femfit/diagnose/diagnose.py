@@ -8,6 +8,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.measurement import BenchTable
 from femfit.diagnose.candidate import Candidate
+from femfit.diagnose.confidence import look_alikes
 from femfit.diagnose.diagnosis import Diagnosis, NamedEffect, ScoredEffect, Where
 from femfit.diagnose.evidence import Evidence, gather
 from femfit.diagnose.magnitude import detectable_magnitudes, error_fall
@@ -161,7 +162,11 @@ def examine(
     if options.bootstrap:
         say("Simulating clean campaigns")
         rate = false_naming_rate(evidence, options)
-    return Examination(_diagnosis(evidence, decision, detectable, rate), evidence, decision)
+    alike = look_alikes(evidence, decision.chosen, options.levels.after) if decision.chosen else ()
+    diagnosis = replace(_diagnosis(evidence, decision, detectable, rate), look_alikes=alike)
+    sane = all(one.sane for one in diagnosis.missing)
+    confident = decision.verdict == "named" and sane and not alike
+    return Examination(replace(diagnosis, confident=confident), evidence, decision)
 
 
 def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:

@@ -128,6 +128,10 @@ class Diagnosis:
         Share of clean data, simulated from the noise model, in which something would have been named.
     gate_before, gate_after : Gate or None
         The lack-of-fit tests.
+    look_alikes : tuple of str
+        Effects that would bear the same name on these data, had they been the cause and not been listed.
+    confident : bool
+        Whether the verdict is ``named``, without look-alikes and with every parameter in its usual range.
     findings : tuple of str
         What the reader should know of the data and of the decision, one plain sentence each.
     """
@@ -143,6 +147,8 @@ class Diagnosis:
     false_naming_rate: float | None
     gate_before: Gate | None = None
     gate_after: Gate | None = None
+    look_alikes: tuple[str, ...] = ()
+    confident: bool = False
     findings: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:

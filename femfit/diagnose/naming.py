@@ -32,6 +32,8 @@ class Levels:
         Below this p-value the second gate finds structure left.
     enough, enough_of_two : float
         Part of the structured excess that one name, or two, must explain where the second gate does not pass.
+    least : float
+        Part that a name must explain at all, however well the second gate passes.
     most, ahead : float
         Part that one name must explain where no further effect adds anything, and by how much more than any other name.
     second : float
@@ -48,6 +50,7 @@ class Levels:
     after: float = 0.005
     enough: float = 0.97
     enough_of_two: float = 0.98
+    least: float = 0.35
     most: float = 0.7
     ahead: float = 0.3
     second: float = 0.01
@@ -150,8 +153,8 @@ def _without_repeats(starts: Sequence[list[Scored]]) -> list[list[Scored]]:
 
 
 def _first_passing(candidates: Sequence[Candidate], levels: Levels, excess: float) -> Candidate | None:
-    """The cheapest candidate after which the gate passes, unless a cheaper one fails it by far less misfit."""
-    passing = [c for c in candidates if c.passes(levels.after) and c.excess < 0.5 * excess]
+    """The cheapest candidate after which the gate passes."""
+    passing = [c for c in candidates if c.passes(levels.after) and c.excess <= (1.0 - levels.least) * excess]
     return min(passing, key=_cost) if passing else None
 
 

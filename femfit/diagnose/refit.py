@@ -75,11 +75,14 @@ class Refit:
 
     @property
     def sane(self) -> tuple[bool, ...]:
-        """Of each effect, whether every parameter lies in its usual range."""
-        return tuple(
-            all(p.sane[0] <= added.parameters[p.name] <= p.sane[1] for p in added.effect.parameters)
-            for added in self.effects
-        )
+        """Of each effect, whether every parameter, or part of its interval, lies in its usual range."""
+        return tuple(all(_usual(added, p) for p in added.effect.parameters) for added in self.effects)
+
+
+def _usual(added: AddedEffect, parameter: EffectParameter) -> bool:
+    value = added.parameters[parameter.name]
+    low, high = added.ci95.get(parameter.name, (value, value))
+    return low <= parameter.sane[1] and high >= parameter.sane[0]
 
 
 def bounded_amplitudes(target: FloatArray, columns: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:

@@ -8,6 +8,7 @@ from femfit.diagnose.suggest import Suggestion
 from femfit.effects.catalogue import all_effects
 
 _SHOWN = 8
+_ALIKE = 4
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise.",
@@ -39,9 +40,34 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
         lines.append(f"Where: {diagnosis.where.sentence}")
     for one in diagnosis.missing:
         lines += _named(one)
+    if diagnosis.verdict == "named":
+        lines.append(confidence_sentence(diagnosis))
     if diagnosis.verdict != "compare_only":
         lines += _evidence(diagnosis)
     return lines + [f"note: {finding}" for finding in diagnosis.findings]
+
+
+def confidence_sentence(diagnosis: Diagnosis) -> str:
+    """How far what is named can be trusted against causes that the catalogue does not hold.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        With the verdict ``named``.
+
+    Returns
+    -------
+    str
+        One sentence.
+    """
+    name = "this name" if len(diagnosis.missing) == 1 else "these names"
+    if diagnosis.confident:
+        return f"Sure: no other effect of the catalogue, were it not listed, would have borne {name} on these data."
+    if diagnosis.look_alikes:
+        shown = diagnosis.look_alikes[:_ALIKE]
+        listed = " or ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
+        return f"Not sure: on these data {name} would also be borne by a cause not listed that acts like {listed}."
+    return f"Not sure: its size is unusual, as where a cause that is not listed bears {name}."
 
 
 def _could_show(diagnosis: Diagnosis) -> list[str]:

@@ -4,6 +4,7 @@ import numpy as np
 from markupsafe import Markup
 
 from femfit.diagnose.diagnosis import NamedEffect
+from femfit.diagnose.text import confidence_sentence
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import EffectParameter
 from femfit.report.diagnosis_content import DiagnosisContent
@@ -62,7 +63,13 @@ def _verdict(content: DiagnosisContent) -> Markup:
     left = "" if after is None else text(" What is left passes the same test (p {}).", p_value(after.p_value))
     sentences = {
         "nothing_missing": Markup("Nothing is missing: the model explains these data within their noise."),
-        "named": text("{} {} it.{}", names, "explains" if len(diagnosis.missing) == 1 else "explain", left),
+        "named": text(
+            "{} {} it.{} {}",
+            names,
+            "explains" if len(diagnosis.missing) == 1 else "explain",
+            left,
+            confidence_sentence(diagnosis) if diagnosis.verdict == "named" else "",
+        ),
         "form_insufficient": text(
             "{} {} nearly all of it, but the exact form is another than the catalogue's: structure is left (p {}).",
             names,

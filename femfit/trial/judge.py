@@ -43,6 +43,8 @@ class Judgement:
         With the effect, or with it and those that no bench tells from it, out of the catalogue; empty where not tried.
     withheld_named, withheld_twins_named : tuple of str
         First names then.
+    confident, withheld_confident, withheld_twins_confident : bool
+        Whether the diagnosis called what it named sure, with the whole catalogue and with effects withheld.
     confounded : bool
         Whether what was named with the effect withheld had stood in its class: these data do not tell them apart.
     right_channel, right_covariate : bool or None
@@ -70,6 +72,9 @@ class Judgement:
     withheld_named: tuple[str, ...]
     withheld_twins_verdict: str
     withheld_twins_named: tuple[str, ...]
+    confident: bool
+    withheld_confident: bool
+    withheld_twins_confident: bool
     confounded: bool
     right_channel: bool | None
     right_covariate: bool | None
@@ -120,6 +125,9 @@ def judge(key: Mapping[str, Any], answers: Mapping[str, Any]) -> Judgement:
         withheld_named=withheld_names,
         withheld_twins_verdict=twins["verdict"] if twins else "",
         withheld_twins_named=_names(twins),
+        confident=_confident(full),
+        withheld_confident=_confident(withheld),
+        withheld_twins_confident=_confident(twins),
         confounded=any(set(members) & set(hidden) and set(members) & set(withheld_names) for members in classes),
         right_channel=channel,
         right_covariate=covariate,
@@ -131,6 +139,10 @@ def judge(key: Mapping[str, Any], answers: Mapping[str, Any]) -> Judgement:
 
 def _names(diagnosis: Mapping[str, Any] | None) -> tuple[str, ...]:
     return tuple(one["name"] for one in diagnosis["missing"]) if diagnosis else ()
+
+
+def _confident(diagnosis: Mapping[str, Any] | None) -> bool:
+    return bool(diagnosis and diagnosis.get("confident"))
 
 
 def _where(key: Mapping[str, Any], where: Mapping[str, Any]) -> tuple[bool, bool]:

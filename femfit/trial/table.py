@@ -90,6 +90,7 @@ def trial_table(judgements: Sequence[Judgement]) -> list[Line]:
             _share(group, "truth in the class", cases, lambda j: j.in_class[0], 0.97 if asked else None),
             _share(group, "truth named first", cases, lambda j: j.first, 0.90 if asked else None),
             Line(group, "mean size of the class", None, size, 1.5 if asked else None, at_least=False),
+            _share(group, "truth in the class, and called sure", cases, lambda j: j.in_class[0] and j.confident),
         ]
     lines += [
         _share("two effects", "both in classes", two, lambda j: all(j.in_class), 0.85),
@@ -120,21 +121,27 @@ def _withheld(judgements: Sequence[Judgement]) -> list[Line]:
         cases = [j for j in judgements if j.withheld_verdict and j.level == level]
         group = f"effect withheld, {level:g} sigma"
         lines += [
-            _share(group, "misnamed", cases, lambda j: j.withheld_verdict == "named", limit, at_least=False),
+            _share(group, "misnamed, and called sure", cases, lambda j: j.withheld_confident, limit, at_least=False),
             _share(
                 group,
-                "misnamed, twins of the truth withheld too",
+                "the same, twins of the truth withheld too",
                 cases,
-                lambda j: j.withheld_twins_verdict == "named",
+                lambda j: j.withheld_twins_confident,
             ),
+            _share(group, "misnamed at all", cases, lambda j: j.withheld_verdict == "named"),
+            _share(group, "the same, twins of the truth withheld too", cases, _twins_misnamed),
             _share(
                 group,
                 "misnamed as what was not in the truth's class",
                 cases,
-                lambda j: j.withheld_twins_verdict == "named" and not j.confounded,
+                lambda j: _twins_misnamed(j) and not j.confounded,
             ),
         ]
     return lines
+
+
+def _twins_misnamed(judgement: Judgement) -> bool:
+    return judgement.withheld_twins_verdict == "named"
 
 
 def _where(judgements: Sequence[Judgement]) -> list[Line]:

@@ -64,9 +64,12 @@ def test_intervals_are_the_exact_ones():
 
 
 def test_the_table_says_what_was_missed():
-    lines = trial_table([judged(answer("named", ("force_gain",)), withheld=answer("named", ("force_gain",)))])
+    named = answer("named", ("force_gain",))
+    lines = trial_table([judged(named, withheld=named | {"confident": True}), judged(named, withheld=named)])
     by_what = {(line.group, line.what): line for line in lines}
     assert by_what["one effect, all channels", "truth in the class"].met is False
-    assert by_what["effect withheld, 1 sigma", "misnamed"].met is False
+    assert by_what["effect withheld, 1 sigma", "misnamed, and called sure"].met is False
+    assert by_what["effect withheld, 1 sigma", "misnamed, and called sure"].value == 0.5
+    assert by_what["effect withheld, 1 sigma", "misnamed at all"].value == 1.0
     assert by_what["no effect", "something named"].met is None
-    assert "MISSED" in by_what["effect withheld, 1 sigma", "misnamed"].text()
+    assert "MISSED" in by_what["effect withheld, 1 sigma", "misnamed, and called sure"].text()
