@@ -34,10 +34,13 @@ class Levels:
         Part of the structured excess that one name, or two, must explain where the second gate does not pass.
     least : float
         Part that a name must explain at all, however well the second gate passes.
-    most, ahead : float
-        Part that one name must explain where no further effect adds anything, and by how much more than any other name.
+    most, ahead, far_ahead : float
+        Part that one name must explain where the second gate does not pass, and by how much more than any other name:
+        where no further effect adds anything, and where some do.
     second : float
         Part that each of two effects must explain beyond the other.
+    against : float
+        Cosine between the traces of two effects below which the one only mends the other's form.
     tie, tie_share : float
         Two explanations are not told apart where their weighted sums of squares differ by less than ``tie``, or by less
         than ``tie_share`` of what the better one explains.
@@ -53,7 +56,9 @@ class Levels:
     least: float = 0.35
     most: float = 0.7
     ahead: float = 0.3
+    far_ahead: float = 0.6
     second: float = 0.01
+    against: float = -0.5
     tie: float = 9.0
     tie_share: float = 0.01
     refitted: int = 8
@@ -140,11 +145,12 @@ def _cost(candidate: Candidate) -> float:
 
 
 def _stands_alone(singles: Sequence[Candidate], levels: Levels, excess: float) -> bool:
-    """Whether one effect explains most of the excess, no other comes near it, and none adds to it."""
-    if len(singles) < 2 or singles[0].further <= levels.after:
+    """Whether one effect explains most of the excess and no other comes near it."""
+    if len(singles) < 2:
         return False
     left = [max(one.excess, 0.0) / excess for one in singles[:2]]
-    return left[0] <= 1.0 - levels.most and left[1] >= left[0] + levels.ahead
+    ahead = levels.ahead if singles[0].further > levels.after else levels.far_ahead
+    return left[0] <= 1.0 - levels.most and left[1] >= left[0] + ahead
 
 
 def _without_repeats(starts: Sequence[list[Scored]]) -> list[list[Scored]]:
@@ -159,7 +165,10 @@ def _first_passing(candidates: Sequence[Candidate], levels: Levels, excess: floa
 
 
 def _both_needed(pair: Candidate, singles: Sequence[Candidate], levels: Levels, excess: float) -> bool:
-    """Whether each of two effects explains a share that the other cannot."""
+    """Whether each of two effects explains a share that the other cannot, and does not undo what the other does."""
+    first, second = (pair.fit.trace(k) for k in range(2))
+    if first @ second < levels.against * np.linalg.norm(first) * np.linalg.norm(second):
+        return False
     alone = {one.fit.names[0]: one for one in singles}
     for name in pair.fit.names:
         if name in alone and alone[name].fit.chi2 - pair.fit.chi2 < max(levels.tie, levels.second * excess):
@@ -179,7 +188,7 @@ def _named(
     """The decision with the classes: rivals whose misfit is hardly larger, with the other effect the same."""
     reach = max(levels.tie, levels.tie_share * excess)
     close = [r for r in rivals if r.cost - chosen.cost <= reach]
-    order = np.argsort([-_share(chosen, name) for name in chosen.fit.names], kind="stable")
+    order = np.argsort([-np.linalg.norm(chosen.fit.trace(k)) for k in range(len(chosen.fit.names))], kind="stable")
     classes = []
     for k in order:
         name = chosen.fit.names[k]
@@ -191,18 +200,3 @@ def _named(
                 members += [n for n in rest if n not in members]
         classes.append(tuple(members))
     return Decision(verdict, chosen, tuple(classes), before, excess, scores, tuple(rivals))
-
-
-def _share(chosen: Candidate, name: str) -> float:
-    """How much of the whitened readings one effect of a candidate changes."""
-    columns = [j for j, (k, _) in enumerate(chosen.fit.free) if chosen.fit.names[k] == name]
-    values = np.array(
-        [
-            chosen.fit.effects[chosen.fit.free[j][0]].parameters[chosen.fit.free[j][1].name]
-            / (chosen.fit.free[j][1].sane[1] - chosen.fit.free[j][1].sane[0])
-            for j in columns
-            if not chosen.fit.free[j][1].shape
-        ]
-    )
-    used = [j for j in columns if not chosen.fit.free[j][1].shape]
-    return float(np.linalg.norm(chosen.fit.jacobian[:, used] @ values))

@@ -68,6 +68,15 @@ class Refit:
         """Weighted sum of squares."""
         return float(self.rest @ self.rest)
 
+    def trace(self, k: int) -> FloatArray:
+        """What effect number k changes in the whitened residual, to first order in its amplitudes, shape (M,)."""
+        used = [j for j, (of, p) in enumerate(self.free) if of == k and not p.shape]
+        values = [
+            (self.effects[k].parameters[p.name] - p.null) / (p.sane[1] - p.sane[0])
+            for p in (self.free[j][1] for j in used)
+        ]
+        return np.asarray(self.jacobian[:, used] @ np.array(values))
+
     @property
     def names(self) -> tuple[str, ...]:
         """Of the effects."""
