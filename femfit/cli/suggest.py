@@ -27,7 +27,7 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
     from femfit.diagnose.plan import examine_plan
     from femfit.diagnose.plausible import plausible_table
     from femfit.diagnose.suggest import suggest_measurements
-    from femfit.diagnose.text import plan_lines, suggestion_lines
+    from femfit.diagnose.suggest_text import plan_lines, suggestion_lines
     from femfit.model.json_file import read_model
 
     actuator = read_model(model)

@@ -1,4 +1,4 @@
-"""Measurements that could be added to a campaign, each as rows of settings or as a direct reading of a parameter."""
+"""Measurements that could be added to a campaign, each as rows of settings or as a direct reading of parameters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +12,12 @@ from femfit.effects.effect import Calibration, Effect, Nominal
 
 _NEAR_PART, _NEAR_POINTS, _CURRENTS = 0.25, 6, 6
 _HEATED_C = 30.0
+_IN_WORDS = {
+    "force_N": "force",
+    "flux_linkage_Wb": "flux linkage",
+    "hall_V": "Hall voltage",
+    "voltage_V": "voltage across the winding",
+}
 _CHANNEL_COST, _HEAT_COST = 60.0, 120.0
 """Readings of a usual sweep that setting up a further sensor, or heating a part, takes the time of."""
 
@@ -31,7 +37,7 @@ class Experiment:
     channels : tuple of str
         Read in that run.
     effect : str
-        Of which a parameter is read directly; empty for a run.
+        Of which parameters are read directly; empty for a run.
     calibration : Calibration or None
         That reading.
     """
@@ -87,11 +93,19 @@ def possible_experiments(
         result.append(_run(f"Go up to {wide:.3g} A: {len(far)} points at {_range(far)}", far, measured))
     for name in CHANNELS:
         if name in available and name not in measured:
-            more = _run(f"Read {name} too, at {len(near)} points at {_range(near)}", near, (*measured, name))
+            more = _run(
+                f"Read the {_IN_WORDS[name]} ({name}) too, at {len(near)} points at {_range(near)}",
+                near,
+                (*measured, name),
+            )
             result.append(Experiment(more.text, more.cost + _CHANNEL_COST, more.rows, more.channels))
     for name, part in (("magnet_temperature_C", "magnet"), ("coil_temperature_C", "winding")):
         warm = near.assign(**{name: 20.0 + _HEATED_C})
-        more = _run(f"Heat the {part} by {_HEATED_C:.0f} K, record {name}, and add {len(warm)} points", warm, measured)
+        more = _run(
+            f"Heat the {part} by {_HEATED_C:.0f} K, record its temperature ({name}) and add {len(warm)} points",
+            warm,
+            measured,
+        )
         result.append(Experiment(more.text, more.cost + _HEAT_COST, more.rows, more.channels))
     result += [
         Experiment(calibration.instruction, calibration.cost, effect=effect.name, calibration=calibration)

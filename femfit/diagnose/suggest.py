@@ -81,7 +81,8 @@ def suggest_measurements(
     Returns
     -------
     list of Suggestion
-        Those that separate at least one pair: most pairs first, then the cheapest.
+        Those that separate at least one pair, the cheapest for each pair first: taken in turn until nothing remains
+        open, they are the greedy cover of all pairs at the least cost.
     """
     observations = bench_observations(model, table)
     d, i = (observations.covariates[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
@@ -95,7 +96,7 @@ def suggest_measurements(
         if apart:
             together = tuple(pair for pair, s in distances.items() if s < _SPLIT)
             result.append(Suggestion(experiment.text, experiment.cost, apart, together))
-    return sorted(result, key=lambda one: (-len(one.separates), one.cost))
+    return sorted(result, key=lambda one: (one.cost / len(one.separates), one.cost))
 
 
 def _distances(
@@ -157,15 +158,19 @@ def unlike(signal: FloatArray, rival: Sequence[tuple[EffectColumns, FloatArray]]
 
 
 def _direct(experiment: Experiment, a: Refit, b: Refit) -> float:
-    """Standard deviations by which a direct reading of a parameter tells two explanations apart."""
+    """Standard deviations by which a direct reading of an effect's parameters tells two explanations apart."""
     if experiment.calibration is None:
         return 0.0
-    name, u = experiment.calibration.parameter, experiment.calibration.standard_uncertainty
-    values = [
-        next((float(e.parameters[name]) for e in fit.effects if e.effect.name == experiment.effect), 0.0)
-        for fit in (a, b)
+    apart = [
+        (_parameter(a, experiment.effect, name) - _parameter(b, experiment.effect, name)) / u
+        for name, u in experiment.calibration.reads.items()
     ]
-    return abs(values[0] - values[1]) / u
+    return float(np.linalg.norm(apart))
+
+
+def _parameter(fit: Refit, effect: str, name: str) -> float:
+    """An amplitude of an effect in an explanation; zero, its null, where the explanation lacks the effect."""
+    return next((float(e.parameters[name]) for e in fit.effects if e.effect.name == effect), 0.0)
 
 
 def _joined(table: BenchTable, experiment: Experiment) -> BenchTable:

@@ -1,10 +1,6 @@
 """A diagnosis in plain sentences."""
 
-from collections.abc import Sequence
-
 from femfit.diagnose.diagnosis import Diagnosis, NamedEffect
-from femfit.diagnose.plan import PlanReport
-from femfit.diagnose.suggest import Suggestion
 from femfit.effects.catalogue import all_effects
 
 _SHOWN = 8
@@ -121,60 +117,4 @@ def _evidence(diagnosis: Diagnosis) -> list[str]:
         lines.append(
             f"clean campaigns of this noise in which something is named: {100 * diagnosis.false_naming_rate:.1f} %"
         )
-    return lines
-
-
-def suggestion_lines(suggestions: Sequence[Suggestion], explanations: int) -> list[str]:
-    """Suggested measurements as lines of text.
-
-    Parameters
-    ----------
-    suggestions : sequence of Suggestion
-        Best first.
-    explanations : int
-        How many explanations the data leave.
-
-    Returns
-    -------
-    list of str
-        A line a measurement with what it separates.
-    """
-    if explanations < 2:
-        return ["There is nothing to separate: the data leave one explanation or none."]
-    if not suggestions:
-        return ["No measurement that femfit knows would separate these explanations."]
-    lines = []
-    for k, one in enumerate(suggestions[:_SHOWN], start=1):
-        pairs = "; ".join(f"{a} from {b} ({sigma:.0f} sigma)" for a, b, sigma in one.separates)
-        lines.append(f"{k}. {one.text} Costs about {one.cost:.0f} readings; separates {pairs}.")
-        if one.remains:
-            lines.append("   would leave together: " + "; ".join(f"{a} and {b}" for a, b in one.remains))
-    return lines
-
-
-def plan_lines(report: PlanReport) -> list[str]:
-    """What a plan can show, as lines of text.
-
-    Parameters
-    ----------
-    report : PlanReport
-        Of a planned campaign.
-
-    Returns
-    -------
-    list of str
-        Groups that stay together, effects it cannot show, and the smallest magnitudes of the others.
-    """
-    lines = ["Assumed noise: " + ", ".join(f"{name} {sigma:.2g}" for name, sigma in report.noise.items())]
-    if report.groups:
-        lines.append("This plan could never tell apart:")
-        lines += [f"  {', '.join(group)}" for group in report.groups]
-    else:
-        lines.append("This plan could tell every visible effect from every other at its largest usual size.")
-    if report.invisible:
-        lines.append("It could not show:")
-        lines += [f"  {name}: {why}" for name, why in report.invisible.items()]
-    lines.append("Smallest magnitudes that it would show nine times in ten:")
-    for name, amplitudes in report.detectable.items():
-        lines.append(f"  {name}: " + ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items()))
     return lines

@@ -8,7 +8,15 @@ IEC 60028 (1925): copper, 0.00393 per kelvin at 20 degC.
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import REFERENCE_TEMPERATURE_C, Conditions, Effect, EffectParameter, Parameters, like
+from femfit.effects.effect import (
+    REFERENCE_TEMPERATURE_C,
+    Calibration,
+    Conditions,
+    Effect,
+    EffectParameter,
+    Parameters,
+    like,
+)
 
 COPPER = 0.00393
 """Relative change of resistance per kelvin at 20 degC, by which an unrecorded warming is counted (IEC 60028)."""
@@ -70,5 +78,17 @@ COIL_TEMPERATURE = Effect(
     experiment="Read voltage and current of the coil cold, and again after ten minutes at its largest current.",
     reference="IEC 60028 (1925)",
     circuit=_circuit,
+    calibrations=(
+        Calibration(
+            {"coefficient_per_K": 1e-4},
+            40.0,
+            "Measure the winding's resistance by four wires, cold and warm, with a thermometer on the winding.",
+        ),
+        Calibration(
+            {"warmer_K": 1.0, "warming_K": 2.0},
+            15.0,
+            "Measure the winding's resistance by four wires at the start and at the end of a run.",
+        ),
+    ),
 )
 """Resistance = (1 + coefficient (T - 20 degC)) of the model's."""

@@ -8,7 +8,7 @@ H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1.
 """
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet, distance_jet
 
 
@@ -37,5 +37,12 @@ CONSTANT_FORCE = Effect(
     experiment="Take the magnet out of the moving part, or turn the bench by 180 degrees, and read the force again.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
     coenergy=_coenergy,
+    calibrations=(
+        Calibration(
+            {"pull": 1e-3},
+            30.0,
+            "Put a piece of brass of the same weight in the magnet's place and read the force.",
+        ),
+    ),
 )
 """Force = magnetic force + pull: on a bench as an offset of the sensor, in motion as a lighter or heavier body."""

@@ -8,7 +8,7 @@ B. Armstrong-Helouvry, P. Dupont and C. Canudas de Wit, Automatica 30 (1994) 108
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, like
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters, like
 
 
 def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
@@ -53,5 +53,12 @@ COULOMB_FRICTION = Effect(
     experiment="Pull the body slowly along its guide in both directions with a force sensor, the coil open.",
     reference="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083",
     force=_force,
+    calibrations=(
+        Calibration(
+            {"level": 0.01, "breakaway": 0.02},
+            40.0,
+            "Pull the body slowly along its guide in both directions with a force sensor, the coil open.",
+        ),
+    ),
 )
 """Force towards the electromagnet = level weight sign(v), rounded at small speeds."""

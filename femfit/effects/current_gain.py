@@ -26,6 +26,12 @@ CURRENT_GAIN = Effect(
     experiment="Read the current with a calibrated shunt in series.",
     reference="JCGM 100:2008 (GUM), section 4.3",
     setting=_setting,
-    calibrations=(Calibration("gain_error", 1e-3, 20.0, "Put a calibrated shunt in series and read it."),),
+    calibrations=(
+        Calibration(
+            {"gain_error": 1e-3},
+            20.0,
+            "Put a calibrated shunt in series and compare the ammeter's reading.",
+        ),
+    ),
 )
 """True current = (1 + gain error) recorded current."""

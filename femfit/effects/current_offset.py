@@ -27,6 +27,6 @@ CURRENT_OFFSET = Effect(
     experiment="Open the circuit and read the ammeter; or measure at both signs of the current.",
     reference="JCGM 100:2008 (GUM), section 3.2.4",
     setting=_setting,
-    calibrations=(Calibration("offset", 1e-3, 10.0, "Open the circuit and read the ammeter."),),
+    calibrations=(Calibration({"offset": 1e-3}, 5.0, "Open the circuit and read the ammeter at zero current."),),
 )
 """True current = recorded current + offset."""

@@ -1,7 +1,7 @@
 """The stage's zero is not where the model counts distances from."""
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
 
 
 def _setting(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
@@ -27,5 +27,12 @@ DISTANCE_OFFSET = Effect(
     "gradient is largest, at two currents.",
     reference="First-order error of a stage's zero; JCGM 100:2008 (GUM), section 3.2.4",
     setting=_setting,
+    calibrations=(
+        Calibration(
+            {"offset_m": 1e-5},
+            10.0,
+            "Rest the moving part on a gauge block of known height and compare the stage's reading.",
+        ),
+    ),
 )
 """True distance = recorded distance + offset."""

@@ -29,6 +29,12 @@ DISTANCE_SCALE = Effect(
     experiment="Read the stage over two gauge blocks, the shortest and the longest that fit.",
     reference="Linear error of a stage; ISO 230-2 (2014)",
     setting=_setting,
-    calibrations=(Calibration("scale_error", 1e-3, 20.0, "Read the stage over two gauge blocks."),),
+    calibrations=(
+        Calibration(
+            {"scale_error": 1e-3},
+            20.0,
+            "Read the stage over two gauge blocks, the shortest and the longest that fit.",
+        ),
+    ),
 )
 """True distance = (1 + scale error) recorded distance."""

@@ -8,7 +8,7 @@ N. Mohan, T. Undeland and W. Robbins, Power Electronics, 3rd ed. (Wiley, 2003), 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
 
 _ROUNDING = 1e-2
 """Current, over the largest, within which the drop turns its sign."""
@@ -50,5 +50,13 @@ DRIVER_DEAD_ZONE = Effect(
     experiment="Raise the commanded voltage slowly from zero, in both directions, and read the current.",
     reference="Mohan, Undeland and Robbins, Power Electronics (2003), section 8.5",
     circuit=_circuit,
+    calibrations=(
+        Calibration(
+            {"dead_zone": 2e-3, "drop": 2e-3},
+            30.0,
+            "Raise the commanded voltage slowly from zero, in both directions, and read the voltage across the "
+            "winding.",
+        ),
+    ),
 )
 """Applied voltage = commanded voltage less a dead zone, less a drop against the current."""

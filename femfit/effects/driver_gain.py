@@ -1,7 +1,7 @@
 """The driver gives more or less voltage than it is told."""
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
 
 
 def _circuit(
@@ -28,5 +28,12 @@ DRIVER_GAIN = Effect(
     experiment="Command a few constant voltages and read the voltage across the winding.",
     reference="JCGM 100:2008 (GUM), section 4.3",
     circuit=_circuit,
+    calibrations=(
+        Calibration(
+            {"gain_error": 1e-3},
+            10.0,
+            "Command a few constant voltages and read the voltage across the winding.",
+        ),
+    ),
 )
 """Applied voltage = (1 + gain error) commanded voltage. A bench reads across the winding and does not see it."""

@@ -163,22 +163,19 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A measurement that reads one parameter of an effect directly: a reference weight, a shunt, a gauge block.
+    """A measurement that reads parameters of an effect directly: a reference weight, a shunt, a gauge block.
 
     Parameters
     ----------
-    parameter : str
-        Of the effect.
-    standard_uncertainty : float
-        With which the measurement gives it, in its unit.
+    reads : mapping of str to float
+        Parameters of the effect, each with the standard uncertainty that such a measurement usually has, in its unit.
     cost : float
         In readings of the usual bench sweep: how many could be taken instead.
     instruction : str
         What to do, as one plain sentence.
     """
 
-    parameter: str
-    standard_uncertainty: float
+    reads: Mapping[str, float]
     cost: float
     instruction: str
 
@@ -252,7 +249,7 @@ class Effect:
     hall_point : callable or None
         Maps (distance, current) as ``setting`` does.
     calibrations : tuple of Calibration
-        Measurements beside the bench sweep that read a parameter directly.
+        Measurements beside the bench sweep that read parameters directly.
     """
 
     name: str

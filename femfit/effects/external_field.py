@@ -9,7 +9,7 @@ R. M. Bozorth, Ferromagnetism (IEEE Press, 1993), chapter 19 (a body in a unifor
 """
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
 
@@ -51,5 +51,13 @@ EXTERNAL_FIELD = Effect(
     "voltage in both positions.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19",
     coenergy=_coenergy,
+    calibrations=(
+        Calibration(
+            {"field_T": 2e-5},
+            15.0,
+            "Switch the current off, take the moving part away and turn the bench by 180 degrees: half the "
+            "change of the Hall voltage is the outer field's.",
+        ),
+    ),
 )
 """A uniform field at the Hall element, and the current that would magnetise the core as it does."""

@@ -8,7 +8,7 @@ A. Fiorillo, Characterization and Measurement of Magnetic Materials (Elsevier, 2
 from collections.abc import Mapping
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, like, with_channel
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters, like, with_channel
 
 
 def _readings(
@@ -47,5 +47,12 @@ FLUX_INTEGRATOR_DRIFT = Effect(
     experiment="Leave everything still and read the fluxmeter for as long as a run takes.",
     reference="Fiorillo, Characterization and Measurement of Magnetic Materials (2004), section 5.1",
     readings=_readings,
+    calibrations=(
+        Calibration(
+            {"ramp": 1e-3, "bend": 1e-3},
+            60.0,
+            "Leave everything still and read the fluxmeter for as long as a run takes.",
+        ),
+    ),
 )
 """Recorded flux linkage = expected flux linkage + what an integrated offset has become since the run's start."""

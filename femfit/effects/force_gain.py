@@ -30,6 +30,12 @@ FORCE_GAIN = Effect(
     experiment="Hang a reference weight on the force sensor and compare its reading.",
     reference="JCGM 100:2008 (GUM), section 4.3; OIML R 111-1 (2004) for the weight",
     readings=_readings,
-    calibrations=(Calibration("gain_error", 1e-3, 20.0, "Hang a reference weight on the force sensor."),),
+    calibrations=(
+        Calibration(
+            {"gain_error": 1e-3},
+            20.0,
+            "Hang a reference weight on the force sensor and compare its reading.",
+        ),
+    ),
 )
 """Recorded force = (1 + gain error) true force."""

@@ -31,6 +31,12 @@ FORCE_OFFSET = Effect(
     experiment="Take the electromagnet away and read the force sensor with nothing but the moving part on it.",
     reference="JCGM 100:2008 (GUM), section 3.2.4",
     readings=_readings,
-    calibrations=(Calibration("offset", 1e-3, 10.0, "Read the force sensor with the electromagnet taken away."),),
+    calibrations=(
+        Calibration(
+            {"offset": 1e-3},
+            10.0,
+            "Take the electromagnet away and read the force sensor with nothing but the moving part on it.",
+        ),
+    ),
 )
 """Recorded force = true force + offset."""

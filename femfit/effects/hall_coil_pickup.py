@@ -11,7 +11,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Memory, Parameters, like, with_channel
+from femfit.effects.effect import (
+    Calibration,
+    Conditions,
+    Effect,
+    EffectParameter,
+    Memory,
+    Parameters,
+    like,
+    with_channel,
+)
 
 
 def _readings(
@@ -70,5 +79,12 @@ HALL_COIL_PICKUP = Effect(
     reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 and 3",
     readings=_readings,
     memory=Memory(names=("pickup_lag",), amplitudes=("induced_V_s",), spread=0.01, rest=_rest, rate=_rate),
+    calibrations=(
+        Calibration(
+            {"pickup_V": 2e-3},
+            20.0,
+            "Take the moving part away and read the Hall voltage at the largest current of each sign.",
+        ),
+    ),
 )
 """Recorded voltage = expected voltage + pick-up in step with the current and its rate."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, like, with_channel
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters, like, with_channel
 
 _UNIT_OF_TIME = 1000.0
 """Ramps count in thousands of readings, or of seconds where the data have a clock."""
@@ -56,5 +56,12 @@ HALL_DRIFT = Effect(
     experiment="Come back to one distance and current every few minutes and read the Hall voltage.",
     reference="Popovic, Hall Effect Devices (2004), section 5.6",
     readings=_readings,
+    calibrations=(
+        Calibration(
+            {"ramp_V": 5e-3, "run_ramp_V": 5e-3, "settling_V": 2e-3, "run_settling_V": 2e-3},
+            60.0,
+            "Read the Hall voltage at one distance and current, switched on anew, for as long as the campaign took.",
+        ),
+    ),
 )
 """Recorded voltage = expected voltage + ramp and warm-up."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
 
 
 def _readings(
@@ -30,5 +30,8 @@ HALL_OFFSET = Effect(
     experiment="Remove the moving part, switch the current off and read the Hall voltage.",
     reference="E. Ramsden, Hall-Effect Sensors (Newnes, 2006), chapter 2",
     readings=_readings,
+    calibrations=(
+        Calibration({"offset_V": 1e-3}, 15.0, "Put the Hall element into a zero-gauss chamber and read its voltage."),
+    ),
 )
 """Recorded voltage = expected voltage + offset."""

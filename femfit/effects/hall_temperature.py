@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import (
     REFERENCE_TEMPERATURE_C,
+    Calibration,
     Conditions,
     Effect,
     EffectParameter,
@@ -74,5 +75,13 @@ HALL_TEMPERATURE = Effect(
     experiment="Warm the coil by a steady current, switch it off and read the Hall voltage while it cools.",
     reference="Popovic, Hall Effect Devices (2004), sections 4.8 and 5.6",
     readings=_readings,
+    calibrations=(
+        Calibration(
+            {"offset_V_per_K": 5e-5, "sensitivity_per_K": 5e-5},
+            60.0,
+            "Warm the Hall element by 30 K, in a zero-gauss chamber and then over a fixed magnet, and read its "
+            "voltage.",
+        ),
+    ),
 )
 """Offset and sensitivity grow linearly with the temperature."""

@@ -13,7 +13,7 @@ J. D. Jackson, Classical Electrodynamics, 3rd ed. (Wiley, 1999), section 3.7 and
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
 
@@ -57,5 +57,12 @@ LATERAL_MISALIGNMENT = Effect(
     "voltage has its extremum.",
     reference="Jackson, Classical Electrodynamics (1999), section 3.7",
     coenergy=_coenergy,
+    calibrations=(
+        Calibration(
+            {"offset_squared_m2": 2e-7},
+            30.0,
+            "Centre the moving part on the coil's axis by a dial gauge and read how far it was off.",
+        ),
+    ),
 )
 """W' -> W' - (e^2/4) d^2W'/dd^2, the magnet's own attraction to the core in part."""

@@ -8,7 +8,7 @@ P. Campbell, Permanent Magnet Materials and their Application (Cambridge Univers
 """
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 from femfit.effects.magnet_temperature import remanence_scaled
 
@@ -57,5 +57,12 @@ MAGNET_DEMAGNETISATION = Effect(
     "signs of the current, where the coil's own share is the same.",
     reference="Campbell, Permanent Magnet Materials and their Application (1994), chapter 3",
     coenergy=_coenergy,
+    calibrations=(
+        Calibration(
+            {"loss": 0.01, "layer_m": 5e-5},
+            40.0,
+            "Take the magnet out and compare its field at both faces with that of a fresh one by a gaussmeter.",
+        ),
+    ),
 )
 """Remanence lost all over, and in the layer next to the face."""

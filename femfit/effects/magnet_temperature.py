@@ -12,7 +12,15 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import REFERENCE_TEMPERATURE_C, Conditions, Effect, EffectParameter, Parameters, like
+from femfit.effects.effect import (
+    REFERENCE_TEMPERATURE_C,
+    Calibration,
+    Conditions,
+    Effect,
+    EffectParameter,
+    Parameters,
+    like,
+)
 from femfit.effects.jet import CoenergyJet, Jet
 
 USUAL_COEFFICIENT = -1.1e-3
@@ -99,5 +107,12 @@ MAGNET_TEMPERATURE = Effect(
     experiment="Measure the same settings with the magnet cold and after warming it by 20 K, its temperature recorded.",
     reference="IEC 60404-8-1; Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
     coenergy=_coenergy,
+    calibrations=(
+        Calibration(
+            {"warmer_K": 2.0, "coil_share": 0.1},
+            15.0,
+            "Put thermometers on magnet and winding, and read them while the bench runs.",
+        ),
+    ),
 )
 """Remanence = (1 + coefficient (T - 20 degC) + curvature (T - 20 degC)^2) of the model's."""

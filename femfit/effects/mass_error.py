@@ -25,6 +25,6 @@ MASS_ERROR = Effect(
     experiment="Weigh the moving part with everything that moves with it.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
     mass=_mass,
-    calibrations=(Calibration("mass_error", 1e-3, 5.0, "Weigh the moving part."),),
+    calibrations=(Calibration({"mass_error": 1e-3}, 5.0, "Weigh the moving part on a balance."),),
 )
 """True mass = (1 + mass error) the model's."""

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Memory, Parameters, like
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Memory, Parameters, like
 
 
 def _hall_point(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
@@ -66,5 +66,12 @@ SENSOR_DELAY = Effect(
     reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3",
     hall_point=_hall_point,
     memory=Memory(names=("delay_lag",), amplitudes=("delay_s",), spread=0.02, rest=_rest, rate=_rate),
+    calibrations=(
+        Calibration(
+            {"delay_s": 5e-5},
+            40.0,
+            "Hold the body, step the current and record current and Hall voltage with one oscilloscope.",
+        ),
+    ),
 )
 """The Hall element reads what was there a delay ago."""

@@ -1,7 +1,7 @@
 """A force against the motion, in proportion to its velocity: air, grease, eddy currents in fixed conductors."""
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, like
+from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters, like
 
 
 def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
@@ -26,5 +26,12 @@ VISCOUS_FRICTION = Effect(
     experiment="Let the body swing on a spring, the coil open, and record how its amplitude falls.",
     reference="H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.5",
     force=_force,
+    calibrations=(
+        Calibration(
+            {"damping_per_s": 0.5},
+            60.0,
+            "Let the body swing on a spring, the coil open, and record how its amplitude falls.",
+        ),
+    ),
 )
 """Force towards the electromagnet = damping m v, where v > 0 is falling away."""

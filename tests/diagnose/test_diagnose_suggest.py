@@ -9,15 +9,18 @@ from femfit.diagnose.diagnose import DiagnosisOptions, examine
 from femfit.diagnose.observations import bench_observations
 from femfit.diagnose.plan import examine_plan
 from femfit.diagnose.suggest import suggest_measurements
-from femfit.effects.catalogue import effect_by_name
+from femfit.diagnose.suggest_text import suggestion_lines
+from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter
+from femfit.model.magnetics import CoenergySpline
 from support.campaign import NOISE, campaign
+from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 AMPLITUDE = EffectParameter("gain", "", -0.5, 0.5, (-0.05, 0.05), "Relative error.")
 FORCE_SCALE = Effect(
     "force_scale", "The force sensor reads too much.", ("sensor",), (AMPLITUDE,), ("force_N",), "Hang a weight.", "",
     readings=lambda values, d, i, at, p: {**values, "force_N": values["force_N"] * (1.0 + p["gain"])},
-    calibrations=(Calibration("gain", 1e-3, 10.0, "Hang a reference weight on the force sensor."),),
+    calibrations=(Calibration({"gain": 1e-3}, 10.0, "Hang a reference weight on the force sensor."),),
 )  # fmt: skip
 PULL_SCALE = Effect(
     "pull_scale", "The whole actuator is stronger.", ("magnetics",), (AMPLITUDE,), ("force_N|flux_linkage_Wb",), "", "",
@@ -81,3 +84,76 @@ def test_declared_noise_of_a_plan_counts(levitation_model):
         for sigma in (1e-5, 1e-3)
     )
     assert loud.detectable["force_scale"]["gain"] > 10.0 * quiet.detectable["force_scale"]["gain"]
+
+
+@pytest.fixture(scope="module")
+def solenoid(levitation_model):
+    """A coil that pulls soft iron: on force alone a wrong force scale is a wrong current scale, for F goes with i^2."""
+    currents = np.linspace(0.0, 1.4, 8)
+    spline = fitted_spline(lambda d, i: 0.5 * (0.016 + 0.05 * np.exp(-d / 0.01)) * i**2, currents, 2)
+    return replace(levitation_model, magnetics=CoenergySpline(REFERENCE_DISTANCE, spline), sensor=None)
+
+
+def force_only(model, seed, hidden, **size):
+    """A campaign of force readings with one hidden effect, and its examination."""
+    effects = [AddedEffect(e, e.null() | values) for e, values in ((effect_by_name(n), v) for n, v in hidden.items())]
+    table = campaign(model, seed, effects, noise={"force_N": NOISE["force_N"]}, **size)
+    given = tuple(name for name in table.given if not name.endswith("temperature_C"))
+    rows = table.rows.assign(coil_temperature_C=np.nan, magnet_temperature_C=np.nan)
+    rows = rows.assign(**{name: np.nan for name in NOISE if name not in rows})
+    table = replace(table, rows=rows, given=given)
+    return table, examine(bench_observations(model, table), DiagnosisOptions(bootstrap=0))
+
+
+def advice_of(model, table, examination):
+    return suggest_measurements(
+        model, table, examination.evidence.noise, examination.explanations, list(all_effects().values())
+    )
+
+
+def test_a_wrong_force_scale_and_a_wrong_current_scale_call_for_a_reference_weight_or_a_shunt(solenoid):
+    table, examination = force_only(solenoid, 1, {"force_gain": {"gain_error": 0.05}})
+    assert {fit.names[0] for fit in examination.explanations} == {"force_gain", "current_gain", "distance_offset"}
+    advice = advice_of(solenoid, table, examination)
+    texts = [one.text for one in advice]
+    weight, shunt = (next(k for k, text in enumerate(texts) if word in text) for word in ("reference weight", "shunt"))
+    for k in (weight, shunt):
+        assert {"force_gain", "current_gain"} in [{a, b} for a, b, _ in advice[k].separates]
+    # A gauge block is cheaper, but says nothing of these two; a fluxmeter tells all three apart and is the dearest
+    assert {"force_gain", "current_gain"} in [set(pair) for pair in advice[0].remains]
+    flux = next(one for one in advice if "flux_linkage_Wb" in one.text)
+    assert flux.remains == ()
+    assert flux.cost > max(advice[weight].cost, advice[shunt].cost)
+
+
+def test_the_cheapest_measurement_for_each_pair_comes_first(solenoid):
+    advice = advice_of(solenoid, *force_only(solenoid, 1, {"force_gain": {"gain_error": 0.05}}))
+    prices = [one.cost / len(one.separates) for one in advice]
+    assert prices == sorted(prices)
+    lines = suggestion_lines(advice, 3)
+    assert lines[0].startswith("1. Rest the moving part on a gauge block of known height")
+    assert "tells distance_offset from force_gain and current_gain (" in lines[0]
+    assert lines[1].strip() == "It would leave open: force_gain or current_gain."
+
+
+def test_a_small_misfit_of_force_alone_calls_for_a_gauge_block_or_a_further_channel(levitation_model):
+    table, examination = force_only(
+        levitation_model, 1, {"distance_offset": {"offset_m": 8e-5}}, distances=6, currents=4
+    )
+    left = {fit.names[0] for fit in examination.explanations}
+    assert left >= {"distance_offset", "lateral_misalignment"}
+    advice = advice_of(levitation_model, table, examination)
+    assert "gauge block of known height" in advice[0].text
+    assert {frozenset(pair[:2]) for pair in advice[0].separates} == {
+        frozenset({"distance_offset", other}) for other in left - {"distance_offset"}
+    }
+    assert any("hall_V" in one.text or "flux_linkage_Wb" in one.text for one in advice)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["force_gain", "current_gain", "current_offset", "distance_offset", "distance_scale", "hall_offset", "force_offset",
+     "mass_error", "coil_temperature", "hall_temperature", "driver_gain", "sensor_delay"],
+)  # fmt: skip
+def test_what_a_bench_engineer_calibrates_has_its_measurement(name):
+    assert effect_by_name(name).calibrations

@@ -119,7 +119,10 @@ def test_an_effect_says_what_users_need(effect):
     assert effect.symptom.endswith(".")
     assert effect.experiment.endswith(".")
     assert effect.reference
-    assert {c.parameter for c in effect.calibrations} <= {p.name for p in effect.parameters}
+    for c in effect.calibrations:
+        assert set(c.reads) <= {p.name for p in effect.amplitudes}
+        assert min(c.cost, *c.reads.values()) > 0.0
+        assert c.instruction.endswith(".")
 
 
 @pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)

@@ -1,0 +1,96 @@
+"""Suggested measurements and what a plan can show, in plain sentences."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from femfit.diagnose.plan import PlanReport
+from femfit.diagnose.suggest import Suggestion
+
+_SHOWN = 8
+
+
+def suggestion_lines(suggestions: Sequence[Suggestion], explanations: int) -> list[str]:
+    """Suggested measurements as lines of text.
+
+    Parameters
+    ----------
+    suggestions : sequence of Suggestion
+        Best first.
+    explanations : int
+        How many explanations the data leave.
+
+    Returns
+    -------
+    list of str
+        A line a measurement with what it tells apart, and a line with what it leaves in doubt.
+    """
+    if explanations < 2:
+        return ["There is nothing to separate: the data leave one explanation or none."]
+    if not suggestions:
+        return ["No measurement that femfit knows would separate these explanations."]
+    lines = []
+    for k, one in enumerate(suggestions[:_SHOWN], start=1):
+        told = "; ".join(
+            f"{name} from {_listed(others, 'and')}" for name, others in _gathered((a, b) for a, b, _ in one.separates)
+        )
+        sigma = min(s for _, _, s in one.separates)
+        least = " at least" if len(one.separates) > 1 else ""
+        lines.append(
+            f"{k}. {one.text} It costs about {one.cost:.0f} readings and tells {told} ({sigma:.0f} sigma{least})."
+        )
+        if one.remains:
+            left = "; ".join(_listed(group, "or") for group in _chained(one.remains))
+            lines.append(f"   It would leave open: {left}.")
+    return lines
+
+
+def _gathered(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, list[str]]]:
+    """Pairs as few (one, its partners), the one with most partners first."""
+    left, result = list(pairs), []
+    while left:
+        name = Counter(name for pair in left for name in pair).most_common(1)[0][0]
+        result.append((name, [a if b == name else b for a, b in left if name in {a, b}]))
+        left = [pair for pair in left if name not in pair]
+    return result
+
+
+def _chained(pairs: Iterable[tuple[str, str]]) -> list[list[str]]:
+    """Names that pairs connect, group by group."""
+    groups: list[list[str]] = []
+    for pair in pairs:
+        met = [group for group in groups if set(group) & set(pair)]
+        groups = [group for group in groups if group not in met]
+        groups.append(list(dict.fromkeys([name for group in (*met, pair) for name in group])))
+    return groups
+
+
+def _listed(names: Sequence[str], word: str) -> str:
+    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def plan_lines(report: PlanReport) -> list[str]:
+    """What a plan can show, as lines of text.
+
+    Parameters
+    ----------
+    report : PlanReport
+        Of a planned campaign.
+
+    Returns
+    -------
+    list of str
+        Groups that stay together, effects it cannot show, and the smallest magnitudes of the others.
+    """
+    lines = ["Assumed noise: " + ", ".join(f"{name} {sigma:.2g}" for name, sigma in report.noise.items())]
+    if report.groups:
+        lines.append("This plan could never tell apart:")
+        lines += [f"  {', '.join(group)}" for group in report.groups]
+    else:
+        lines.append("This plan could tell every visible effect from every other at its largest usual size.")
+    if report.invisible:
+        lines.append("It could not show:")
+        lines += [f"  {name}: {why}" for name, why in report.invisible.items()]
+    lines.append("Smallest magnitudes that it would show nine times in ten:")
+    for name, amplitudes in report.detectable.items():
+        lines.append(f"  {name}: " + ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items()))
+    return lines
