@@ -7,12 +7,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from femfit.core.errors import TableError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLUMNS: dict[str, str] = {
     "current_A": "coil current, positive attracts",
@@ -51,10 +53,10 @@ class SweepTable:
         fields of :class:`femfit.actuator.parts.HallElement`), versions and hashes.
     """
 
-    rows: pd.DataFrame
+    rows: "pd.DataFrame"
     manifest: Mapping[str, Any] = field(default_factory=dict)
 
-    def valid_rows(self) -> pd.DataFrame:
+    def valid_rows(self) -> "pd.DataFrame":
         """The rows whose status is ``ok``."""
         if "status" not in self.rows:
             return self.rows
@@ -110,6 +112,8 @@ def read_sweep_table(path: Path) -> SweepTable:
     TableError
         If there is no such file, a required column is missing, empty or not numeric, or no row is usable.
     """
+    import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
+
     path = Path(path)
     file = _table_file(path)
     try:
@@ -138,7 +142,9 @@ def _table_file(path: Path) -> Path:
     return path
 
 
-def _check(rows: pd.DataFrame, file: Path) -> None:
+def _check(rows: "pd.DataFrame", file: Path) -> None:
+    from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
+
     missing = [name for name in REQUIRED if name not in rows]
     if missing:
         raise TableError(
@@ -151,7 +157,7 @@ def _check(rows: pd.DataFrame, file: Path) -> None:
     if usable.empty:
         raise TableError(f"Sweep table {file} has no row with status ok.")
     for name in REQUIRED:
-        if not pd.api.types.is_numeric_dtype(usable[name]):
+        if not is_numeric_dtype(usable[name]):
             raise TableError(f"Column {name} of {file} must be numeric; it holds {usable[name].iloc[0]!r}.")
         if not np.isfinite(usable[name].to_numpy(dtype=float)).all():
             raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")

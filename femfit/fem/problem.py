@@ -1,17 +1,29 @@
 """The choice of the solver by the actuator's materials."""
 
+from functools import partial
+from typing import TYPE_CHECKING
+
 from femfit.actuator.parts import Actuator, NonlinearMaterial
 from femfit.fem.layout import Layout
 from femfit.fem.linear_point import LinearActuator
-from femfit.fem.nonlinear_point import NonlinearActuator
 from femfit.fem.settings import SolverSettings
-from femfit.fem.tolerance import ToleranceProblem, check_currents, meet_tolerance
+from femfit.fem.tolerance import check_currents, meet_tolerance, on_rung
+from femfit.fem.tolerance_problem import RungChoice, ToleranceProblem
 from femfit.fem.weak_form import materials
 
-FieldProblem = LinearActuator | NonlinearActuator | ToleranceProblem
+if TYPE_CHECKING:
+    from femfit.fem.nonlinear_point import NonlinearActuator
+
+    FieldProblem = LinearActuator | NonlinearActuator | ToleranceProblem
 
 
-def prepare(actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> FieldProblem:
+def prepare(
+    actuator: Actuator,
+    group: tuple[float, ...],
+    layout: Layout,
+    settings: SolverSettings,
+    choice: RungChoice | None = None,
+) -> "FieldProblem":
     """Mesh an actuator for a group of distances.
 
     Parameters
@@ -24,6 +36,8 @@ def prepare(actuator: Actuator, group: tuple[float, ...], layout: Layout, settin
         Of the whole sweep.
     settings : SolverSettings
         Order and element sizes, or the tolerance to meet.
+    choice : RungChoice, optional
+        How it is met, where the climb was made before.
 
     Returns
     -------
@@ -31,13 +45,18 @@ def prepare(actuator: Actuator, group: tuple[float, ...], layout: Layout, settin
         The last if there is a tolerance; else the second if any part saturates.
     """
     saturates = any(isinstance(material, NonlinearMaterial) for material in materials(actuator).values())
-    if settings.tolerance is not None:
 
-        def build(rung: SolverSettings) -> LinearActuator | NonlinearActuator:
-            if saturates:
-                return NonlinearActuator(actuator, group, layout, rung)
-            return LinearActuator(actuator, group, layout, rung, estimate=False)
+    def build(of: SolverSettings, *, estimate: bool) -> "LinearActuator | NonlinearActuator":
+        if not saturates:
+            return LinearActuator(actuator, group, layout, of, estimate=estimate)
+        from femfit.fem.nonlinear_point import NonlinearActuator  # noqa: PLC0415  loads interpolation and sparse matrices
 
-        checked = check_currents(actuator.sweep.currents_A) if saturates else actuator.sweep.currents_A
-        return meet_tolerance(build, group, checked, settings)
-    return (NonlinearActuator if saturates else LinearActuator)(actuator, group, layout, settings)
+        return NonlinearActuator(actuator, group, layout, of)
+
+    if settings.tolerance is None:
+        return build(settings, estimate=True)
+    rung = partial(build, estimate=False)
+    if choice is not None:
+        return on_rung(rung, choice, settings)
+    checked = check_currents(actuator.sweep.currents_A) if saturates else actuator.sweep.currents_A
+    return meet_tolerance(rung, group, checked, settings)

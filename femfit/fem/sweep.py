@@ -2,64 +2,27 @@
 
 import hashlib
 import json
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from functools import lru_cache
+from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from threading import Thread
+from typing import Any
 
 from femfit.actuator.parts import Actuator
 from femfit.actuator.variants import VariantSweep, only
-from femfit.core.errors import FemfitError, FieldSolverError, RunDirectoryError
+from femfit.core.errors import FieldSolverError, RunDirectoryError
 from femfit.core.journal import Journal, JournalHeader
 from femfit.core.sweep_table import SweepTable, write_sweep_table
-from femfit.fem.layout import Layout, layout_of, stretch_groups
+from femfit.fem.layout import layout_of, stretch_groups
 from femfit.fem.settings import SolverSettings, settings_for
 from femfit.fem.sweep_cluster import solve_on_cluster, versions
-from femfit.fem.sweep_pool import AGAIN, solve_in_processes
+from femfit.fem.sweep_pool import AGAIN, Done, Result, solve_here, solve_in_processes
 from femfit.fem.sweep_rows import sweep_manifest, sweep_rows
-
-if TYPE_CHECKING:
-    from femfit.fem.problem import FieldProblem
+from femfit.fem.sweep_task import DistanceTask, MeshGroup, RungTask, SweepTask, solve_task
+from femfit.fem.tolerance import shares_checks
 
 Progress = Callable[[int, int], None]
-
-_ONE_AT_A_TIME = threading.Lock()
-"""A cluster's worker may have several threads, but a mesh has one state: it is stretched to one distance."""
-
-
-@dataclass(frozen=True)
-class DistanceTask:
-    """One distance of a sweep: what a worker needs, picklable.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Checked.
-    layout : Layout
-        Of the whole sweep.
-    settings : SolverSettings
-        Order and element sizes.
-    group : tuple of float
-        Distances that share a mesh.
-    distance : float
-        In m.
-    variant : int
-        Number of the variant, from 1.
-    """
-
-    actuator: Actuator
-    layout: Layout
-    settings: SolverSettings
-    group: tuple[float, ...]
-    distance: float
-    variant: int = 1
-
-    @property
-    def key(self) -> str:
-        """Name in the journal."""
-        return f"{self.variant}: {self.distance!r}"
 
 
 def run_sweep(
@@ -107,19 +70,23 @@ def run_sweep(
     tasks, failed = _plan(sweep, settings)
     configuration = _configuration(sweep, settings)
     currents = len(sweep.variants[0].sweep.currents_A)
+    names = {task.key for task in tasks}
 
     def report() -> None:
         if progress is not None:
-            progress(len(journal.finished) * currents, len(tasks) * currents)
+            progress(len(finished) * currents, len(tasks) * currents)
 
-    def done(task: DistanceTask, result: Mapping[str, Any]) -> None:
+    def record(task: SweepTask, result: Result) -> None:
         journal.record(task.key, result)
+        finished.update(names & {task.key})
         report()
 
     with Journal(directory, JournalHeader(configuration["hash"])) as journal:
+        finished = names & journal.finished.keys()
         report()
         left = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
-        _solve_all(left, workers, scheduler, done)
+        first, done = _in_order(left, journal.finished, record)
+        _solve_all(first, workers, scheduler, done)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
         table = SweepTable(
             sweep_rows(sweep, solved | failed), sweep_manifest(sweep, configuration) | _beyond_curve(solved)
@@ -148,74 +115,10 @@ def plan_sweep(actuator: Actuator, settings: SolverSettings, variant: int = 1) -
     layout = layout_of(actuator, settings)
     groups = stretch_groups(actuator.sweep.distances_m, layout, settings)
     return [
-        DistanceTask(actuator, layout, settings, group, distance, variant) for group in groups for distance in group
+        DistanceTask(MeshGroup(actuator, layout, settings, group), distance, variant)
+        for group in groups
+        for distance in group
     ]
-
-
-def solve_task(task: DistanceTask) -> dict[str, Any]:
-    """Solve one distance; a mesh or solution that fails becomes a result with its reason.
-
-    Parameters
-    ----------
-    task : DistanceTask
-        Any.
-
-    Returns
-    -------
-    dict
-        JSON-ready: ``status`` and, when it is ok, ``rows``: the table's columns, one value a current; ``again`` where
-        the memory was too small, not the drawing at fault.
-    """
-    try:
-        with _ONE_AT_A_TIME:
-            rows = _problem(task).rows(task.distance, task.actuator.sweep.currents_A)
-            return {"status": "ok", "rows": rows}
-    except _failures() as error:
-        _prepared.cache_clear()  # what was interrupted half-way must not serve the next distance
-        return _failure(error)
-
-
-def _problem(task: DistanceTask) -> "FieldProblem":
-    """On the group's mesh, or on one of the distance's own where that cannot be made."""
-    try:
-        return _prepared(task.actuator, task.group, task.layout, task.settings)
-    except FieldSolverError:
-        if len(task.group) == 1:
-            raise
-        return _prepared(task.actuator, (task.distance,), task.layout, task.settings)
-
-
-@lru_cache(maxsize=1)
-def _prepared(actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> "FieldProblem":
-    """The mesh of a group, kept while a worker's tasks stay in it."""
-    from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
-
-    from femfit.fem.problem import prepare  # noqa: PLC0415
-
-    SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
-    return prepare(actuator, group, layout, settings)
-
-
-def _failures() -> tuple[type[Exception], ...]:
-    """What meshing and solving raise when a drawing or the memory is beyond them."""
-    from netgen.libngpy._meshing import NgException  # noqa: PLC0415  loaded by now
-
-    return (NgException, RuntimeError, MemoryError, ArithmeticError)
-
-
-def _failure(error: Exception) -> dict[str, Any]:
-    text = " ".join(str(error).split())
-    if isinstance(error, FemfitError):
-        return {"status": f"failed: {text}"}
-    if isinstance(error, MemoryError) or "allocate" in text:
-        return {
-            "status": f"failed: out of memory ({text}). Give the same command with fewer workers, or more memory",
-            AGAIN: True,
-        }
-    return {
-        "status": f"failed: the field solver stopped ({text}). Look for extreme dimensions or materials in the "
-        "actuator file"
-    }
 
 
 def _plan(
@@ -238,18 +141,42 @@ def _plan(
     return tasks, failed
 
 
-def _solve_all(
-    tasks: Sequence[DistanceTask],
-    workers: int,
-    scheduler: str | None,
-    done: Callable[[DistanceTask, dict[str, Any]], None],
-) -> None:
+def _in_order(
+    tasks: Sequence[DistanceTask], finished: Mapping[str, Result], record: Callable[[SweepTask, Result], None]
+) -> tuple[list[SweepTask], Done[SweepTask]]:
+    """The tasks that can be solved at once, and what is to be done with a result; rungs come before their distances."""
+    first: list[SweepTask] = []
+    behind: dict[RungTask, list[DistanceTask]] = {}
+    for task in tasks:
+        if task.mesh.settings.tolerance is not None and shares_checks(task.mesh.distances):
+            behind.setdefault(RungTask(task.mesh, task.variant), []).append(task)
+        else:
+            first.append(task)
+    for rung, distances in behind.items():
+        known = finished.get(rung.key)
+        first += [rung] if known is None else rung.distances(distances, known)
+
+    def done(task: SweepTask, result: Result) -> list[SweepTask]:
+        if not isinstance(task, RungTask):
+            record(task, result)
+            return []
+        if "choice" in result:
+            record(task, result)
+            return [*task.distances(behind[task], result)]
+        for distance in behind[task]:
+            record(distance, result)
+        return []
+
+    return first, done
+
+
+def _solve_all(tasks: Sequence[SweepTask], workers: int, scheduler: str | None, done: Done[SweepTask]) -> None:
     if scheduler is not None and tasks:
         solve_on_cluster(tasks, solve_task, done, scheduler)
-    elif workers == 1 or len(tasks) < 2:
-        for task in tasks:
-            done(task, solve_task(task))
+    elif workers == 1 or (len(tasks) < 2 and not any(isinstance(task, RungTask) for task in tasks)):
+        solve_here(tasks, solve_task, done)
     else:
+        Thread(target=import_module, args=("pandas",), daemon=True).start()  # for the table, in time
         solve_in_processes(tasks, solve_task, done, workers)
 
 

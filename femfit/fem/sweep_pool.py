@@ -9,7 +9,7 @@ import multiprocessing
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
@@ -17,7 +17,8 @@ from typing import Any, TypeVar
 Task = TypeVar("Task")
 Result = dict[str, Any]
 Solve = Callable[[Task], Result]
-Done = Callable[[Task, Result], None]
+Done = Callable[[Task, Result], Iterable[Task]]
+"""Takes a task and its result, and returns the tasks that follow from it; they are next."""
 
 AGAIN = "again"
 """Mark of a result that the machine, not the task, is to blame for: the same command tries it again."""
@@ -36,8 +37,8 @@ def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Tas
     solve : callable
         Picklable; takes a task and returns its result.
     done : callable
-        Called here with each task and its result, as they come; the result is :data:`DIED` where the task's own
-        process died.
+        Called here with each task and its result, as they come, and returns what follows; the result is :data:`DIED`
+        where the task's own process died.
     workers : int
         Processes.
     """
@@ -45,11 +46,42 @@ def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Tas
     while waiting:
         out: dict[Future[Result], Task] = {}
         try:
-            with _pool(min(workers, len(waiting))) as pool:
+            with _pool(workers) as pool:  # starts them as tasks come
                 work_off(pool, waiting, out, solve, done, workers + SPARE)
         except BrokenProcessPool:
             for task in out.values():
-                done(task, _alone(task, solve))
+                follow(waiting, done(task, _alone(task, solve)))
+
+
+def solve_here(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task]) -> None:
+    """Solve tasks in this process.
+
+    Parameters
+    ----------
+    tasks : sequence
+        Any.
+    solve : callable
+        Takes a task and returns its result.
+    done : callable
+        Called with each task and its result.
+    """
+    waiting = deque(tasks)
+    while waiting:
+        task = waiting.popleft()
+        follow(waiting, done(task, solve(task)))
+
+
+def follow(waiting: deque[Task], tasks: Iterable[Task]) -> None:
+    """Put tasks before all that wait, in their order.
+
+    Parameters
+    ----------
+    waiting : deque
+        Changed.
+    tasks : iterable
+        What follows from a task that was just done: a worker may have its mesh at hand.
+    """
+    waiting.extendleft(reversed(list(tasks)))
 
 
 def work_off(
@@ -74,7 +106,7 @@ def work_off(
     solve : callable
         Takes a task and returns its result.
     done : callable
-        Called with each task and its result.
+        Called with each task and its result; returns what follows.
     limit : int
         Of tasks handed out at a time.
     lost : tuple of type
@@ -90,7 +122,7 @@ def work_off(
                     result = future.result()
                 except lost:
                     result = DIED
-                done(out.pop(future), result)
+                follow(waiting, done(out.pop(future), result))
     except BaseException:
         for future in out:
             future.cancel()

@@ -15,16 +15,15 @@ C. Schwab, p- and hp-Finite Element Methods, Oxford 1998, chapter 4: orders grow
 converge exponentially.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from ngsolve import Mesh
 
 from femfit.core.arrays import FloatArray
-from femfit.fem.point_field import PointField
 from femfit.fem.settings import SolverSettings
+from femfit.fem.tolerance_problem import RungChoice, RungProblem, ToleranceProblem, scale
 
 FIRST_ORDER = 4
 """Errors of lower orders scatter so much with distance that three checks do not bound them."""
@@ -39,99 +38,6 @@ OWN_MESH_LIMIT = 3
 """Groups of up to this many distances are not worth checks on the next rung."""
 
 MOST_CHECKED = 4  # currents of a nonlinear actuator
-
-
-class RungProblem(Protocol):
-    """What one rung solves."""
-
-    mesh: Mesh
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns."""
-
-    def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance."""
-
-    def field(self, distance: float, current: float) -> PointField:
-        """The field at a point."""
-
-
-class ToleranceProblem:
-    """A group of distances on the rung that meets the tolerance.
-
-    Parameters
-    ----------
-    problem : RungProblem
-        Of the rung.
-    settings : SolverSettings
-        Of the rung.
-    currents : tuple of float
-        Where the error was measured, in A, ascending.
-    errors : array, shape (currents,)
-        Of the force, relative to :func:`scale`, the safety factor included.
-    """
-
-    def __init__(
-        self, problem: RungProblem, settings: SolverSettings, currents: tuple[float, ...], errors: FloatArray
-    ) -> None:
-        self._problem = problem
-        self.settings = settings
-        self._currents = np.array(currents)
-        self._errors = errors
-
-    @property
-    def mesh(self) -> Mesh:
-        """Of the rung."""
-        return self._problem.mesh
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns."""
-        return self._problem.unknowns
-
-    def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance.
-
-        Parameters
-        ----------
-        distance : float
-            In m; within the group.
-        currents : tuple of float
-            In A, ascending.
-
-        Returns
-        -------
-        dict of list
-            By column name, one value a current.
-        """
-        columns = self._problem.rows(distance, currents)
-        if "force_N" in columns:
-            error = self._relative(np.array(currents)) * scale(columns["force_N"], currents)
-            columns["force_error_N"] = error.tolist()
-        return columns
-
-    def field(self, distance: float, current: float) -> PointField:
-        """The field at a point, with the mesh left stretched to it.
-
-        Parameters
-        ----------
-        distance, current : float
-            In m and A.
-
-        Returns
-        -------
-        PointField
-            Of the rung.
-        """
-        return self._problem.field(distance, current)
-
-    def _relative(self, currents: FloatArray) -> FloatArray:
-        """The larger error of the two checked currents on either side."""
-        last = len(self._currents) - 1
-        above = np.clip(np.searchsorted(self._currents, currents), 0, last)
-        below = np.clip(np.searchsorted(self._currents, currents, side="right") - 1, 0, last)
-        return np.maximum(self._errors[above], self._errors[below])
 
 
 def meet_tolerance(
@@ -158,18 +64,18 @@ def meet_tolerance(
     ToleranceProblem
         Its rows say the error that is left, also where the last rung does not meet the tolerance.
     """
-    shared = len(group) > OWN_MESH_LIMIT
+    shared = shares_checks(group)
     distances = (group[0], group[len(group) // 2], group[-1]) if shared else group
     factor = CHECK_SAFETY if shared else 1.0
     tolerance = float(settings.tolerance or 0.0)
 
-    def solve(rung: SolverSettings) -> _Solved:
-        problem = build(rung)
-        return _Solved(problem, rung, [problem.rows(distance, currents) for distance in distances])
+    def solve(number: int) -> _Solved:
+        problem = build(rungs[number])
+        return _Solved(problem, number, [problem.rows(distance, currents) for distance in distances])
 
-    first, *others = ladder(settings)
-    above, met = solve(first), False
-    for rung in others:
+    rungs = ladder(settings)
+    above, met = solve(0), False
+    for rung in range(1, len(rungs)):
         if met:
             break
         below, above = above, solve(rung)
@@ -177,7 +83,47 @@ def meet_tolerance(
         flux = factor * _difference("flux_linkage_Wb", below, above, currents)
         met = max(force.max(), flux.max()) <= tolerance
     chosen = below if shared else above
-    return ToleranceProblem(chosen.problem, chosen.settings, currents, force)
+    choice = RungChoice(chosen.rung, currents, tuple(force.tolist()))
+    return ToleranceProblem(chosen.problem, rungs[chosen.rung], choice)
+
+
+def on_rung(
+    build: Callable[[SolverSettings], RungProblem], choice: RungChoice, settings: SolverSettings
+) -> ToleranceProblem:
+    """What :func:`meet_tolerance` gave, without the climb.
+
+    Parameters
+    ----------
+    build : callable
+        Prepares the group on a rung.
+    choice : RungChoice
+        From the climb.
+    settings : SolverSettings
+        With the tolerance.
+
+    Returns
+    -------
+    ToleranceProblem
+        The same rows.
+    """
+    rung = ladder(settings)[choice.rung]
+    return ToleranceProblem(build(rung), rung, choice)
+
+
+def shares_checks(group: tuple[float, ...]) -> bool:
+    """Whether a group's rung is chosen by checks at some of its distances, for all of them.
+
+    Parameters
+    ----------
+    group : tuple of float
+        Distances that share a mesh, in m.
+
+    Returns
+    -------
+    bool
+        False where every distance is compared with the rung below.
+    """
+    return len(group) > OWN_MESH_LIMIT
 
 
 def ladder(settings: SolverSettings) -> list[SolverSettings]:
@@ -197,27 +143,6 @@ def ladder(settings: SolverSettings) -> list[SolverSettings]:
         replace(settings, order=FIRST_ORDER + k, corner_fraction=corner, tolerance=None)
         for k, corner in enumerate(CORNERS)
     ]
-
-
-def scale(values: Sequence[float], currents: Sequence[float]) -> FloatArray:
-    """What errors at one distance are relative to: a value, or that at the weakest current if it is larger.
-
-    Where the coil's force cancels the magnet's, the sum is no measure of what was computed.
-
-    Parameters
-    ----------
-    values : sequence of float
-        Force or flux linkage at the currents.
-    currents : sequence of float
-        In A.
-
-    Returns
-    -------
-    array, shape (currents,)
-        In the values' unit.
-    """
-    size = np.abs(np.array(values, dtype=np.float64))
-    return np.asarray(np.fmax(size, size[int(np.argmin(np.abs(currents)))]))
 
 
 def check_currents(currents: tuple[float, ...]) -> tuple[float, ...]:
@@ -241,7 +166,7 @@ def check_currents(currents: tuple[float, ...]) -> tuple[float, ...]:
 @dataclass(frozen=True)
 class _Solved:
     problem: RungProblem
-    settings: SolverSettings
+    rung: int
     columns: list[dict[str, list[Any]]]
 
 

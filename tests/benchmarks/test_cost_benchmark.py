@@ -59,7 +59,7 @@ def by_points(tmp_path):
 
 
 def sweep_once(actuator, directory, settings):
-    from femfit.fem.sweep import _prepared
+    from femfit.fem.sweep_task import _prepared
 
     _prepared.cache_clear()  # as in a new process
     run_sweep(actuator, directory, workers=1, settings=settings)

@@ -10,7 +10,7 @@ import pytest
 
 from femfit.actuator.variants import variants_from_toml
 from femfit.core.errors import FieldSolverError
-from femfit.fem import moving_mesh
+from femfit.fem import moving_mesh, sweep_task
 from femfit.fem import sweep as sweep_module
 from femfit.fem.settings import SolverSettings
 from femfit.fem.sweep import run_sweep
@@ -42,7 +42,7 @@ KINDS = ("linear", "saturating", "variants")
 @pytest.fixture(scope="module", params=KINDS)
 def case(request, tmp_path_factory):
     sweep = sweep_of(request.param)
-    sweep_module._prepared.cache_clear()
+    sweep_task._prepared.cache_clear()
     return sweep, run_sweep(sweep, tmp_path_factory.mktemp("whole"), workers=1, settings=QUICK)
 
 
@@ -82,7 +82,7 @@ def test_a_distance_that_cannot_be_meshed_is_rows_with_the_reason(case, tmp_path
     settings = dataclasses.replace(QUICK, stretch_limit=1.0)  # a mesh of its own for each distance
     whole = run_sweep(sweep, tmp_path / "whole", workers=1, settings=settings)
     monkeypatch.setattr(moving_mesh, "build_mesh", refuse_at(lambda distance: distance == 0.02))
-    sweep_module._prepared.cache_clear()
+    sweep_task._prepared.cache_clear()
     table = run_sweep(sweep, tmp_path / "run", workers=1, settings=settings)
     assert_only_20_mm_failed(table, whole, "^failed: no mesh$")
 
@@ -90,7 +90,7 @@ def test_a_distance_that_cannot_be_meshed_is_rows_with_the_reason(case, tmp_path
 def test_a_group_whose_mesh_fails_is_meshed_distance_by_distance(case, tmp_path, monkeypatch):
     sweep, whole = case
     monkeypatch.setattr(moving_mesh, "build_mesh", refuse_at(lambda distance: distance not in DISTANCES))
-    sweep_module._prepared.cache_clear()
+    sweep_task._prepared.cache_clear()
     table = run_sweep(sweep, tmp_path, workers=1, settings=QUICK)
     assert (table.rows["status"] == "ok").all()
     # Other meshes, other errors: the force agrees within twice the estimates.

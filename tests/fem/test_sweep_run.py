@@ -10,6 +10,7 @@ from femfit.actuator.load import read_actuator
 from femfit.core.errors import FieldSolverError, RunDirectoryError
 from femfit.core.sweep_table import COLUMNS, read_sweep_table
 from femfit.fem import sweep as sweep_module
+from femfit.fem import sweep_task
 from femfit.fem.settings import SolverSettings
 from femfit.fem.sweep import plan_sweep, run_sweep
 from femfit.fem.sweep_summary import summarise
@@ -117,11 +118,11 @@ def test_a_mesher_that_gives_up_is_a_status_and_no_crash(few, monkeypatch):
         raise FieldSolverError("no mesh")
 
     monkeypatch.setattr("femfit.fem.problem.prepare", give_up)
-    sweep_module._prepared.cache_clear()
+    sweep_task._prepared.cache_clear()
     assert sweep_module.solve_task(plan_sweep(few, QUICK)[0]) == {"status": "failed: no mesh"}
 
 
 def test_groups_cover_every_distance_once(rig):
     tasks = plan_sweep(rig, SolverSettings())
     assert [task.distance for task in tasks] == list(rig.sweep.distances_m)
-    assert 1 < len({task.group for task in tasks}) < 6
+    assert 1 < len({task.mesh for task in tasks}) < 6

@@ -13,6 +13,7 @@ from femfit.actuator.variants import read_variants, variants_from_toml
 from femfit.core.errors import FieldSolverError, RunDirectoryError
 from femfit.core.sweep_table import COLUMNS, read_sweep_table
 from femfit.fem import sweep as sweep_module
+from femfit.fem import sweep_task
 from femfit.fem.settings import SolverSettings
 from femfit.fem.sweep import run_sweep
 from femfit.fem.sweep_summary import summarise
@@ -100,7 +101,7 @@ def test_an_interrupted_parameter_sweep_resumes_to_the_same_table(variants, whol
     lines = journal.read_bytes().splitlines(keepends=True)
     for kept, workers in ((1, 1), (2, 2), (5, 1), (9, 1)):
         journal.write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
-        sweep_module._prepared.cache_clear()  # as in a new process
+        sweep_task._prepared.cache_clear()  # as in a new process
         resumed = run_sweep(variants, tmp_path, workers=workers, settings=QUICK)
         pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)
 

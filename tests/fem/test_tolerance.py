@@ -12,7 +12,8 @@ from femfit.fem.layout import layout_of, stretch_groups
 from femfit.fem.problem import prepare
 from femfit.fem.settings import SolverSettings, settings_for
 from femfit.fem.sweep import run_sweep
-from femfit.fem.tolerance import check_currents, ladder, scale
+from femfit.fem.tolerance import check_currents, ladder
+from femfit.fem.tolerance_problem import scale
 from support.actuators import GEOMETRY, assembly, magnet
 
 

@@ -28,6 +28,7 @@ def starve_at_20_mm(task):
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + LEFT, limits[1]))
     try:
-        return solve_task(dataclasses.replace(task, settings=dataclasses.replace(task.settings, order=9)))
+        settings = dataclasses.replace(task.mesh.settings, order=9)
+        return solve_task(dataclasses.replace(task, mesh=dataclasses.replace(task.mesh, settings=settings)))
     finally:
         resource.setrlimit(resource.RLIMIT_AS, limits)
