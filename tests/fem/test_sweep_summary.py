@@ -21,6 +21,14 @@ def test_a_force_that_crosses_zero_is_measured_by_that_of_the_weakest_current():
     assert summary["force_error_relative_max"] == pytest.approx(2e-4)
 
 
+def test_a_force_that_crosses_zero_along_the_distance_is_measured_by_those_on_both_sides():
+    rows = pd.DataFrame({"current_A": 1.0, "distance_m": [0.03, 0.01, 0.02], "force_N": [-0.1, 0.2, 1e-9]})
+    rows = rows.assign(force_error_N=[1e-5, 2e-5, 4e-5], status="ok")
+    assert summarise(SweepTable(rows, {}))["force_error_relative_max"] == pytest.approx(4e-5 / 0.1)
+    tolerant = SweepTable(rows, {"settings": {"tolerance": 1e-2}})
+    assert summarise(tolerant)["rows_beyond_tolerance"] == 1  # a tolerance is met at each distance on its own
+
+
 def test_rows_without_any_force_have_no_relative_error():
     assert summarise(table([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]))["force_error_relative_max"] == 0.0
     assert summarise(table([0.0, 0.1, 0.4], [0.0, 1e-4, 2e-4]))["force_error_relative_max"] == pytest.approx(1e-3)
