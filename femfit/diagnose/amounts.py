@@ -10,6 +10,8 @@ CHANNEL_WORDS = {
     "flux_linkage_Wb": "flux linkage",
     "hall_V": "Hall output",
     "voltage_V": "coil voltage",
+    "force_balance_N": "force, told by the motion,",
+    "voltage_balance_V": "commanded voltage",
 }
 """Channels as they are called in sentences."""
 
@@ -45,3 +47,19 @@ def amount(value: float, name: str, digits: int = 2) -> str:
     elif name.startswith("distance") and 1e-4 <= abs(rounded) < 1.0:
         power = -3
     return f"{rounded / 10.0**power:.6g} {_PREFIXES[power]}{_UNITS[unit]}"
+
+
+def chance(p_value: float) -> str:
+    """A p-value in words.
+
+    Parameters
+    ----------
+    p_value : float
+        Of a test.
+
+    Returns
+    -------
+    str
+        ``p = 0.03``, or ``p < 1e-12`` for all below.
+    """
+    return f"p = {p_value:.2g}" if p_value > 1e-12 else "p < 1e-12"

@@ -1,6 +1,6 @@
 """A comparison in plain sentences."""
 
-from femfit.diagnose.amounts import CHANNEL_WORDS, amount
+from femfit.diagnose.amounts import CHANNEL_WORDS, amount, chance
 from femfit.diagnose.compare import ChannelMisfit, Comparison
 
 _VERDICTS = {
@@ -31,7 +31,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
         gate = comparison.structure
         lines.append(
             f"structure: {gate.statistic:.2f} of 1 expected in {gate.degrees_of_freedom} smooth patterns, "
-            f"{_chance(gate.p_value)}"
+            f"{chance(gate.p_value)}"
         )
     lines.append(_VERDICTS[comparison.verdict].format(where=comparison.where.sentence))
     if comparison.shape is not None:
@@ -51,8 +51,4 @@ def _channel(one: ChannelMisfit) -> str:
         f"; largest {amount(worst.value, one.channel)} at {amount(worst.distance_m, 'distance_m', 3)} and "
         f"{amount(worst.current_A, 'current_A')}"
     )
-    return text + (f"; lack of fit {_chance(one.lack_of_fit.p_value)}" if one.lack_of_fit is not None else "")
-
-
-def _chance(p: float) -> str:
-    return f"p = {p:.2g}" if p > 1e-12 else "p < 1e-12"
+    return text + (f"; lack of fit {chance(one.lack_of_fit.p_value)}" if one.lack_of_fit is not None else "")

@@ -1,5 +1,6 @@
 """A diagnosis in plain sentences."""
 
+from femfit.diagnose.amounts import chance
 from femfit.diagnose.diagnosis import Diagnosis, NamedEffect
 from femfit.effects.catalogue import all_effects
 
@@ -92,7 +93,7 @@ def _named(one: NamedEffect) -> list[str]:
         interval = f" (95 %: {one.ci95[name][0]:.4g} to {one.ci95[name][1]:.4g})" if name in one.ci95 else ""
         lines.append(f"  {name} = {value:.4g}{interval}")
     lines.append(
-        f"  explains {100 * one.error_fall:.0f} % of the structured misfit on runs left out; p = {one.p_value:.2g}"
+        f"  explains {100 * one.error_fall:.0f} % of the structured misfit on runs left out; {chance(one.p_value)}"
     )
     if len(one.members) > 1:
         lines.append(f"  these data cannot tell it from {', '.join(one.members[1:])}; femfit suggest says what would")
@@ -107,7 +108,7 @@ def _evidence(diagnosis: Diagnosis) -> list[str]:
         if gate is not None:
             lines.append(
                 f"lack of fit {name}: {gate.statistic:.2f} of 1 expected in {gate.degrees_of_freedom} patterns, "
-                f"p = {gate.p_value:.2g}"
+                f"{chance(gate.p_value)}"
             )
     ranked = [score for score in diagnosis.ranking if not score.note][:_SHOWN]
     best = ", ".join(f"{score.name} ({score.chi2_fall:.0f})" for score in ranked)
