@@ -1,6 +1,7 @@
 """What adding effects did, in plain sentences."""
 
 from femfit.diagnose.add_result import AddResult, EffectSize
+from femfit.diagnose.amounts import chance
 from femfit.effects.effect import AddedEffect
 
 
@@ -66,8 +67,8 @@ def _errors(result: AddResult) -> list[str]:
 
 def _end(result: AddResult) -> list[str]:
     before, after = result.gate_before, result.gate_after
-    lines = [f"lack of fit, 1 expected: before {before.statistic:.2f} (p = {before.p_value:.2g}), after "]
-    lines[0] += f"{after.statistic:.2f} (p = {after.p_value:.2g})"
+    lines = [f"lack of fit, 1 expected: before {before.statistic:.2f} ({chance(before.p_value)}), after "]
+    lines[0] += f"{after.statistic:.2f} ({chance(after.p_value)})"
     if not result.base:
         lines.append("The base's own amplitudes (magnet strength, turns, resistance) were not used.")
     if result.kept:
