@@ -1,6 +1,6 @@
 """What a planned campaign could never tell apart, and what it could not show at all, before anyone measures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -19,6 +19,9 @@ from femfit.effects.effect import Effect
 from femfit.model.actuator_model import ActuatorModel
 
 _SPLIT = 4.0
+_SMALL = 3.0
+"""A small effect, over the smallest that the plan would show."""
+
 _MOUNT_M, _RUN = 40e-6, 0.2
 """Scatter of mounts, and of runs over a channel's noise, that a plan assumes."""
 
@@ -38,6 +41,8 @@ class PlanReport:
         As in :class:`femfit.diagnose.diagnosis.Diagnosis`.
     groups : tuple of tuple of str
         Effects that stay together even at the largest usual size of each.
+    small_groups : tuple of tuple of str
+        Those that stay together at three times the smallest size that the plan would show.
     invisible : mapping of str to str
         Effects that the plan cannot show at their largest usual size, and why.
     """
@@ -45,6 +50,7 @@ class PlanReport:
     noise: dict[str, float]
     detectable: dict[str, dict[str, float]]
     groups: tuple[tuple[str, ...], ...]
+    small_groups: tuple[tuple[str, ...], ...]
     invisible: dict[str, str]
 
     def to_dict(self) -> dict[str, Any]:
@@ -69,8 +75,7 @@ def examine_plan(model: ActuatorModel, plan: BenchTable, effects: Sequence[Effec
     Returns
     -------
     PlanReport
-        Two effects stay together where the one at its largest usual size is made by the other within four standard
-        deviations.
+        Two effects stay together at a size where the one is made by the other within four standard deviations.
     """
     rows = plan.rows.assign(**dict.fromkeys(plan.channels, 0.0))
     observations = bench_observations(model, replace(plan, rows=rows))
@@ -94,34 +99,43 @@ def examine_plan(model: ActuatorModel, plan: BenchTable, effects: Sequence[Effec
         reason = why_untestable(effect, observations)
         found = [] if reason else effect_columns(effect, observations)
         white = [(one, whitening.full(one.columns)) for one in found]
-        if not any(np.linalg.norm(signal) > _SPLIT for one, w in white for signal in _largest_signals(one, w)):
+        if not any(_signals(one, w) for one, w in white):
             invisible[effect.name] = reason or "its largest usual size stays within the noise"
             continue
         columns += white
     evidence = Evidence(observations, whitening, pattern_space(observations, whitening), tuple(columns), invisible)
-    return PlanReport(noise.floor, detectable_magnitudes(evidence, level), _groups(columns), invisible)
+    detectable = detectable_magnitudes(evidence, level)
+    small = {name: {p: _SMALL * size for p, size in sizes.items()} for name, sizes in detectable.items()}
+    return PlanReport(noise.floor, detectable, _groups(columns), _groups(columns, small), invisible)
 
 
-def _largest_signals(one: EffectColumns, white: FloatArray) -> list[FloatArray]:
-    """Each shape at the end of its usual range that is further from null."""
-    ends = [max((end - p.null for end in p.sane), key=abs) for p in one.amplitudes]
-    return [white[:, k] * end for k, end in enumerate(ends)]
+def _signals(one: EffectColumns, white: FloatArray, size: Mapping[str, float] | None = None) -> list[FloatArray]:
+    """Each shape that can be seen at the further end of its usual range, or at a smaller size."""
+    result = []
+    for k, p in enumerate(one.amplitudes):
+        end = max((end - p.null for end in p.sane), key=abs)
+        if size is not None and size[p.name] < abs(end):
+            end = float(np.copysign(size[p.name], end))
+        result.append(white[:, k] * end)
+    return [signal for signal in result if np.linalg.norm(signal) > _SPLIT]
 
 
-def _groups(columns: Sequence[tuple[EffectColumns, FloatArray]]) -> tuple[tuple[str, ...], ...]:
+def _groups(
+    columns: Sequence[tuple[EffectColumns, FloatArray]], sizes: Mapping[str, Mapping[str, float]] | None = None
+) -> tuple[tuple[str, ...], ...]:
     names = list(dict.fromkeys(one.effect.name for one, _ in columns))
     variants = {name: [(one, white) for one, white in columns if one.effect.name == name] for name in names}
     leader = {name: name for name in names}
     for a in names:
+        signals = _signals(*variants[a][0], sizes[a] if sizes else None)
         for b in names:
-            if a != b and leader[a] != leader[b] and _made_by(variants[a][0], variants[b]):
+            if a != b and leader[a] != leader[b] and _made_by(signals, variants[b]):
                 old, new = leader[a], leader[b]
                 leader = {name: new if top == old else top for name, top in leader.items()}
     groups = [tuple(name for name in names if leader[name] == top) for top in dict.fromkeys(leader.values())]
     return tuple(group for group in groups if len(group) > 1)
 
 
-def _made_by(a: tuple[EffectColumns, FloatArray], rivals: Sequence[tuple[EffectColumns, FloatArray]]) -> bool:
+def _made_by(signals: Sequence[FloatArray], rivals: Sequence[tuple[EffectColumns, FloatArray]]) -> bool:
     """Whether every visible shape of an effect can be made by another within the split."""
-    visible = [signal for signal in _largest_signals(*a) if np.linalg.norm(signal) > _SPLIT]
-    return bool(visible) and all(min(unlike(signal, [rival]) for rival in rivals) < _SPLIT for signal in visible)
+    return bool(signals) and all(min(unlike(signal, [rival]) for rival in rivals) < _SPLIT for signal in signals)

@@ -1,10 +1,12 @@
 """Suggested measurements and what a plan can show, in plain sentences."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from femfit.diagnose.plan import PlanReport
 from femfit.diagnose.suggest import Suggestion
+from femfit.effects.catalogue import all_effects
+from femfit.effects.effect import Effect
 
 _SHOWN = 8
 
@@ -79,18 +81,33 @@ def plan_lines(report: PlanReport) -> list[str]:
     Returns
     -------
     list of str
-        Groups that stay together, effects it cannot show, and the smallest magnitudes of the others.
+        Groups that stay together, with the direct readings that would tell, effects it cannot show, and the smallest
+        magnitudes of the others.
     """
     lines = ["Assumed noise: " + ", ".join(f"{name} {sigma:.2g}" for name, sigma in report.noise.items())]
+    effects = all_effects()
     if report.groups:
-        lines.append("This plan could never tell apart:")
-        lines += [f"  {', '.join(group)}" for group in report.groups]
+        lines.append("This plan could never tell apart, however large they usually get:")
+        for group in report.groups:
+            lines.append(f"  {', '.join(group)}")
+            lines += [
+                f"    {effects[name].calibrations[0].instruction}" for name in group if _calibrated(effects, name)
+            ]
     else:
         lines.append("This plan could tell every visible effect from every other at its largest usual size.")
+    more = [group for group in report.small_groups if group not in report.groups]
+    if more:
+        lines.append("Nor these where they are small, at three times the magnitudes below:")
+        lines += [f"  {', '.join(group)}" for group in more]
     if report.invisible:
         lines.append("It could not show:")
-        lines += [f"  {name}: {why}" for name, why in report.invisible.items()]
+        reasons = dict.fromkeys(report.invisible.values())
+        lines += [f"  {', '.join(n for n, w in report.invisible.items() if w == why)}: {why}" for why in reasons]
     lines.append("Smallest magnitudes that it would show nine times in ten:")
     for name, amplitudes in report.detectable.items():
         lines.append(f"  {name}: " + ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items()))
     return lines
+
+
+def _calibrated(effects: Mapping[str, Effect], name: str) -> bool:
+    return name in effects and bool(effects[name].calibrations)

@@ -226,7 +226,7 @@ def next_section(content: DiagnosisContent) -> Section | None:
         )
     elif content.suggestions:
         blocks += [
-            Markup("What would split the class, cheapest of the most telling first:"),
+            Markup("What would split the class, the cheapest for what it splits first:"),
             _suggestions(content),
         ]
     elif any(len(one.members) > 1 for one in diagnosis.missing):

@@ -9,7 +9,7 @@ from femfit.diagnose.diagnose import DiagnosisOptions, examine
 from femfit.diagnose.observations import bench_observations
 from femfit.diagnose.plan import examine_plan
 from femfit.diagnose.suggest import suggest_measurements
-from femfit.diagnose.suggest_text import suggestion_lines
+from femfit.diagnose.suggest_text import plan_lines, suggestion_lines
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter
 from femfit.model.magnetics import CoenergySpline
@@ -157,3 +157,26 @@ def test_a_small_misfit_of_force_alone_calls_for_a_gauge_block_or_a_further_chan
 )  # fmt: skip
 def test_what_a_bench_engineer_calibrates_has_its_measurement(name):
     assert effect_by_name(name).calibrations
+
+
+def test_a_plan_of_force_alone_names_what_it_leaves_together_and_the_direct_readings_that_would_tell(levitation_model):
+    plan = campaign(levitation_model, 25, runs=3)
+    force = replace(plan, given=tuple(name for name in plan.given if name not in NOISE or name == "force_N"))
+    rows = plan.rows.assign(coil_temperature_C=np.nan, magnet_temperature_C=np.nan)
+    report = examine_plan(levitation_model, replace(force, rows=rows), list(all_effects().values()))
+    assert ("constant_force", "force_offset") in report.groups
+    assert any({"magnet_temperature", "magnet_demagnetisation"} <= set(group) for group in report.groups)
+    lines = plan_lines(report)
+    below = lines[lines.index("  constant_force, force_offset") + 1 :][:2]
+    assert "brass" in below[0]
+    assert "Take the electromagnet away" in below[1]
+
+
+def test_what_a_plan_tells_apart_only_where_it_is_large_is_said(levitation_model):
+    plan = campaign(levitation_model, 26, runs=3, distances=6, currents=4)
+    force = replace(plan, given=tuple(name for name in plan.given if name not in NOISE or name == "force_N"))
+    effects = [effect_by_name(name) for name in ("distance_offset", "lateral_misalignment", "force_gain")]
+    report = examine_plan(levitation_model, force, effects)
+    assert report.groups == ()
+    assert len(report.small_groups) == 1
+    assert "Nor these where they are small, at three times the magnitudes below:" in plan_lines(report)

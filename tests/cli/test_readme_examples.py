@@ -1,4 +1,4 @@
-"""What the README shows of compare and audit is what the commands print."""
+"""What the README shows of compare, suggest and audit is what the commands print."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 def shown(command):
     """The lines below a command in the README."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    block = re.search(rf"```\n\s*\$ {re.escape(command)}\n(.+?)\n\s*```", text, flags=re.DOTALL)
+    block = re.search(rf"\n\s*\$ {re.escape(command)}\n(.+?)\n\s*```", text, flags=re.DOTALL)
     assert block, f"the README does not show {command}"
     return [line.strip() for line in block[1].splitlines() if line.strip() != "..."]
 
@@ -43,3 +43,19 @@ def test_compare_prints_what_the_readme_shows(levitation_model, tmp_path):
     lines = shown("femfit compare model.json bench.csv")
     assert [line for line in lines if line not in printed] == []
     assert lines[-1] == printed[-1]
+
+
+def test_suggest_prints_what_the_readme_shows(tmp_path):
+    for command in (
+        ("sweep", ROOT / "geometry" / "emaws-rig.toml", "-o", "rig"),
+        ("fit", "rig", "--model", "coenergy", "-o", "model.json"),
+    ):
+        done = femfit(*command, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    rows = (ROOT / "data" / "levitation_bench.csv").read_text(encoding="utf-8").splitlines()
+    (tmp_path / "force.csv").write_text("".join(",".join(row.split(",")[:9]) + "\n" for row in rows))
+    done = femfit("suggest", "model.json", "force.csv", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines = shown("femfit suggest model.json force.csv")
+    assert len(lines) > 2
+    assert lines == done.stdout.splitlines()
