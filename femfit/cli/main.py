@@ -65,6 +65,10 @@ def main() -> None:
     except FemfitError as error:
         print(f"femfit: {error}", file=sys.stderr)
         sys.exit(1)
+    except BrokenPipeError:
+        # The reader, head say, has seen enough; what is still buffered must not fail at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
     except OSError as error:
         print(f"femfit: {error.strerror or error}: {error.filename or ''}", file=sys.stderr)
         sys.exit(1)

@@ -151,3 +151,14 @@ def test_run_of_an_actuator_that_cannot_levitate_says_so(tmp_path):
     assert "[hall]" in result.stdout
     assert (tmp_path / "run" / "report.html").is_file()
     assert not (tmp_path / "run" / "estimator").exists()
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as gone:
+        done = subprocess.run(
+            [FEMFIT, "audit", str(GEOMETRY.parent / "data" / "chowdhury2016.toml")],
+            stdout=gone, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.stderr == ""
