@@ -14,16 +14,13 @@ import pandas as pd
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.measurement import BenchTable
+from femfit.diagnose.reach import nothing_in_reach, within_reach
 from femfit.effects.effect import AddedEffect, Conditions, Nominal
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 
 Predict = Callable[[Iterable[AddedEffect]], FloatArray]
-
-_REACH = 0.02
-"""By how much of its width a validity box may be left: a stage's zero error at the border of the sweep."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +165,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             f"{int((known & ~reach).sum())} rows lie outside of the model's box of distances and currents and were "
             "left out; sweep and fit a wider range to use them."
         )
+    if not reach.any():
+        raise TableError(nothing_in_reach(model, table))
     covariates = _covariates(rows[reach].reset_index(drop=True))
     nominal = nominal_of(model)
     at = conditions_of(covariates, nominal)
@@ -213,37 +212,6 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         findings=(*table.findings, *findings),
         present=tuple(added.effect.name for added in own),
     )
-
-
-def within_reach(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
-    """Where a model may be compared with a bench: its validity box, a little beyond, and what is exact beyond.
-
-    The co-energy of linear iron is a polynomial of second degree in the current, which holds at any current; there only
-    the distances are limited.
-
-    Parameters
-    ----------
-    model : ActuatorModel
-        Of which the base counts.
-    distance, current : array, shape (n,)
-        In m and A.
-
-    Returns
-    -------
-    array of bool, shape (n,)
-        False where either is not a number.
-    """
-    base = model.base or model
-    box, magnetics = base.validity, base.magnetics
-    slack = _REACH * (box.distance_max_m - box.distance_min_m)
-    inside = (distance >= box.distance_min_m - slack) & (distance <= box.distance_max_m + slack)
-    linear = isinstance(magnetics, CoenergySpline) and (
-        magnetics.spline.y_degree <= 2 and len(np.unique(magnetics.spline.y_knots)) == 2
-    )
-    if linear:
-        return np.asarray(inside & np.isfinite(current))
-    slack = _REACH * (box.current_max_A - box.current_min_A)
-    return np.asarray(inside & (current >= box.current_min_A - slack) & (current <= box.current_max_A + slack))
 
 
 def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:

@@ -45,7 +45,7 @@ def summarise(table: SweepTable) -> dict[str, Any]:
 
 
 def _near_force(rows: "pd.DataFrame") -> "pd.Series[float]":
-    """Each row's force; beside a change of sign along the distance, the largest of it and those of the other sign'."""
+    """Each row's force; beside a change of sign along the distance, the largest of it and those of another sign."""
     keys = [name for name in (VARIANT, "current_A") if name in rows]
     forces = rows.sort_values("distance_m", kind="stable").groupby(keys)["force_N"]
     size = rows["force_N"].abs()
