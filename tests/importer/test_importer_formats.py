@@ -271,7 +271,10 @@ def test_two_columns_for_one_quantity_are_left_to_the_user(tmp_path, law):
     assert "flux_linkage_Wb" not in imported.table.rows
     assert any(finding.code == "choice" and "flux_hi" in finding.sentence for finding in imported.findings)
     chosen = ImportOptions(columns={"current": "ni_scale", "flux_linkage": "flux_lo"})
-    assert_same(read_foreign_table([path], chosen), table)
+    decided = read_foreign_table([path], chosen)
+    assert_same(decided, table)
+    assert not any(finding.code == "choice" for finding in decided.findings)
+    assert any(finding.sentence == "Not used: flux_hi." for finding in decided.findings)
     wrong = ImportOptions(columns={"current": "ni_scale", "flux_linkage": "flux_hi"})
     with pytest.raises(TableError, match="reciprocity"):
         read_foreign_table([path], wrong)

@@ -62,7 +62,7 @@ def long_points(
     points = pd.DataFrame(data)
     for header in rivals.get("force", []):
         points[f"other:{header}"] = raw.column(header) * uses["force"].factor
-    return points.assign(source=raw.source, line=raw.lines), uses, _choices(uses, unused, rivals)
+    return points.assign(source=raw.source, line=raw.lines), uses, _choices(uses, unused, rivals, options)
 
 
 def _missing_message(raw: RawTable, missing: list[str]) -> str:
@@ -80,9 +80,12 @@ def _missing_message(raw: RawTable, missing: list[str]) -> str:
     )
 
 
-def _choices(uses: dict[str, ColumnUse], unused: list[str], rivals: dict[str, list[str]]) -> list[Finding]:
+def _choices(
+    uses: dict[str, ColumnUse], unused: list[str], rivals: dict[str, list[str]], options: ImportOptions
+) -> list[Finding]:
     findings = []
-    for quantity, headers in rivals.items():
+    undecided = {quantity: headers for quantity, headers in rivals.items() if quantity not in options.columns}
+    for quantity, headers in undecided.items():
         option = f"--{QUANTITIES[quantity].option}-column"
         name = quantity.replace("_", " ")
         if quantity in uses:
@@ -90,7 +93,7 @@ def _choices(uses: dict[str, ColumnUse], unused: list[str], rivals: dict[str, li
         else:
             sentence = f"{', '.join(headers)} may each be the {name}; none was taken."
         findings.append(Finding("choice", "info", sentence, f"Choose with {option}."))
-    left = [header for header in unused if not any(header in headers for headers in rivals.values())]
+    left = [header for header in unused if not any(header in headers for headers in undecided.values())]
     if left:
         findings.append(Finding("unused-columns", "info", f"Not used: {', '.join(left)}."))
     assumed = [f"{use.header} in {use.unit}" for use in uses.values() if use.assumed]
