@@ -29,7 +29,8 @@ def sweep(
     workers : int
         Processes of this machine; one a core by default.
     scheduler : str
-        Address of a Dask scheduler (tcp://host:port), whose workers solve instead.
+        Address of a Dask scheduler (tcp://host:port), whose workers solve instead. A worker that hangs is waited for:
+        end it, and another one gets its task.
     json : Path
         File for a summary as JSON.
     """
