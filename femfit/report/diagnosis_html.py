@@ -104,7 +104,8 @@ def _summary(content: DiagnosisContent) -> tuple[Markup, ...]:
         ]
         said.append(
             text(
-                "<strong>Error.</strong> The worst channel falls from {} to {} times its noise.",
+                "<strong>Error.</strong> The worst channel falls from {} to {} times its noise, re-mounts and run "
+                "offsets included.",
                 significant(ratio[0], 3),
                 significant(ratio[1], 3),
             )

@@ -180,7 +180,7 @@ def covariate_figure(
         if name in {"branch", "run"}:
             levels = np.unique(x)
             ax.set_xticks(levels, [_level(name, value) for value in levels])
-    panels[0].set_ylabel(f"{CHANNEL_WORDS[channel]}: recorded − predicted (σ)")
+    panels[0].set_ylabel(f"{CHANNEL_WORDS[channel]}:\nrecorded − predicted (σ)")
     if after is not None:
         panels[0].legend()
     return figure
