@@ -13,6 +13,9 @@ from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 _STEP = 1e-3
 """Step of a difference over the width of a parameter's sane range."""
 
+_NO_MAGNET = 1e-3
+"""Share of force and flux linkage without current that the fit's own error may make."""
+
 
 @dataclass(frozen=True, eq=False)
 class EffectColumns:
@@ -64,7 +67,10 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
     if effect.name in observations.present:
         return "the model has it already"
     for need in effect.needs:
-        if not any(_given(name, observations) for name in need.split("|")):
+        if need == "magnet":
+            if observations.nominal.magnet_share < _NO_MAGNET:
+                return "the model has no magnet"
+        elif not any(_given(name, observations) for name in need.split("|")):
             return f"these data lack {_in_words(need)}"
     return ""
 

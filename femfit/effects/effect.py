@@ -41,6 +41,8 @@ class Nominal:
         The validity box.
     force_N, flux_linkage_Wb : float
         Largest magnitudes over the box.
+    magnet_share : float
+        The larger of force and flux linkage without current, over their largest; next to 0 without a magnet.
     resistance_ohm, mass_kg : float
         NaN where the model has no circuit or no motion.
     gravity_m_s2 : float
@@ -63,6 +65,7 @@ class Nominal:
     current_max_A: float
     force_N: float
     flux_linkage_Wb: float
+    magnet_share: float
     resistance_ohm: float
     mass_kg: float
     gravity_m_s2: float
@@ -234,7 +237,8 @@ class Effect:
         Amplitudes of the family's shapes, then shape constants.
     needs : tuple of str
         Columns without which data cannot show it: each entry is a column, or several joined by ``|`` of which one
-        is enough. Columns that are constant count as missing where the entry starts with ``~``.
+        is enough. Columns that are constant count as missing where the entry starts with ``~``; ``magnet`` stands for
+        one in the model.
     experiment : str
         The measurement that isolates it, as an instruction.
     reference : str

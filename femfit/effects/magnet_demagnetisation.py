@@ -52,7 +52,7 @@ MAGNET_DEMAGNETISATION = Effect(
             shape=True,
         ),
     ),
-    needs=("force_N|flux_linkage_Wb|hall_V",),
+    needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
     experiment="Compare the magnet's field on its axis, out of the bench, with that of a fresh one; or measure at both "
     "signs of the current, where the coil's own share is the same.",
     reference="Campbell, Permanent Magnet Materials and their Application (1994), chapter 3",

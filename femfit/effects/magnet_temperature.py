@@ -103,7 +103,7 @@ MAGNET_TEMPERATURE = Effect(
             description="Where its temperature was not recorded: the part of the coil's warming that it follows.",
         ),
     ),
-    needs=("force_N|flux_linkage_Wb|hall_V",),
+    needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
     experiment="Measure the same settings with the magnet cold and after warming it by 20 K, its temperature recorded.",
     reference="IEC 60404-8-1; Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
     coenergy=_coenergy,

@@ -35,6 +35,8 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         np.linspace(box.distance_min_m, box.distance_max_m, 15), np.linspace(box.current_min_A, box.current_max_A, 15)
     )
     force, flux = base.magnetics.coenergy_derivatives(d, i, ((1, 0), (0, 1)))
+    idle = base.magnetics.coenergy_derivatives(d[0], np.zeros_like(d[0]), ((1, 0), (0, 1)))
+    largest = [float(np.abs(values).max()) for values in (force, flux)]
     sensor, swing, per_ampere = base.sensor, nan, nan
     middle = [np.array(0.5 * (low + high)) for low, high in ((d.min(), d.max()), (i.min(), i.max()))]
     if sensor is not None:
@@ -46,8 +48,9 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         distance_max_m=box.distance_max_m,
         current_min_A=box.current_min_A,
         current_max_A=box.current_max_A,
-        force_N=float(np.abs(force).max()),
-        flux_linkage_Wb=float(np.abs(flux).max()),
+        force_N=largest[0],
+        flux_linkage_Wb=largest[1],
+        magnet_share=max(float(np.abs(own).max()) / most for own, most in zip(idle, largest, strict=True) if most),
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else nan,
         mass_kg=base.motion.mass_kg if base.motion else nan,
         gravity_m_s2=base.motion.gravity_m_s2 if base.motion else nan,
