@@ -1,6 +1,6 @@
 """What kind of part a region is, with its colour in all pictures."""
 
-from femfit.actuator.parts import Actuator, Material
+from femfit.actuator.parts import Actuator, Material, NonlinearMaterial
 
 IRON_FROM = 1.5
 """Relative permeability from which a material without remanence is drawn as iron; magnets recoil with 1.05."""
@@ -53,3 +53,20 @@ def has_magnet(actuator: Actuator) -> bool:
         Fixed and moving parts alike.
     """
     return any(region.material.remanence_T for region in (*actuator.fixed, *actuator.moving.regions))
+
+
+def saturates(actuator: Actuator) -> bool:
+    """Whether any part has a B-H curve.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked.
+
+    Returns
+    -------
+    bool
+        Fixed and moving parts alike.
+    """
+    regions = (*actuator.fixed, *actuator.moving.regions)
+    return any(isinstance(region.material, NonlinearMaterial) for region in regions)

@@ -6,11 +6,14 @@ from femfit.core.constants import GRAVITY
 from femfit.report.actuator_figure import actuator_figure
 from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
-from femfit.report.kinds import has_magnet
+from femfit.report.kinds import has_magnet, saturates
 from femfit.report.numbers import plain, quantity
 from femfit.report.section import DataTable, Picture, Section, text
 
 MM = 1e3
+
+SMALL = 1e-3
+"""Forces below this part of the largest one are none: what is left of the solver's errors."""
 
 
 def actuator_section(content: ReportContent, distance: float, cutaway: Picture | None) -> Section:
@@ -56,11 +59,21 @@ def _moving_magnet(content: ReportContent) -> bool:
 
 
 def _what_current_does(content: ReportContent) -> str:
-    rows = content.fit.rows
-    at_rest = abs(rows.force[rows.current == 0.0])
-    if at_rest.size and at_rest.max() > 1e-3 * abs(rows.force).max():
-        return "It is attracted without current already; the current adds to that force."
-    return "Without current there is no force; the force grows with the square of the current."
+    actuator, rows = content.actuator, content.fit.rows
+    if not has_magnet(actuator):
+        return "Without current there is no force; the force " + (
+            "grows with the current, whatever its sign."
+            if saturates(actuator)
+            else "grows with the square of the current."
+        )
+    at_rest = rows.force[rows.current == 0.0]
+    if not at_rest.size:
+        return "The magnet acts without current already; the current adds to that force."
+    if max(abs(at_rest)) <= SMALL * max(abs(rows.force)):
+        return "Without current there is no force; with the current the force changes its sign."
+    ways = ("attracted", at_rest.max()), ("pushed away", -at_rest.min())
+    way = " or, at other distances, ".join(name for name, force in ways if force > SMALL * max(abs(at_rest)))
+    return f"It is {way} without current already; the current adds to that force."
 
 
 def _kinds(content: ReportContent) -> str:

@@ -44,7 +44,7 @@ def paper_laws_section(content: ReportContent) -> Section | None:
             "The paper fits {} at each current by itself, then each coefficient as a function of the current. The "
             "same two stages on this sweep, by a bounded quadratic programme with coefficients ≥ 0{}:",
             Markup(" and ").join(text("{} = {}", fit.law.name, formula_markup(fit.law.formula)) for fit in fits),
-            " at currents that are" if content.fit.rows.currents[0] < 0 else "",
+            " at positive currents" if content.fit.rows.currents[0] < 0 else "",
         ),
         Picture(
             "law-curves",

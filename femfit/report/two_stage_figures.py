@@ -79,8 +79,9 @@ def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> "Figure":
         below.axhline(0.0, color=INK, linewidth=0.8)
         above.set_title(f"{fit.law.name}:  {formula_label(fit.law.formula)}")
         below.set_xlabel("distance d (mm)")
-    for above in panels[0]:
-        above.set_ylim(-0.05 * factor * rows.force.max(), 1.3 * factor * rows.force.max())
+    low, high = factor * min(rows.force.min(), 0.0), factor * max(rows.force.max(), 0.0)
+    for above in panels[0]:  # the sweep's range with room for the legend; a bad law may leave it
+        above.set_ylim(low - 0.05 * (high - low), high + 0.3 * (high - low))
     panels[0, 0].set_ylabel(f"force F ({unit})")
     panels[1, 0].set_ylabel(f"law − sweep ({unit})")
     panels[0, -1].legend(title="sweep (○), law (—)", loc="upper right")

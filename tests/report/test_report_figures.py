@@ -123,6 +123,15 @@ def test_names_of_points_that_nearly_coincide_are_moved_apart():
     assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[k + 1 :])
 
 
+def test_the_papers_laws_are_drawn_beside_the_whole_sweep_also_where_it_pushes(rig_content):
+    rows = rig_content.fit.rows
+    for force in (rows.force, -rows.force, rows.force - np.mean(rows.force)):
+        figure = curve_fit_figure([rig_content.law("F1e")], replace(rows, force=force))
+        low, high = figure.axes[0].get_ylim()
+        assert low < 1e3 * force.min()
+        assert high > 1e3 * force.max()
+
+
 def test_flux_lines_are_equally_spaced_and_leave_the_axis_out(rig_content):
     for flux in (rig_content.field.flux_Wb, -rig_content.field.flux_Wb):
         levels = flux_levels(flux)

@@ -11,6 +11,7 @@ from femfit.report import html
 from femfit.report.html import render_report, write_report
 from femfit.report.offscreen import OffScreenPicture
 from femfit.report.section import DataTable
+from femfit.report.section_actuator import actuator_section
 from femfit.report.section_loop import loop_section
 from femfit.report.summary import summary
 from support.page import Page
@@ -141,6 +142,25 @@ def test_an_actuator_without_magnet_and_hall_element_is_told_so(plunger_page):
     assert not {"hall", "steps-pid", "filters", "field", "cutaway"} & set(plunger_page.images)
     assert "NaN" not in plunger_page.text
     assert "unknown" not in plunger_page.text
+
+
+@pytest.mark.parametrize(
+    ("at_rest", "words"),
+    [
+        (lambda d: 1.0 / d, "It is attracted without current already; the current adds to that force."),
+        (lambda d: -1.0 / d, "It is pushed away without current already; the current adds to that force."),
+        (
+            lambda d: d - 0.03,
+            "It is attracted or, at other distances, pushed away without current already; the current",
+        ),
+        (lambda d: 0.0 * d, "Without current there is no force; with the current the force changes its sign."),
+    ],
+)
+def test_what_a_magnet_does_without_current_is_said_of_its_own_forces(rig_content, at_rest, words):
+    rows = rig_content.fit.rows
+    force = at_rest(rows.distance) + (rows.distance - 0.02) * rows.current
+    content = replace(rig_content, fit=replace(rig_content.fit, rows=replace(rows, force=force)))
+    assert words in str(actuator_section(content, 0.022, None).blocks[0])
 
 
 def test_a_loop_that_lost_every_run_is_told_without_false_numbers(rig_content, lost_study):
