@@ -93,7 +93,7 @@ def levitation_process(
             "hall_bias=True, or leave the bias out."
         )
     distance = operating_distance(model) if distance is None else distance
-    _require_slow_coil(model, distance, integrator)
+    require_slow_coil(model, distance, integrator)
     noise = default_noise(model, distance) if noise is None else noise
     advance, jacobian = _STEPS[integrator]
     measure: Measure
@@ -119,8 +119,23 @@ def levitation_process(
     )
 
 
-def _require_slow_coil(model: ActuatorModel, distance: float, integrator: Integrator) -> None:
-    """Refuse a coil whose current one explicit step a sample cannot follow: its error would grow at every sample."""
+def require_slow_coil(model: ActuatorModel, distance: float, integrator: Integrator = "euler") -> None:
+    """Refuse a coil whose current one explicit step a sample cannot follow: its error would grow at every sample.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit and inductance.
+    distance : float
+        Where the inductance is taken, in m.
+    integrator : str
+        Of the filter.
+
+    Raises
+    ------
+    FilterError
+        If the sample time is longer than the largest stable step.
+    """
     circuit, box = model.require_circuit(), model.validity
     currents = np.linspace(box.current_min_A, box.current_max_A, 5)
     inductance = float(model.magnetics.inductance(np.full(5, distance), currents).min())

@@ -12,6 +12,8 @@ from femfit import __version__
 from femfit.core.errors import MissingPartError, RunDirectoryError
 from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.effects.catalogue import BUILT_IN as BUILT_IN_EFFECTS
+from femfit.estimate.levitation import require_slow_coil
+from femfit.estimate.noise import operating_distance
 from femfit.export.import_graph import SourceFile, reachable_sources, renamed_imports, third_party_imports
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel
@@ -42,6 +44,8 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     ------
     MissingPartError
         If the model has no circuit, motion or sensor, or a force law or effect that is not femfit's own.
+    FilterError
+        If the coil is too fast for a filter at the model's sample time.
     RunDirectoryError
         If the directory holds anything else.
     """
@@ -50,6 +54,8 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     model.require_sensor()
     _require_built_in_law(model)
     _require_built_in_effects(model)
+    model.require_dynamics()
+    require_slow_coil(model, operating_distance(model))
     directory = Path(directory)
     _require_free(directory)
     sources = reachable_sources(ROOMS)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import femfit
-from femfit.core.errors import MissingPartError, RunDirectoryError
+from femfit.core.errors import FilterError, MissingPartError, RunDirectoryError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.export.estimator import ROOMS, RUNTIME, export_estimator
@@ -252,3 +252,10 @@ def test_the_example_is_short(exported):
     body = ast.parse((exported / "example.py").read_text()).body
     statements = [node for node in body if not isinstance(node, ast.Import | ast.ImportFrom | ast.Expr)]
     assert len(statements) <= 11
+
+
+def test_a_coil_too_fast_for_the_filters_step_is_refused_before_anything_is_written(levitation_model, tmp_path):
+    fast = replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=16e3))  # L/R of 1 us
+    with pytest.raises(FilterError, match=r"coil has L/R = 0\.001.* ms; the sample time is 0\.5 ms"):
+        export_estimator(fast, tmp_path / "estimator")
+    assert not (tmp_path / "estimator").exists()
