@@ -2,9 +2,7 @@
 
 minimise || (A x - y) / sigma ||^2  subject to  lower <= x <= upper  and  G x >= h.
 
-Rows are divided by sigma, columns by their norm, and the scaled matrix is replaced by the triangle R of its QR
-factorisation (not by its normal equations, which square the condition number: 8e3 becomes 7e7 for d^-4 and d^-2).
-OSQP solves the small problem; a second, unrelated algorithm (an active-set method) solves it again, because a
+OSQP solves the scaled problem; a second, unrelated algorithm (an active-set method) solves it again, because a
 first-order solver can stop early and still report success.
 
 References
@@ -18,12 +16,13 @@ from dataclasses import dataclass
 
 import cvxpy as cp
 import numpy as np
-from scipy.linalg import null_space, qr, solve_triangular
+from scipy.linalg import null_space, solve_triangular
 from scipy.optimize import lsq_linear
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit.least_distance import solve_least_distance
+from femfit.fit.scaled_qp import Inequalities, ScaledQP, scaled_qp
 
 TOLERANCE = 1e-9
 """OSQP's absolute and relative tolerance on the scaled problem."""
@@ -37,25 +36,6 @@ EXCESS_ALLOWED = 1e-6
 _SSE_FLOOR = 1e-22
 _ACTIVE = 1e-8
 _CONDITION_MAX = 1e12
-
-
-@dataclass(frozen=True, eq=False)
-class Inequalities:
-    """G x >= h.
-
-    Parameters
-    ----------
-    matrix : array, shape (m, k)
-        G.
-    right : array, shape (m,)
-        h.
-    labels : tuple of str
-        What each row demands, in words.
-    """
-
-    matrix: FloatArray
-    right: FloatArray
-    labels: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +115,7 @@ def solve_bounded_qp(
         If the data do not determine the coefficients, or the two solvers disagree.
     """
     labels = [f"x{k + 1}" for k in range(matrix.shape[1])] if names is None else list(names)
-    problem = _scaled(matrix, y, sigma, lower, upper, inequalities, labels)
+    problem = scaled_qp(matrix, y, sigma, lower, upper, inequalities, labels)
     count, column_scale, scale = matrix.shape[1], problem.column_scale, problem.scale
     condition_scaled = float(np.linalg.cond(problem.triangle))
     if condition_scaled > _CONDITION_MAX:
@@ -172,35 +152,6 @@ def solve_bounded_qp(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Scaled:
-    """minimise ||R z - q||^2 + outside with bounds and inequalities on z = column_scale x / scale."""
-
-    triangle: FloatArray
-    right: FloatArray
-    outside: float
-    lower: FloatArray
-    upper: FloatArray
-    inequalities: Inequalities | None
-    column_scale: FloatArray
-    scale: float
-
-    def excess(self, z: FloatArray) -> float:
-        """||R z - q||^2."""
-        return float(np.sum((self.triangle @ z - self.right) ** 2))
-
-    def all_rows(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds and inequalities together as G z >= h."""
-        identity = np.eye(len(self.lower))
-        below, above = np.isfinite(self.lower), np.isfinite(self.upper)
-        blocks = [identity[below], -identity[above]]
-        right = [self.lower[below], -self.upper[above]]
-        if self.inequalities is not None:
-            blocks.append(self.inequalities.matrix)
-            right.append(self.inequalities.right)
-        return np.concatenate(blocks), np.concatenate(right)
-
-
 def active_set_least_squares(
     matrix: FloatArray,
     y: FloatArray,
@@ -222,71 +173,11 @@ def active_set_least_squares(
         Coefficients.
     """
     names = [f"x{k + 1}" for k in range(matrix.shape[1])]
-    problem = _scaled(matrix, y, sigma, lower, upper, inequalities, names)
+    problem = scaled_qp(matrix, y, sigma, lower, upper, inequalities, names)
     return _active_set(problem) * problem.scale / problem.column_scale
 
 
-def _scaled(
-    matrix: FloatArray,
-    y: FloatArray,
-    sigma: FloatArray,
-    lower: FloatArray | None,
-    upper: FloatArray | None,
-    inequalities: Inequalities | None,
-    names: Sequence[str],
-) -> _Scaled:
-    count = matrix.shape[1]
-    low = np.full(count, -np.inf) if lower is None else np.asarray(lower, dtype=np.float64)
-    high = np.full(count, np.inf) if upper is None else np.asarray(upper, dtype=np.float64)
-    _check(matrix, y, sigma, low, high, names)
-    weighted, target = matrix / sigma[:, None], y / sigma
-    column_scale = np.linalg.norm(weighted, axis=0)
-    if not np.all(column_scale > 0):
-        dead = names[int(np.argmin(column_scale))]
-        raise FitError(f"The data do not contain {dead}: its column is zero in every row. Leave it out of the fit.")
-    q_factor, triangle = qr(weighted / column_scale, mode="economic")
-    scale = float(np.linalg.norm(target)) or 1.0
-    right = q_factor.T @ target / scale
-    return _Scaled(
-        triangle=triangle,
-        right=right,
-        outside=float(np.sum((target / scale - q_factor @ right) ** 2)),
-        lower=low * column_scale / scale,
-        upper=high * column_scale / scale,
-        inequalities=_scale_inequalities(inequalities, column_scale, scale),
-        column_scale=column_scale,
-        scale=scale,
-    )
-
-
-def _check(
-    matrix: FloatArray, y: FloatArray, sigma: FloatArray, lower: FloatArray, upper: FloatArray, names: Sequence[str]
-) -> None:
-    rows, count = matrix.shape
-    if rows < count:
-        raise FitError(f"{count} coefficients need at least {count} rows; instead received {rows}. Sweep more points.")
-    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(y))):
-        raise FitError("Rows of a fit must be finite numbers; at least one is not. Remove or repair these rows.")
-    if not np.all((sigma > 0) & np.isfinite(sigma)):
-        raise FitError(f"Standard deviations must be > 0 and finite; instead received {np.min(sigma):g}.")
-    for name, low, high in zip(names, lower, upper, strict=True):
-        if low > high:
-            raise InfeasibleFitError(
-                f"The fit is infeasible, because {name} must be at least {low:g} and at most {high:g}. "
-                "Swap or widen these bounds."
-            )
-
-
-def _scale_inequalities(given: Inequalities | None, column_scale: FloatArray, scale: float) -> Inequalities | None:
-    if given is None or len(given.right) == 0:
-        return None
-    matrix = given.matrix / column_scale
-    norms = np.linalg.norm(matrix, axis=1)
-    norms[norms == 0.0] = 1.0
-    return Inequalities(matrix / norms[:, None], given.right / scale / norms, given.labels)
-
-
-def _solve(problem: _Scaled, names: Sequence[str]) -> tuple[FloatArray, int]:
+def _solve(problem: ScaledQP, names: Sequence[str]) -> tuple[FloatArray, int]:
     """OSQP's solution z that the independent solver confirms, and the number of iterations.
 
     Bounds are simplest in z itself, the objective is best conditioned in w = R z: z is tried first, w where it fails.
@@ -309,7 +200,7 @@ def _solve(problem: _Scaled, names: Sequence[str]) -> tuple[FloatArray, int]:
     raise failure
 
 
-def _osqp(problem: _Scaled, objective: FloatArray, back: FloatArray, names: Sequence[str]) -> tuple[FloatArray, int]:
+def _osqp(problem: ScaledQP, objective: FloatArray, back: FloatArray, names: Sequence[str]) -> tuple[FloatArray, int]:
     """Minimise ||objective v - q||^2 for z = back v, with constraint rows of length one."""
     v = cp.Variable(len(problem.right))
     G, h = problem.all_rows()
@@ -341,7 +232,7 @@ def _osqp(problem: _Scaled, objective: FloatArray, back: FloatArray, names: Sequ
     return back @ np.asarray(v.value, dtype=np.float64), int(programme.solver_stats.num_iters or 0)
 
 
-def _active_set(problem: _Scaled) -> FloatArray:
+def _active_set(problem: ScaledQP) -> FloatArray:
     if problem.inequalities is not None:
         return solve_least_distance(problem.triangle, problem.right, *problem.all_rows())
     fixed = (
@@ -355,7 +246,7 @@ def _active_set(problem: _Scaled) -> FloatArray:
     return z
 
 
-def _cross_check(problem: _Scaled, z: FloatArray, reference: FloatArray) -> None:
+def _cross_check(problem: ScaledQP, z: FloatArray, reference: FloatArray) -> None:
     ours, theirs = problem.excess(z), problem.excess(reference)
     whole = max(problem.outside + theirs, _SSE_FLOOR)
     if ours - theirs > EXCESS_ALLOWED * whole:
@@ -371,7 +262,7 @@ def _cross_check(problem: _Scaled, z: FloatArray, reference: FloatArray) -> None
 
 
 def _covariance(
-    problem: _Scaled, active: Sequence[str], touching: BoolArray, sse: float, rows: int, column_scale: FloatArray
+    problem: ScaledQP, active: Sequence[str], touching: BoolArray, sse: float, rows: int, column_scale: FloatArray
 ) -> tuple[FloatArray, int]:
     """Covariance of x in the directions that active bounds leave free, and their number."""
     count = len(active)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.fit.bounded_qp import Inequalities, QPSolution
+from femfit.fit.bounded_qp import QPSolution
+from femfit.fit.scaled_qp import Inequalities
 from femfit.laws.law import ForceLaw
 
 FUNCTIONS: dict[str, tuple[int, ...]] = {

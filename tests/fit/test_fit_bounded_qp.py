@@ -11,8 +11,9 @@ from scipy.optimize import lsq_linear
 
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit import bounded_qp
-from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_bounded_qp
+from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
 from femfit.fit.least_distance import solve_least_distance
+from femfit.fit.scaled_qp import Inequalities
 
 DISTANCES = np.linspace(0.015, 0.045, 61)
 F1E = np.stack([DISTANCES**-4, DISTANCES**-2], axis=1)
