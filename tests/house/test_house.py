@@ -37,7 +37,7 @@ def test_continuous_integration_runs_the_readmes_test_command():
     readme = (ROOT / "README.md").read_text()
     commands = re.findall(r"```sh\n(.+?)\n```", readme, flags=re.DOTALL)
     assert "femfit run geometry/emaws-rig.toml" in commands[0]
-    assert commands[1].endswith("-m pytest")
+    assert commands[1].endswith("-m pytest -n 2")
     assert "\n" not in commands[0] + commands[1]  # one line each
     script = (ROOT / ".ci" / "run").read_text()
     assert "README.md" in script
