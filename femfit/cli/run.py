@@ -177,6 +177,8 @@ def _loop_line(study: "ClosedLoopStudy") -> str:
     rows = [row for row in study.holds if row.filter == "ukf" and row.held]
     if not rows:
         return "every run was lost; the report says how"
+    if study.no_direct:
+        return "closed with filters alone: the Hall voltage cannot be inverted to a distance"
     best = {row.distance_m: row for row in reversed(rows)}
     ratios = ", ".join(f"{row.ratio:.2f} times at {1e3 * distance:.3g} mm" for distance, row in sorted(best.items()))
     return f"UKF less noisy than direct measurement: {ratios}"

@@ -135,7 +135,7 @@ def hall_inverse(model: ActuatorModel) -> HallInverse:
             turn = distances[np.flatnonzero(np.sign(slope) != np.sign(slope[0]))[0]]
             raise FilterError(
                 f"The Hall voltage must change monotonically with the distance to be inverted; at {current:g} A it "
-                f"turns at {1e3 * turn:g} mm. Move the Hall element, or use the filter, which needs no inversion."
+                f"turns at {1e3 * turn:.3g} mm. Move the Hall element, or use the filter, which needs no inversion."
             )
     middle = 0.5 * (box.current_min_A + box.current_max_A)
     volts = sensor.voltage(distances, np.asarray(middle))

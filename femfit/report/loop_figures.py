@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, VERMILION, new_figure, styled
 from femfit.simulate.study import SpectrumPair, StepSeries
 
@@ -41,12 +43,15 @@ def steps_figure(series: StepSeries) -> "Figure":
     figure = new_figure(5.0)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.3, 1.0))
     t, name = series.time_s, NAMES[series.observer]
-    top.plot(t, MM * series.direct_m, color=ORANGE, linewidth=0.5, label="direct measurement", rasterized=True)
+    known = bool(np.isfinite(series.direct_m).any())
+    if known:
+        top.plot(t, MM * series.direct_m, color=ORANGE, linewidth=0.5, label="direct measurement", rasterized=True)
     top.plot(t, MM * series.estimated_m, color=BLUE, linewidth=1.3, label=name)
     top.plot(t, MM * series.true_m, color=INK, linewidth=0.9, dashes=(4, 2), label="true distance")
     top.plot(t, MM * series.reference_m, color=GREEN, linewidth=0.9, label="reference")
     top.set_ylabel("distance d (mm)")
-    middle.plot(t, MM * (series.direct_m - series.true_m), color=ORANGE, linewidth=0.5, rasterized=True)
+    if known:
+        middle.plot(t, MM * (series.direct_m - series.true_m), color=ORANGE, linewidth=0.5, rasterized=True)
     middle.plot(t, MM * (series.estimated_m - series.true_m), color=BLUE, linewidth=0.9, rasterized=True)
     middle.set_ylabel("measured\n− true (mm)")
     bottom.plot(t, series.voltage_V, color=MUTED, linewidth=0.6, rasterized=True)

@@ -57,11 +57,12 @@ def loop_section(content: ReportContent) -> Section:
 def _setting(study: ClosedLoopStudy) -> Block:
     design = study.design
     first, last = design.points[0], design.points[-1]
+    alone = text(" The filters stand alone: {}", study.no_direct) if study.no_direct else ""
     return text(
         "The plant is the co-energy model with back-EMF, the sensor the Hall characteristic with {} rms of white "
         "noise and the converter. Both controllers take distance, velocity and current from the filter; their gains "
         "follow from the model. Between {} and {} mm the body hangs at {} to {} with an unstable pole of {} to {} "
-        "rad/s. Seed {}.",
+        "rad/s. Seed {}.{}",
         quantity(design.noise_V, "V"),
         plain(MM * first.distance_m),
         plain(MM * last.distance_m),
@@ -70,6 +71,7 @@ def _setting(study: ClosedLoopStudy) -> Block:
         plain(first.mechanical_pole_rad_s, 3),
         plain(last.mechanical_pole_rad_s, 3),
         study.seed,
+        alone,
     )
 
 
@@ -142,12 +144,14 @@ def _table6(study: ClosedLoopStudy, *, paper: bool) -> DataTable:
             if paper:
                 cells.append(NOTHING if row.paper_rms_m is None else _micro(row.paper_rms_m))
         body.append(tuple(cells))
-    ratio = ["direct / UKF"]
-    for controller in controllers:
-        direct, ukf = rows["direct", controller], rows["ukf", controller]
-        ratio.append(plain(direct.rms_m / ukf.rms_m, 3))
-        if paper:
-            ratio.append(plain((direct.paper_rms_m or np.nan) / (ukf.paper_rms_m or np.nan), 3))
+    if "direct" in measurements:
+        ratio = ["direct / UKF"]
+        for controller in controllers:
+            direct, ukf = rows["direct", controller], rows["ukf", controller]
+            ratio.append(plain(direct.rms_m / ukf.rms_m, 3))
+            if paper:
+                ratio.append(plain((direct.paper_rms_m or np.nan) / (ukf.paper_rms_m or np.nan), 3))
+        body.append(tuple(ratio))
     note = ""
     if paper:
         note = " The paper's direct measurement is a property of its sensor, an input here."
@@ -161,7 +165,7 @@ def _table6(study: ClosedLoopStudy, *, paper: bool) -> DataTable:
             note,
         ),
         tuple(header),
-        (*body, tuple(ratio)),
+        tuple(body),
     )
 
 
@@ -224,12 +228,16 @@ def _bound(study: ClosedLoopStudy) -> Block:
     if not shares.size:
         return Markup("No run was held at rest, so that no noise can be compared.")
     inside = sum(row.innovation_band.contains(row.normalised_innovation_squared) for row in study.holds)
-    return text(
-        "The bound is 1/√(2 λ t<sub>s</sub>): no filter gains more against white noise on a body with the unstable "
-        "pole λ. The filters reach {} to {} of it (statistics of a finite record can pass it by a little). Of {} mean "
-        "normalised innovations, {} lie in their 95 % band, which is what tells a filter that knows its own error.",
+    reached = text(
+        " The filters reach {} to {} of it (statistics of a finite record can pass it by a little).",
         percent(float(shares.min()), 3),
         percent(float(shares.max()), 3),
+    )
+    return text(
+        "The bound is 1/√(2 λ t<sub>s</sub>): no filter gains more against white noise on a body with the unstable "
+        "pole λ.{} Of {} mean normalised innovations, {} lie in their 95 % band, which is what tells a filter that "
+        "knows its own error.",
+        "" if study.no_direct else reached,
         len(study.holds),
         inside,
     )

@@ -93,14 +93,17 @@ def _loop(content: ReportContent) -> Markup:
     if lost == runs or not ratios:
         return text("<strong>Loop.</strong> {}: {} of {} runs lost.", span, lost, runs)
     bounds = [row.bound for row in study.holds]
-    return text(
-        "<strong>Loop.</strong> {}, {}; the filter knows the distance within {} rms during the steps, {} to {} times "
-        "better at rest than the direct measurement (bound: {} to {}).",
-        span,
-        "no run lost" if not lost else f"{lost} of {runs} runs lost",
-        quantity(max(row.rms_m for row in filtered), "m"),
+    better = text(
+        ", {} to {} times better at rest than the direct measurement (bound: {} to {})",
         f"{min(ratios):.1f}",
         f"{max(ratios):.1f}",
         f"{min(bounds):.1f}",
         f"{max(bounds):.1f}",
+    )
+    return text(
+        "<strong>Loop.</strong> {}, {}; the filter knows the distance within {} rms during the steps{}.",
+        span,
+        "no run lost" if not lost else f"{lost} of {runs} runs lost",
+        quantity(max(row.rms_m for row in filtered), "m"),
+        "" if study.no_direct else better,
     )

@@ -6,12 +6,13 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, section 5; Table 6 for the n
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, NoReturn
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, FilterError
 from femfit.estimate.direct import hall_inverse
 from femfit.estimate.extended import ExtendedFilter
 from femfit.estimate.filter import Filter
@@ -85,6 +86,15 @@ class LoopDesign:
     def slowest_pole_rad_s(self) -> float:
         """The smallest unstable pole of the points: it sets how long filter and loop need to settle."""
         return min(point.mechanical_pole_rad_s for point in self.points)
+
+    @cached_property
+    def why_no_direct(self) -> str:
+        """Why the Hall voltage cannot be inverted to a distance, which no filter needs; empty where it can."""
+        try:
+            hall_inverse(self.model)
+        except FilterError as error:
+            return str(error)
+        return ""
 
     def steps(self, time_constants: float) -> int:
         """Samples in so many time constants of the slowest unstable pole."""

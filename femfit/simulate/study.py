@@ -115,6 +115,8 @@ class ClosedLoopStudy:
         Figure 19: UKF and EKF over the first three eighths of the range.
     spectra : tuple of SpectrumPair
         Figures 17 and 18; of the controllers that held.
+    no_direct : str
+        Why nothing is compared with the direct measurement; empty where it is. Without it, its rms is NaN.
     """
 
     design: LoopDesign
@@ -129,6 +131,7 @@ class ClosedLoopStudy:
     steps: tuple[StepSeries, ...]
     small_steps: tuple[StepSeries, ...]
     spectra: tuple[SpectrumPair, ...]
+    no_direct: str = ""
 
 
 def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None = None) -> ClosedLoopStudy:
@@ -164,7 +167,7 @@ def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None
         seed=seed,
         table6=table6,
         holds=holds,
-        direct_feedback=_direct_feedback(design, seed),
+        direct_feedback=() if design.why_no_direct else _direct_feedback(design, seed),
         hall_bias=hall_bias,
         hall_bias_three_states=three_states,
         force_error=force_error,
@@ -172,6 +175,7 @@ def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None
         steps=steps,
         small_steps=small_steps,
         spectra=spectra,
+        no_direct=design.why_no_direct,
     )
 
 
@@ -207,8 +211,10 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Sp
     rows: list[HoldRow] = []
     spectra: list[SpectrumPair] = []
     for experiment, result in zip(experiments, results, strict=True):
-        direct = direct_distance(design, result.series)
+        direct = _direct(design, result)
         rows.append(hold_row(design, experiment, result, direct, window))
+        if design.why_no_direct:
+            continue
         if experiment.observer == "ukf" and experiment.targets_m[0] == design.points[0].distance_m:
             kept = np.flatnonzero(result.held)[:SPECTRUM_RUNS]
             if not kept.size:
@@ -217,6 +223,13 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Sp
             direct_part, filtered = (amplitude_spectrum(x[window][:, kept], design.model.sample_time_s) for x in pair)
             spectra.append(SpectrumPair(experiment.controller, direct_part, filtered))
     return tuple(rows), tuple(spectra)
+
+
+def _direct(design: LoopDesign, result: LoopResult) -> FloatArray:
+    """The direct measurement, or NaN where there is none."""
+    if design.why_no_direct:
+        return np.full_like(result.series.distance_m, np.nan)
+    return direct_distance(design, result.series)
 
 
 def _steps(
@@ -241,14 +254,15 @@ def _steps(
     steps: list[StepSeries] = []
     small_steps: list[StepSeries] = []
     for experiment, result in zip(experiments, results, strict=True):
-        direct = direct_distance(design, result.series)
+        direct = _direct(design, result)
         drawn = _step_series(design, experiment, result, direct)
         if experiment.targets_m == small:
             small_steps.append(drawn)
             continue
         if experiment.observer == "ukf":
             steps.append(drawn)
-            rows.append(table6_row(experiment.controller, "direct", result, direct))
+            if not design.why_no_direct:
+                rows.append(table6_row(experiment.controller, "direct", result, direct))
         rows.append(table6_row(experiment.controller, experiment.observer, result, result.series.estimated_distance_m))
     return tuple(rows), tuple(steps), tuple(small_steps)
 

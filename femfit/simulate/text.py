@@ -66,6 +66,8 @@ def study_lines(study: ClosedLoopStudy) -> list[str]:
     stops = " -> ".join(f"{1e3 * d:g}" for d in design.targets_m)
     title = "paper" if own else "paper (of another actuator)"
     lines = [f"Closed loop of {design.model.name}, seed {study.seed}", *design_lines(design), ""]
+    if study.no_direct:
+        lines += [f"Filters alone, nothing to compare them with: {study.no_direct}", ""]
     lines += [
         f"Table 6: rms of (true - measured distance) over {stops} mm",
         f"  controller    measured by      rms  {title}",
@@ -93,7 +95,8 @@ def study_lines(study: ClosedLoopStudy) -> list[str]:
         f"({r.innovation_band.lower:.3f} .. {r.innovation_band.upper:.3f}){_lost(r.held, r.runs)}"
         for r in study.holds
     ]
-    lines += ["", "Direct measurement as feedback, one second", *map(_loss_line, study.direct_feedback)]
+    if not study.no_direct:
+        lines += ["", "Direct measurement as feedback, one second", *map(_loss_line, study.direct_feedback)]
     lines += ["", "Filter started at the wrong end of the range", *map(_loss_line, study.acquisition)]
     lines += ["", "Hall bias that the filter estimates (four states)", *map(_shift_line, study.hall_bias)]
     lines += ["", "The same bias without the fourth state", *map(_loss_line, study.hall_bias_three_states)]
@@ -162,6 +165,7 @@ def study_data(study: ClosedLoopStudy) -> dict[str, Any]:
         "seed": study.seed,
         "noise_V": design.noise_V,
         "targets_m": list(design.targets_m),
+        "no_direct": study.no_direct,
         "reference_rate_rad_s": design.reference_rate_rad_s,
         "backstepping": {
             "position_gain_1_s2": design.backstepping.position_gain,

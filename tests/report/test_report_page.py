@@ -4,6 +4,7 @@ import base64
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from femfit.core.errors import RunDirectoryError
@@ -176,6 +177,25 @@ def test_a_loop_that_lost_every_run_is_told_without_false_numbers(rig_content, l
 def test_runs_lost_in_part_are_counted_beside_the_means(rig_content, partly_lost_study):
     words = " ".join(map(str, loop_section(replace(rig_content, study=partly_lost_study)).blocks))
     assert "(1 of 2 runs lost)" in words
+
+
+def test_filters_without_a_direct_measurement_are_told_so_and_drawn_without_it(rig_content):
+    known = rig_content.study
+    none = np.full_like(known.steps[0].direct_m, np.nan)
+    study = replace(
+        known,
+        no_direct="The Hall voltage turns at 38 mm.",
+        table6=tuple(row for row in known.table6 if row.measurement != "direct"),
+        holds=tuple(replace(row, direct_rms_m=np.nan, ratio=np.nan) for row in known.holds),
+        direct_feedback=(),
+        spectra=(),
+        steps=tuple(replace(one, direct_m=none) for one in known.steps),
+    )
+    page = Page(render_report(replace(rig_content, study=study), drawn))
+    words = page.text
+    assert "The filters stand alone: The Hall voltage turns at 38 mm." in words
+    assert "better at rest than the direct measurement" not in words
+    assert not re.search(r"\bnan\b", words)
 
 
 def test_the_reason_of_a_missing_loop_is_the_errors(other_page):

@@ -1,12 +1,15 @@
 """The study's figures: the noise bound, lost loops, Hall bias and force error, on a rig like the paper's."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from femfit.model.hall import HallSpline
 from femfit.simulate.study import closed_loop_study
 from femfit.simulate.text import study_data, study_lines
+from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +111,31 @@ def test_loops_that_are_all_lost_have_no_spectrum_and_no_warning(levitation_mode
     study = closed_loop_study(levitation_model, noise_V=1.0)  # of the 0.9 V that the magnet moves the output
     assert all(row.held == 0 for row in study.holds)
     assert study.spectra == ()
+
+
+@pytest.fixture(scope="module")
+def turning(levitation_model):
+    """A Hall voltage that turns at 36.8 mm, beyond the reference distances: no inversion, but enough for a filter."""
+    field = HallSpline(
+        REFERENCE_DISTANCE,
+        fitted_spline(lambda d, i: 8.6e-8 / (d + 0.0015) ** 3 + 0.12 * d + 0.005 * i, np.linspace(0.0, 1.4, 8), 1),
+    )
+    return replace(levitation_model, sensor=replace(levitation_model.sensor, field=field))
+
+
+def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning, study):
+    alone = closed_loop_study(turning, seed=1)
+    assert "it turns at 36.8 mm" in alone.no_direct
+    assert alone.direct_feedback == ()
+    assert alone.spectra == ()
+    assert {row.measurement for row in alone.table6} == {"ukf", "ekf"}
+    assert all(row.held == row.runs for row in alone.table6)
+    for row, usual in zip(alone.holds, study.holds, strict=True):
+        assert np.isnan(row.direct_rms_m)
+        # The uneven field costs slope: at 30 mm nearly half of it, and the noise grows so much
+        assert usual.filtered_rms_m < row.filtered_rms_m < 2.1 * usual.filtered_rms_m
+    assert any("Filters alone" in line and "36.8" in line for line in study_lines(alone))
+    data = study_data(alone)
+    json.dumps(data, allow_nan=False)
+    assert data["no_direct"] == alone.no_direct
+    assert study_data(study)["no_direct"] == ""
