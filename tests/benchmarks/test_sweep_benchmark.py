@@ -28,18 +28,29 @@ def timed(command):
 
 
 @pytest.mark.benchmark
-@pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid"])
-def test_whole_sweep_command(name, tmp_path):
-    actuator = str(GEOMETRY / f"{name}.toml")
+@pytest.mark.parametrize(
+    ("name", "solver", "points"),
+    [
+        ("emaws-rig", "", 488),
+        ("emaws-rig", "\n[solver]\ntolerance = 1e-3\n", 488),
+        ("plunger-solenoid", "", 100),
+        ("emaws-saturable", "", 488),
+    ],
+    ids=["linear", "linear to 0.1 %", "plunger", "saturating"],
+)
+def test_whole_sweep_command(name, solver, points, tmp_path):
+    actuator = tmp_path / "actuator.toml"
+    actuator.write_text((GEOMETRY / f"{name}.toml").read_text() + solver)
     walls, peaks = [], []
     for repeat in range(REPEATS):
-        command = [FEMFIT, "sweep", actuator, "-o", str(tmp_path / str(repeat)), "--workers", "2"]
+        command = [FEMFIT, "sweep", str(actuator), "-o", str(tmp_path / str(repeat)), "--workers", "2"]
         walls.append(timed(command))
         peaks.append(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0)
     rows = (tmp_path / "0" / "sweep.csv").read_text().count("\n") - 1
-    assert rows == (488 if name == "emaws-rig" else 100)
+    assert rows == points
+    work = f"{name}{' to 0.1 %' if solver else ''}, {rows} points"
     print(
-        f"\nfemfit sweep {name}, {rows} points, 2 processes, imports included: median {statistics.median(walls):.2f} s "
+        f"\nfemfit sweep {work}, 2 processes, imports included: median {statistics.median(walls):.2f} s "
         f"({min(walls):.2f} to {max(walls):.2f}); peak memory of the largest process {max(peaks):.0f} MB"
     )
 
