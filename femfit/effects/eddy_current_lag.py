@@ -41,6 +41,10 @@ def _rate(
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
+def _lag(at: Conditions, p: Parameters) -> Mapping[str, float]:
+    return {f"eddy_{mode}": at.nominal.current_scale * p[f"{mode}_share"] for mode in _MODES}
+
+
 def _coenergy(
     base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
 ) -> Jet:
@@ -87,6 +91,7 @@ EDDY_CURRENT_LAG = Effect(
         spread=0.02,
         rest=_rest,
         rate=_rate,
+        lag=_lag,
     ),
 )
 """W'(d, i) -> W'(d, i - induced currents), each a state of its own."""

@@ -200,6 +200,10 @@ class Memory:
     rate : callable
         (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative; linear in the current's
         rate for each of its signs.
+    lag : callable or None
+        (conditions, p) -> mapping of name to the current in A that a unit of the state takes from that which the
+        co-energy sees, W'(d, i) -> W'(d, i - sum_k c_k z_k); None where the states act otherwise. What ``coenergy``
+        does is said once more, so that the change of the flux linkage with the states is known without differences.
     """
 
     names: tuple[str, ...]
@@ -210,6 +214,7 @@ class Memory:
         [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
         Mapping[str, FloatArray],
     ]
+    lag: Callable[[Conditions, Parameters], Mapping[str, float] | None] | None = None
 
 
 Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
@@ -244,8 +249,9 @@ class Effect:
     reference : str
         Source of the formula.
     setting, coenergy, force, circuit, readings : callable or None
-        The stages where it acts; see the module's table. ``circuit`` maps (resistance in ohm, voltage in V) at a
-        current in A.
+        The stages where it acts; see the module's table. ``coenergy`` depends on distance and current, and of the
+        conditions on temperatures and the effect's own states alone. ``circuit`` maps (resistance in ohm, voltage in
+        V) at a current in A.
     mass : callable or None
         (mass in kg, p) -> mass in kg.
     memory : Memory or None

@@ -58,6 +58,12 @@ def _rate(
     }
 
 
+def _lag(at: Conditions, p: Parameters) -> Mapping[str, float] | None:
+    if p["taper"]:
+        return None
+    return {f"hysteresis_{name}": at.nominal.current_scale * p[f"width_{name}"] for name in _RADII}
+
+
 def _coenergy(
     base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
 ) -> Jet:
@@ -125,6 +131,7 @@ HYSTERESIS = Effect(
         spread=0.5,
         rest=_rest,
         rate=_rate,
+        lag=_lag,
     ),
 )
 """W'(d, i) -> W'(d, i - lag), the lag a state of its own."""

@@ -14,7 +14,7 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -37,9 +37,11 @@ class EffectDynamics:
     Parameters
     ----------
     motion_jet, hall_jet : callable
-        The base's co-energy, without and with the field at the Hall element.
+        The co-energy without what ``later`` does to it, without and with the field at the Hall element.
     effects : tuple of AddedEffect
         In the order of adding.
+    later : tuple of AddedEffect
+        Those of the effects whose change of the co-energy depends on states, and what was added after them.
     at : Conditions
         Nominal values and temperatures.
     resistance_ohm : float
@@ -49,6 +51,7 @@ class EffectDynamics:
     motion_jet: CoenergyJet
     hall_jet: CoenergyJet
     effects: tuple[AddedEffect, ...]
+    later: tuple[AddedEffect, ...]
     at: Conditions
     resistance_ohm: float
 
@@ -76,6 +79,18 @@ class EffectDynamics:
     def late(self) -> bool:
         """Whether the Hall reading belongs to an earlier point."""
         return any(added.effect.hall_point for added in self.effects)
+
+    @cached_property
+    def lags(self) -> FloatArray | None:
+        """Current in A that a unit of each state takes from what the co-energy sees; None where they act otherwise."""
+        found = dict.fromkeys(self.names, 0.0)
+        for added in self.later:
+            memory = added.memory
+            own = memory.lag(self.at, added.parameters) if memory is not None and memory.lag is not None else None
+            if own is None:
+                return None
+            found |= own
+        return np.array(list(found.values()))
 
     def derivative(
         self,
@@ -108,7 +123,10 @@ class EffectDynamics:
         volts = np.broadcast_to(voltage, state.shape[:-1]).ravel()
         memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
         at = replace(self.at, velocity_m_s=v, memory=memory)
-        series = changed_jet(self.motion_jet, self.effects, at)(d, i, 1, 2)
+        if self.lags is None:
+            series = changed_jet(self.motion_jet, self.later, at)(d, i, 1, 2)
+        else:
+            series = self.motion_jet(d, i - flat[:, 3:] @ self.lags, 1, 2)
         motional = -series.derivative(1, 1) * v
         at = replace(at, motional_V=motional)
         force, resistance = -series.derivative(1, 0), np.full_like(i, self.resistance_ohm)
@@ -122,11 +140,12 @@ class EffectDynamics:
         rates = np.zeros((len(self.names), len(flat)))
         if self.names:
             still = self._rates(memory, d, v, i, np.zeros_like(i), at)
-            rest = rest - self._flux_change(memory, still, d, i, at)
+            change = partial(self._flux_change, inductance, memory, d, i, at)
+            rest = rest - change(still)
             sign = np.where(rest < 0.0, -1.0, 1.0)
             slope = sign * (self._rates(memory, d, v, i, sign, at) - still)
             least = _LEAKAGE * inductance
-            inductance = np.maximum(inductance + self._flux_change(memory, slope, d, i, at), least)
+            inductance = np.maximum(inductance + change(slope), least)
             rates = still + slope * (rest / inductance)
         acceleration = gravity + (np.broadcast_to(disturbance, state.shape[:-1]).ravel() - force) / mass
         return np.concatenate([[v, acceleration, rest / inductance], rates]).T.reshape(state.shape)
@@ -147,16 +166,24 @@ class EffectDynamics:
         return np.stack([rates[name] for name in self.names])
 
     def _flux_change(
-        self, memory: Mapping[str, FloatArray], along: FloatArray, d: FloatArray, i: FloatArray, at: Conditions
+        self,
+        inductance: FloatArray,
+        memory: Mapping[str, FloatArray],
+        d: FloatArray,
+        i: FloatArray,
+        at: Conditions,
+        along: FloatArray,
     ) -> FloatArray:
-        """Derivative of the flux linkage along a direction of the states, by a central difference."""
+        """Derivative of the flux linkage along a direction of the states; by a central difference where it must be."""
+        if self.lags is not None:
+            return -inductance * (self.lags @ along)
         if not along.any():
             return np.zeros_like(i)
         length = np.maximum(np.abs(along).max(axis=0), np.finfo(np.float64).tiny)
         ends = []
         for side in (_PROBE, -_PROBE):
             moved = {name: memory[name] + side * part / length for name, part in zip(self.names, along, strict=True)}
-            jet = changed_jet(self.motion_jet, self.effects, replace(at, memory=moved))
+            jet = changed_jet(self.motion_jet, self.later, replace(at, memory=moved))
             ends.append(jet(d, i, 0, 1).derivative(0, 1))
         return np.asarray((ends[0] - ends[1]) * (length / (2.0 * _PROBE)))
 
@@ -183,7 +210,9 @@ class EffectDynamics:
         d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
         at = replace(self.at, velocity_m_s=v, memory=memory, time_s=time, elapsed=time)
-        volts = quiescent + sensitivity * hall_field(self.hall_jet, self.effects, d, i, at)
+        then_d, then_i = seen_point(self.effects, d, i, at)
+        series = changed_jet(self.hall_jet, self.later, at)(then_d, then_i, 0, 0)
+        volts = quiescent + sensitivity * series.derivative(0, 0, 1)
         return self.read(volts, d, i, at).reshape(state.shape[:-1])
 
     def read(self, volts: FloatArray, distance: FloatArray, current: FloatArray, at: Conditions) -> FloatArray:
@@ -210,6 +239,31 @@ class EffectDynamics:
         return values["hall_V"]
 
 
+def seen_point(
+    effects: tuple[AddedEffect, ...], distance: FloatArray, current: FloatArray, at: Conditions
+) -> tuple[FloatArray, FloatArray]:
+    """Distance and current that a Hall reading belongs to: of earlier, where it is late.
+
+    Parameters
+    ----------
+    effects : tuple of AddedEffect
+        In the order of adding.
+    distance, current : array, shape (n,)
+        Now, in m and A.
+    at : Conditions
+        Of every point.
+
+    Returns
+    -------
+    tuple of two arrays, shape (n,)
+        In m and A.
+    """
+    for added in effects:
+        if added.effect.hall_point is not None:
+            distance, current = added.effect.hall_point(distance, current, at, added.parameters)
+    return distance, current
+
+
 def hall_field(
     jet: CoenergyJet, effects: tuple[AddedEffect, ...], distance: FloatArray, current: FloatArray, at: Conditions
 ) -> FloatArray:
@@ -231,7 +285,5 @@ def hall_field(
     array, shape (n,)
         In T.
     """
-    for added in effects:
-        if added.effect.hall_point is not None:
-            distance, current = added.effect.hall_point(distance, current, at, added.parameters)
+    distance, current = seen_point(effects, distance, current, at)
     return changed_jet(jet, effects, at)(distance, current, 0, 0).derivative(0, 0, 1)

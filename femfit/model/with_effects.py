@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from femfit.effects.effect import AddedEffect, Conditions, Nominal
 from femfit.effects.jet import CoenergyJet, Jet
 from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.coenergy_jet import changed_jet, coenergy_jet
+from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
@@ -121,7 +123,7 @@ class EffectHallField(HallField):
     def _partials(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        series = changed_jet(self.dynamics.hall_jet, self.dynamics.effects, self.dynamics.at)(
+        series = changed_jet(self.dynamics.hall_jet, self.dynamics.later, self.dynamics.at)(
             distance, current, max(a for a, _ in orders), max(b for _, b in orders)
         )
         if not any(added.effect.readings for added in self.dynamics.effects):
@@ -175,15 +177,21 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         magnet_temperature_C=model.magnet_temperature_C,
         running=True,
     )
+    acting = tuple(added for added in effects if added.effect.coenergy is not None)
+    static = tuple(takewhile(lambda added: added.memory is None, acting))
+    motion_jet, hall_jet = coenergy_jet(base.magnetics, None), base_jet(base)
+    if acting:  # where only effects with states do, the base's own table is still quicker than the base
+        motion_jet = CoenergyTable(changed_jet(motion_jet, static, at), at.nominal, hall=False)
+        hall_jet = CoenergyTable(changed_jet(hall_jet, static, at), at.nominal, hall=True)
     dynamics = EffectDynamics(
-        motion_jet=coenergy_jet(base.magnetics, None),
-        hall_jet=base_jet(base),
+        motion_jet=motion_jet,
+        hall_jet=hall_jet,
         effects=effects,
+        later=acting[len(static) :],
         at=at,
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else float("nan"),
     )
-    changed = any(added.effect.coenergy for added in effects)
-    read = changed or any(added.effect.readings for added in effects)
+    read = acting or any(added.effect.readings for added in effects)
     circuit, motion, sensor = base.circuit, base.motion, base.sensor
     for added in effects:
         if circuit and added.effect.circuit:
@@ -195,7 +203,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
             motion = replace(motion, mass_kg=added.effect.mass(motion.mass_kg, added.parameters))
     return replace(
         base,
-        magnetics=EffectMagnetics(changed_jet(dynamics.motion_jet, effects, at)) if changed else base.magnetics,
+        magnetics=EffectMagnetics(changed_jet(dynamics.motion_jet, dynamics.later, at)) if acting else base.magnetics,
         circuit=circuit,
         motion=motion,
         sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,

@@ -17,6 +17,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_jet import coenergy_jet
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.magnetics import Magnetics
+from femfit.model.with_effects import EffectMagnetics
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> Actuato
     box = model.validity
     middle, factor = 0.5 * (box.distance_min_m + box.distance_max_m), np.asarray(scale, dtype=np.float64)
     dynamics = model.dynamics
-    if dynamics is not None and model.base is not None:
-        scaled = ScaledForce(model.base.magnetics, factor, middle)
+    if dynamics is not None:
+        scaled = ScaledForce(EffectMagnetics(dynamics.motion_jet), factor, middle)
         dynamics = replace(dynamics, motion_jet=coenergy_jet(scaled, None))
     return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle), dynamics=dynamics)

@@ -11,10 +11,11 @@ from femfit.diagnose.add import AddOptions, add_effects
 from femfit.diagnose.add_text import add_lines
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Conditions
+from femfit.model.coenergy_jet import changed_jet
 from femfit.model.from_json import model_from_dict
 from femfit.model.readings import predict_readings
 from femfit.model.to_json import model_to_dict
-from femfit.model.with_effects import nominal_of, with_effects
+from femfit.model.with_effects import base_jet, nominal_of, with_effects
 from support.campaign import NOISE, campaign
 
 
@@ -129,18 +130,16 @@ def test_the_base_is_left_alone_where_it_does_not_help(both):
 
 def test_the_base_amplitudes_scale_the_sources_of_a_linear_field(levitation_model):
     """Magnet and current both s times as strong: fields times s, forces and energies times s squared."""
-    s = 1.02
-    strong = with_effects(levitation_model, [effect("base_magnet_strength", remanence_error=s - 1.0)])
-    d, i = np.array([0.017, 0.03, 0.04]), np.array([0.1, 0.7, 1.3])
-    base = levitation_model
-    np.testing.assert_allclose(strong.magnetics.force(d, s * i), s**2 * base.magnetics.force(d, i), rtol=1e-12)
-    np.testing.assert_allclose(
-        strong.magnetics.flux_linkage(d, s * i), s * base.magnetics.flux_linkage(d, i), rtol=1e-12
-    )
-    np.testing.assert_allclose(strong.sensor.field.field(d, s * i), s * base.sensor.field.field(d, i), rtol=1e-12)
-    more = with_effects(levitation_model, [effect("base_turns", turns_error=s - 1.0)])
-    np.testing.assert_allclose(more.magnetics.force(d, i), base.magnetics.force(d, s * i), rtol=1e-12)
-    np.testing.assert_allclose(more.magnetics.inductance(d, i), s**2 * base.magnetics.inductance(d, s * i), rtol=1e-12)
+    s, d, i = 1.02, np.array([0.017, 0.03, 0.04]), np.array([0.1, 0.7, 1.3])
+    base = base_jet(levitation_model)
+    at = Conditions(nominal_of(levitation_model))
+    strong = changed_jet(base, [effect("base_magnet_strength", remanence_error=s - 1.0)], at)(d, s * i, 1, 2)
+    plain, turned = base(d, i, 1, 2), base(d, s * i, 1, 2)
+    for order, power in {(1, 0, 0): 2, (0, 1, 0): 1, (0, 0, 1): 1}.items():
+        np.testing.assert_allclose(strong.derivative(*order), s**power * plain.derivative(*order), rtol=1e-12)
+    more = changed_jet(base, [effect("base_turns", turns_error=s - 1.0)], at)(d, i, 1, 2)
+    for order, power in {(1, 0): 0, (0, 2): 2}.items():
+        np.testing.assert_allclose(more.derivative(*order), s**power * turned.derivative(*order), rtol=1e-12)
 
 
 def test_the_model_runs_at_the_recorded_temperatures_unless_told_otherwise(both, levitation_model):

@@ -1,0 +1,105 @@
+"""The co-energy under effects as a table: the effects' own numbers, one co-energy, and the effects where it ends."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from femfit.effects.base_amplitudes import BASE_AMPLITUDES
+from femfit.effects.catalogue import BUILT_IN, effect_by_name
+from femfit.effects.effect import AddedEffect, Conditions
+from femfit.model.coenergy_jet import changed_jet
+from femfit.model.coenergy_table import CoenergyTable
+from femfit.model.with_effects import base_jet, nominal_of, with_effects
+
+STATIC = [effect for effect in (*BUILT_IN, *BASE_AMPLITUDES) if effect.coenergy is not None and effect.memory is None]
+
+
+def strong(effect):
+    """Every amplitude at what is usual at most."""
+    return AddedEffect(effect, effect.null() | {p.name: max(p.sane, key=abs) for p in effect.amplitudes})
+
+
+def tables(model, effect):
+    """The effect's own co-energy, and the table of it."""
+    at = Conditions(nominal_of(model), running=True, coil_temperature_C=45.0, magnet_temperature_C=35.0)
+    exact = changed_jet(base_jet(model), [strong(effect)], at)
+    return exact, CoenergyTable(exact, at.nominal, hall=True)
+
+
+def anywhere(model, count, reach=0.1):
+    """Points all over the box and a little beyond it."""
+    box, rng = model.validity, np.random.default_rng(7)
+    low = np.array([box.distance_min_m, box.current_min_A])
+    span = np.array([box.distance_max_m, box.current_max_A]) - low
+    return (low + span * rng.uniform(-reach, 1.0 + reach, (count, 2))).T
+
+
+@pytest.mark.parametrize("effect", STATIC, ids=lambda e: e.name)
+def test_the_table_is_the_effect(effect, levitation_model):
+    d, i = anywhere(levitation_model, 4000)
+    exact, table = tables(levitation_model, effect)
+    wanted, found = exact(d, i, 2, 2), table(d, i, 2, 2)
+    # The tolerances of the table at its own checks, and as much again between them; relative to the points' largest
+    for order, tolerance in {
+        (1, 0, 0): 2e-6,
+        (0, 1, 0): 2e-6,
+        (1, 1, 0): 2e-5,
+        (0, 2, 0): 2e-5,
+        (0, 0, 1): 2e-6,
+    }.items():
+        scale = np.abs(wanted.derivative(*order)).max()
+        assert np.abs(found.derivative(*order) - wanted.derivative(*order)).max() <= tolerance * scale
+
+
+@pytest.mark.parametrize("order", [(0, 0), (1, 2), (2, 1), (0, 3)])
+def test_beyond_the_grid_and_at_a_kink_the_effect_itself_is_evaluated(order, levitation_model):
+    exact, table = tables(levitation_model, effect_by_name("end_stop_contact"))
+    box = levitation_model.validity
+    kink = box.distance_min_m + 0.1 * (box.distance_max_m - box.distance_min_m)  # the stop's usual reach
+    d = np.array([0.5 * box.distance_min_m, kink, 2.0 * box.distance_max_m, 0.02])
+    i = np.array([0.3, 0.3, 0.3, 3.0 * box.current_max_A])
+    np.testing.assert_array_equal(table(d, i, *order).coefficients, exact(d, i, *order).coefficients)
+
+
+def test_force_and_flux_linkage_of_the_table_derive_from_one_coenergy(levitation_model):
+    magnetics, h = with_effects(levitation_model, [strong(effect_by_name("core_saturation"))]).magnetics, 1e-6
+    d, i = anywhere(levitation_model, 200, reach=0.0)
+    rise = magnetics.coenergy(d + h, i) - magnetics.coenergy(d - h, i)
+    # Where table and effect meet, W' steps by 1e-12 J, over 2 um
+    np.testing.assert_allclose(magnetics.force(d, i), -rise / (2 * h), atol=1e-6)
+    across = magnetics.force(d, i + h) - magnetics.force(d, i - h)
+    along = magnetics.flux_linkage(d + h, i) - magnetics.flux_linkage(d - h, i)
+    # Two mixed second differences of one W': equal but for rounding and such a step of its derivatives
+    np.testing.assert_allclose(across, -along, atol=1e-4 * np.abs(across).max())
+
+
+def test_points_give_the_same_bits_alone_and_together(levitation_model):
+    _, table = tables(levitation_model, effect_by_name("core_saturation"))
+    d, i = anywhere(levitation_model, 9)
+    together = table(d, i, 1, 2).coefficients
+    alone = [table(d[k : k + 1], i[k : k + 1], 1, 2).coefficients for k in range(9)]
+    np.testing.assert_array_equal(np.concatenate(alone, axis=-1), together)
+
+
+def test_a_point_that_is_no_number_gives_none(levitation_model):
+    _, table = tables(levitation_model, effect_by_name("core_saturation"))
+    assert np.isnan(table(np.array([np.nan]), np.array([0.5]), 1, 1).derivative(1, 0)).all()
+
+
+@pytest.mark.parametrize("name", ["eddy_current_lag", "hysteresis"])
+def test_the_lag_of_states_is_what_their_coenergy_does(name, levitation_model):
+    added = strong(effect_by_name(name))
+    added = dataclasses.replace(added, parameters={**added.parameters, "taper": 0.0})
+    memory, at = added.effect.memory, Conditions(nominal_of(levitation_model))
+    d, i = np.array([0.018, 0.024, 0.033]), np.array([0.3, 0.6, 1.0])
+    states = {name: np.array([0.05, -0.1, 0.08]) * (1 + k) for k, name in enumerate(memory.names)}
+    lag = memory.lag(at, added.parameters)
+    moved = base_jet(levitation_model)(d, i - sum(lag[name] * states[name] for name in memory.names), 1, 2)
+    acting = changed_jet(base_jet(levitation_model), [added], dataclasses.replace(at, memory=states))(d, i, 1, 2)
+    np.testing.assert_allclose(acting.coefficients[0], moved.coefficients[0], rtol=1e-12)
+
+
+def test_a_loop_that_changes_its_width_is_no_lag():
+    effect = effect_by_name("hysteresis")
+    assert effect.memory.lag(None, effect.null() | {"taper": 0.05}) is None
