@@ -9,6 +9,8 @@ References
 J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988), chapter 12: noncentral chi-square.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import optimize, stats
 
@@ -20,7 +22,9 @@ from femfit.diagnose.whitening import orthonormal_basis
 _POWER = 0.9
 
 
-def look_alikes(evidence: Evidence, chosen: Candidate, level: float) -> tuple[str, ...]:
+def look_alikes(
+    evidence: Evidence, chosen: Candidate, classes: Sequence[tuple[str, ...]], level: float
+) -> tuple[str, ...]:
     """Effects that would have been given the chosen name on these data, had they been the cause and not been listed.
 
     Parameters
@@ -29,14 +33,16 @@ def look_alikes(evidence: Evidence, chosen: Candidate, level: float) -> tuple[st
         Of the readings.
     chosen : Candidate
         What was named.
+    classes : sequence of tuple of str
+        What these data cannot tell from each of its effects, itself first.
     level : float
         Of the gate after it.
 
     Returns
     -------
     tuple of str
-        The most alike first: an effect of any shape constants whose trace of the found length has less beside the
-        fitted one than the gate notices nine times in ten.
+        The rest of the classes, then the most alike first: an effect of any shape constants whose trace of the found
+        length has less beside the fitted one than the gate notices nine times in ten.
     """
     observations = evidence.observations
     found = evidence.whitening.full(observations.predict(chosen.fit.effects) - observations.base)
@@ -47,7 +53,9 @@ def look_alikes(evidence: Evidence, chosen: Candidate, level: float) -> tuple[st
         if name not in chosen.fit.names:
             beside[name] = min(beside.get(name, 1.0), _squared_sine(white, fitted))
     unseen = _noticed(evidence, level) / max(float(found @ found), 1e-12)
-    return tuple(sorted((name for name, sine in beside.items() if sine < unseen), key=beside.__getitem__))
+    refitted = [name for members in classes for name in members[1:]]
+    alike = sorted((name for name, sine in beside.items() if sine < unseen), key=beside.__getitem__)
+    return tuple(dict.fromkeys(refitted + alike))
 
 
 def _squared_sine(columns: FloatArray, fitted: FloatArray) -> float:

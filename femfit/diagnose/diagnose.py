@@ -162,7 +162,7 @@ def examine(
     if options.bootstrap:
         say("Simulating clean campaigns")
         rate = false_naming_rate(evidence, options)
-    alike = look_alikes(evidence, decision.chosen, options.levels.after) if decision.chosen else ()
+    alike = look_alikes(evidence, decision.chosen, decision.classes, options.levels.after) if decision.chosen else ()
     diagnosis = replace(_diagnosis(evidence, decision, detectable, rate), look_alikes=alike)
     sane = all(one.sane for one in diagnosis.missing)
     confident = decision.verdict == "named" and sane and not alike

@@ -45,5 +45,6 @@ def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
     found = diagnose_bench(levitation_model, table, QUICK)
     assert found.verdict == "named"
     assert "current_gain" in found.look_alikes
+    assert {name for one in found.missing for name in one.members[1:]} <= set(found.look_alikes)
     assert not found.confident
     assert "a cause not listed that acts like" in confidence_sentence(found)
