@@ -5,7 +5,6 @@ Run with ``python -m pytest -m benchmark -s tests/benchmarks``. Nothing is asser
 
 import resource
 import statistics
-import subprocess
 import time
 
 import ngsolve
@@ -16,42 +15,21 @@ from femfit.fem.settings import SolverSettings
 from support.actuators import GEOMETRY
 from support.command import FEMFIT
 from support.field import prepared
+from support.timed_sweep import SWEEPS, timed, timed_sweep
 
 REPEATS = 5
 
 
-def timed(command):
-    """Wall seconds of a command."""
-    start = time.perf_counter()
-    subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
-    return time.perf_counter() - start
-
-
 @pytest.mark.benchmark
-@pytest.mark.parametrize(
-    ("name", "solver", "points"),
-    [
-        ("emaws-rig", "", 488),
-        ("emaws-rig", "\n[solver]\ntolerance = 1e-3\n", 488),
-        ("plunger-solenoid", "", 100),
-        ("emaws-saturable", "", 488),
-    ],
-    ids=["linear", "linear to 0.1 %", "plunger", "saturating"],
-)
-def test_whole_sweep_command(name, solver, points, tmp_path):
-    actuator = tmp_path / "actuator.toml"
-    actuator.write_text((GEOMETRY / f"{name}.toml").read_text() + solver)
-    walls, peaks = [], []
-    for repeat in range(REPEATS):
-        command = [FEMFIT, "sweep", str(actuator), "-o", str(tmp_path / str(repeat)), "--workers", "2"]
-        walls.append(timed(command))
-        peaks.append(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0)
-    rows = (tmp_path / "0" / "sweep.csv").read_text().count("\n") - 1
-    assert rows == points
-    work = f"{name}{' to 0.1 %' if solver else ''}, {rows} points"
+@pytest.mark.parametrize("label", SWEEPS)
+def test_whole_sweep_command(label, tmp_path):
+    walls, counts = zip(*(timed_sweep(label, tmp_path / str(repeat)) for repeat in range(REPEATS)), strict=True)
+    assert set(counts) == {100 if label == "plunger" else 488}
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
     print(
-        f"\nfemfit sweep {work}, 2 processes, imports included: median {statistics.median(walls):.2f} s "
-        f"({min(walls):.2f} to {max(walls):.2f}); peak memory of the largest process {max(peaks):.0f} MB"
+        f"\nfemfit sweep, {label}, {counts[0]} points, 2 processes, imports included: median "
+        f"{statistics.median(walls):.2f} s ({min(walls):.2f} to {max(walls):.2f}); peak memory of the largest process "
+        f"{peak:.0f} MB"
     )
 
 

@@ -1,0 +1,32 @@
+"""The wall time of whole ``femfit sweep`` commands with two processes, imports and table included."""
+
+import subprocess
+import time
+
+from support.actuators import GEOMETRY
+from support.command import FEMFIT
+
+SWEEPS = {
+    "linear": ("emaws-rig", ""),
+    "linear, tolerance of 0.1 %": ("emaws-rig", "\n[solver]\ntolerance = 1e-3\n"),
+    "saturating": ("emaws-saturable", ""),
+    "plunger": ("plunger-solenoid", ""),
+}
+"""Label -> geometry, and what is put below it."""
+
+
+def timed(command):
+    """Wall seconds of a command."""
+    start = time.perf_counter()
+    subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+    return time.perf_counter() - start
+
+
+def timed_sweep(label, directory):
+    """Wall seconds of a sweep of :data:`SWEEPS`, and its number of rows."""
+    name, solver = SWEEPS[label]
+    directory.mkdir(parents=True)
+    actuator = directory / "actuator.toml"
+    actuator.write_text((GEOMETRY / f"{name}.toml").read_text(encoding="utf-8") + solver, encoding="utf-8")
+    seconds = timed([FEMFIT, "sweep", str(actuator), "-o", str(directory / "run"), "--workers", "2"])
+    return seconds, (directory / "run" / "sweep.csv").read_text(encoding="utf-8").count("\n") - 1
