@@ -8,6 +8,7 @@ References
 P. Arpaia et al., Sensors 22 (2022) 182, sections 2.2 and 3, Figure 4, Table 1.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,6 +117,80 @@ class Experiment:
         return Experiment(self.inputs, self.record[rows], self.field[rows], self.offset[rows], self.flat_tops)
 
 
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What the experiment does before anything samples it, on a grid that every corner lies on.
+
+    Parameters
+    ----------
+    inputs : ExperimentInputs
+        What it was made from.
+    time, supply, field, offset, probe : array, shape (g,)
+        Grid in s; current in A, true field in T, offset voltage in V, and the Hall probe's wander in T.
+    flat_tops : tuple of (float, float)
+        Begin and end of each flat-top, s.
+    """
+
+    inputs: ExperimentInputs
+    time: FloatArray
+    supply: FloatArray
+    field: FloatArray
+    offset: FloatArray
+    probe: FloatArray
+    flat_tops: tuple[tuple[float, float], ...]
+
+    @property
+    def samples(self) -> int:
+        """Of the whole record."""
+        return round(float(self.time[-1]) * self.inputs.sample_rate) + 1
+
+    def piece(self, first: int, last: int, rng: np.random.Generator) -> Experiment:
+        """Samples ``first`` to ``last`` (exclusive), with noise of their own."""
+        inputs = self.inputs
+        wide = np.arange(max(first - 1, 0), min(last + 1, self.samples)) / inputs.sample_rate
+        inner = slice(first - max(first - 1, 0), None)
+        time = wide[inner][: last - first]
+        truth = np.interp(wide, self.time, self.field)
+        induced = inputs.coil.area_m2 * np.gradient(truth, 1.0 / inputs.sample_rate)[inner][: last - first]
+        truth, offset = truth[inner][: last - first], np.interp(time, self.time, self.offset)
+
+        def white(density: float) -> FloatArray:
+            return np.asarray(density * np.sqrt(0.5 * inputs.sample_rate) * rng.normal(size=len(time)))
+
+        probe = (1.0 + inputs.hall_gain) * truth + np.interp(time, self.time, self.probe)
+        record = CoilBlock(
+            time,
+            induced + offset + white(inputs.voltage_density),
+            probe + white(inputs.hall_density),
+            np.interp(time, self.time, self.supply) + white(inputs.current_density),
+        )
+        return Experiment(inputs, record, truth, offset, self.flat_tops)
+
+
+def make_course(inputs: ExperimentInputs, rng: np.random.Generator) -> Course:
+    """Solve the magnet and draw what wanders.
+
+    Parameters
+    ----------
+    inputs : ExperimentInputs
+        What is assumed.
+    rng : numpy.random.Generator
+        Of the flicker.
+
+    Returns
+    -------
+    Course
+        To be sampled.
+    """
+    knots, flat_tops = _schedule(inputs)
+    grid = np.arange(round(knots[0][-1] / _GRID) + 1) * _GRID
+    supply = np.interp(grid, *knots) + flicker(grid, inputs.supply_wander, rng)
+    static = _static_field(inputs, supply)
+    field = static - _eddy_field(inputs, grid, static)
+    offset = _offset(inputs, grid, rng)
+    return Course(inputs, grid, supply, field, offset, flicker(grid, inputs.hall_wander, rng), flat_tops)
+
+
 def synthesise(inputs: ExperimentInputs, rng: np.random.Generator) -> Experiment:
     """Make a record.
 
@@ -131,23 +206,29 @@ def synthesise(inputs: ExperimentInputs, rng: np.random.Generator) -> Experiment
     Experiment
         Record and truth.
     """
-    knots, flat_tops = _schedule(inputs)
-    grid = np.arange(round(knots[0][-1] / _GRID) + 1) * _GRID
-    supply = np.interp(grid, *knots) + flicker(grid, inputs.supply_wander, rng)
-    static = _static_field(inputs, supply)
-    field = static - _eddy_field(inputs, grid, static)
-    time = np.arange(round(grid[-1] * inputs.sample_rate) + 1) / inputs.sample_rate
-    truth = np.interp(time, grid, field)
-    offset = np.interp(time, grid, _offset(inputs, grid, rng))
+    course = make_course(inputs, rng)
+    return course.piece(0, course.samples, rng)
 
-    def white(density: float) -> FloatArray:
-        return np.asarray(density * np.sqrt(0.5 * inputs.sample_rate) * rng.normal(size=len(time)))
 
-    voltage = inputs.coil.area_m2 * np.gradient(truth, time) + offset + white(inputs.voltage_density)
-    probe = (1.0 + inputs.hall_gain) * truth + np.interp(time, grid, flicker(grid, inputs.hall_wander, rng))
-    current = np.interp(time, grid, supply) + white(inputs.current_density)
-    record = CoilBlock(time, voltage, probe + white(inputs.hall_density), current)
-    return Experiment(inputs, record, truth, offset, flat_tops)
+def stream_pieces(course: Course, rows: int, rng: np.random.Generator) -> Iterator[Experiment]:
+    """The record piece by piece, for one that does not fit the memory.
+
+    Parameters
+    ----------
+    course : Course
+        To sample.
+    rows : int
+        Samples of a piece.
+    rng : numpy.random.Generator
+        Of the white noise.
+
+    Yields
+    ------
+    Experiment
+        In order; together what :func:`synthesise` makes at once, but for the noise drawn.
+    """
+    for first in range(0, course.samples, rows):
+        yield course.piece(first, min(first + rows, course.samples), rng)
 
 
 def flicker(time: FloatArray, rms: float, rng: np.random.Generator) -> FloatArray:

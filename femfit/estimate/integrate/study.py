@@ -9,22 +9,23 @@ References
 P. Arpaia et al., Sensors 22 (2022) 182, Tables 1 to 3.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.estimate.integrate.experiment import PAPER_RAMP_RATES, Experiment, ExperimentInputs, synthesise
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.estimate.integrate.experiment import PAPER_RAMP_RATES, Experiment, ExperimentInputs, make_course
 from femfit.estimate.integrate.field_block import FieldBlock
-from femfit.estimate.integrate.indicators import global_drift, total_uncertainty
+from femfit.estimate.integrate.indicators import AVERAGE, global_drift, total_uncertainty
 from femfit.estimate.integrate.methods import (
     AnyIntegrator,
     IntegrationOptions,
     Method,
-    integrate_blocks,
     make_integrator,
 )
+from femfit.estimate.integrate.paper_tables import PAPER
 from femfit.estimate.integrate.uncertainty import PAPER_COIL
 from femfit.model.field_of_current import FieldModel
 
@@ -68,53 +69,6 @@ class Figures:
     plateau_rms: float
 
 
-@dataclass(frozen=True)
-class Printed:
-    """A method's figures in the paper at 3.2, 32 and 100 A/s; None where it has none.
-
-    Parameters
-    ----------
-    offset_mean : tuple of float, or None
-        Table 1, V.
-    offset_range : tuple of (float, float), or None
-        Table 1, V.
-    drift : tuple of float
-        Table 2, 1/s, from the first flat-top's beginning.
-    uncertainty_end : tuple of float
-        Table 3, T.
-    """
-
-    offset_mean: tuple[float, float, float] | None
-    offset_range: tuple[tuple[float, float], ...] | None
-    drift: tuple[float, float, float]
-    uncertainty_end: tuple[float, float, float]
-
-
-PAPER: Mapping[Method, Printed] = {
-    "trapezoid": Printed(None, None, (112.14e-6, 119.98e-6, 59.90e-6), (194.48e-3, 104.23e-3, 60.34e-3)),
-    "ffa1": Printed((3.3e-6, 6.8e-6, 6.8e-6), None, (59.25e-6, 8.03e-6, 53.02e-6), (100.25e-3, 9.38e-3, 25.97e-3)),
-    "ffa2": Printed(
-        (6.0e-6, 6.9e-6, 4.6e-6),
-        ((-1e-6, 14e-6), (1e-6, 16e-6), (-1e-6, 24e-6)),
-        (55.47e-6, 5.05e-6, 2.95e-6),
-        (37.57e-3, 6.53e-3, 5.53e-3),
-    ),
-    "cs1": Printed(
-        (6.9e-6, 7.2e-6, 4.4e-6),
-        ((-1e-6, 19e-6), (-3e-6, 17e-6), (-11e-6, 24e-6)),
-        (0.03e-6, 0.04e-6, 0.03e-6),
-        (65e-6, 65e-6, 65e-6),
-    ),
-    "cs2": Printed(
-        (6.9e-6, 7.2e-6, 4.4e-6),
-        ((-29e-6, 122e-6), (-129e-6, 412e-6), (-250e-6, 496e-6)),
-        (0.02e-6, 0.03e-6, 0.08e-6),
-        (667e-6, 533e-6, 482e-6),
-    ),
-}
-"""Tables 1 to 3 as printed."""
-
-
 def paper_study(
     rng: np.random.Generator,
     sample_rate: float = 1000.0,
@@ -141,28 +95,41 @@ def paper_study(
     tuple of Figures
         By ramp rate, then method.
     """
-    return tuple(
-        figures
-        for ramp_rate in ramp_rates
-        for figures in experiment_figures(
-            synthesise(
-                ExperimentInputs(
-                    ramp_rate=ramp_rate, amplitudes=(320.0,) * _CYCLES.get(ramp_rate, 3), sample_rate=sample_rate
-                ),
-                rng,
-            ),
-            field_model,
-        )
+    figures: list[Figures] = []
+    for ramp_rate in ramp_rates:
+        # Apart, so that another sample rate meets the same offsets, supply and probe.
+        wander, noise = rng.spawn(2)
+        course = make_course(paper_inputs(ramp_rate, sample_rate), wander)
+        figures += experiment_figures([course.piece(0, course.samples, noise)], field_model)
+    return tuple(figures)
+
+
+def paper_inputs(ramp_rate: float, sample_rate: float = 1000.0) -> ExperimentInputs:
+    """The experiment at one of the paper's ramp rates, with as many cycles as its Figure 7 shows.
+
+    Parameters
+    ----------
+    ramp_rate, sample_rate : float
+        A/s and Hz.
+
+    Returns
+    -------
+    ExperimentInputs
+        The rest as assumed.
+    """
+    return ExperimentInputs(
+        ramp_rate=ramp_rate, amplitudes=(320.0,) * _CYCLES.get(ramp_rate, 3), sample_rate=sample_rate
     )
 
 
-def experiment_figures(experiment: Experiment, field_model: FieldModel | None = None) -> tuple[Figures, ...]:
+def experiment_figures(pieces: Iterable[Experiment], field_model: FieldModel | None = None) -> tuple[Figures, ...]:
     """Every method's figures on one experiment.
 
     Parameters
     ----------
-    experiment : Experiment
-        With its zero reading.
+    pieces : iterable of Experiment
+        Of one experiment in order, with its zero reading: the whole of it, or as much at a time as fits the memory.
+        The zero reading ends where a piece ends, or at least three samples before.
     field_model : FieldModel or None
         For cs2-identified, which is left out where None.
 
@@ -171,14 +138,24 @@ def experiment_figures(experiment: Experiment, field_model: FieldModel | None = 
     tuple of Figures
         The paper's five, cs1-offset, and cs2-identified.
     """
-    measured = experiment.after_zero_reading()
-    results: dict[Method, FieldBlock] = {}
-    sources: dict[Method, Experiment] = {}
     extra: tuple[Method, ...] = ("cs1-offset",) if field_model is None else ("cs1-offset", "cs2-identified")
-    for method in (*PAPER_METHODS, *extra):
-        sources[method] = source = experiment if method == "ffa1" else measured
-        ((_, results[method]),) = integrate_blocks(_integrator(method, source, field_model), [source.record])
-    return tuple(_figures(method, sources[method], block, results["cs1"]) for method, block in results.items())
+    running: dict[Method, tuple[AnyIntegrator, Any]] = {}
+    parts: dict[Method, list[_Part]] = {method: [] for method in (*PAPER_METHODS, *extra)}
+    for piece in pieces:
+        inputs, flat_tops, measured = piece.inputs, piece.flat_tops, piece.after_zero_reading()
+        for method, found in parts.items():
+            source = piece if method == "ffa1" else measured
+            if len(source.record) == 0:
+                continue
+            if method not in running:
+                integrator = _integrator(method, source, field_model)
+                running[method] = (integrator, integrator.start())
+            integrator, state = running[method]
+            state, block = integrator.advance(state, source.record)
+            running[method] = (integrator, state)
+            found.append(_part(method, source, block))
+    reference = _end(parts["cs1"], flat_tops)
+    return tuple(_figures(method, inputs.ramp_rate, found, flat_tops, reference) for method, found in parts.items())
 
 
 def _integrator(method: Method, source: Experiment, field_model: FieldModel | None) -> AnyIntegrator:
@@ -195,21 +172,54 @@ def _integrator(method: Method, source: Experiment, field_model: FieldModel | No
     return make_integrator(options, source.record)
 
 
-def _figures(method: Method, source: Experiment, block: FieldBlock, reference: FieldBlock) -> Figures:
-    first, last = source.flat_tops[0], source.flat_tops[-1]
-    drift = global_drift(block.time, block.field, first, last, SETTLING)
-    end = int(np.searchsorted(block.time, last[1])) - 1
-    same = int(np.searchsorted(reference.time, last[1])) - 1
-    total = total_uncertainty(float(block.variance[end]), float(block.field[end]), float(reference.field[same]))
-    live = block.offset[block.time > block.time[0] + max(_ACQUIRED, source.inputs.zero_reading * (method == "ffa1"))]
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """What the tables need of a piece: samples near the ends of (17), offsets, and squared errors on flat-tops."""
+
+    near: FloatArray  # time, field and variance, shape (3, n)
+    offset: tuple[float, float, float, int]  # smallest, largest, sum, samples
+    squares: tuple[float, int]  # sum, samples
+
+
+def _part(method: Method, source: Experiment, block: FieldBlock) -> _Part:
+    time, zero = block.time, source.inputs.zero_reading
+    begin, end = source.flat_tops[0][0] + SETTLING, source.flat_tops[-1][1]
+    near = (np.abs(time - begin) <= 2.0 * AVERAGE) | (np.abs(time - end) <= 2.0 * AVERAGE)
+    live = block.offset[time > (max(_ACQUIRED, zero) if method == "ffa1" else zero + _ACQUIRED)]
+    error = (block.field - source.field)[_settled(source, time, SETTLING)]
+    return _Part(
+        np.stack([time[near], block.field[near], block.variance[near]]),
+        (float(live.min(initial=np.inf)), float(live.max(initial=-np.inf)), float(live.sum()), len(live)),
+        (float(error @ error), len(error)),
+    )
+
+
+def _end(parts: Sequence[_Part], flat_tops: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Field and variance at the last flat-top's end."""
+    time, field, variance = np.concatenate([part.near for part in parts], axis=1)
+    end = int(np.searchsorted(time, flat_tops[-1][1])) - 1
+    return float(field[end]), float(variance[end])
+
+
+def _figures(
+    method: Method,
+    ramp_rate: float,
+    parts: Sequence[_Part],
+    flat_tops: Sequence[tuple[float, float]],
+    reference: tuple[float, float],
+) -> Figures:
+    time, field, _ = np.concatenate([part.near for part in parts], axis=1)
+    end_field, end_variance = _end(parts, flat_tops)
+    lowest, highest, total, count = zip(*(part.offset for part in parts), strict=True)
+    squares, settled = np.sum([part.squares for part in parts], axis=0)
     return Figures(
-        source.inputs.ramp_rate,
+        ramp_rate,
         method,
-        float(live.mean()),
-        (float(live.min()), float(live.max())),
-        drift,
-        total,
-        plateau_rms(source, block.time, block.field),
+        sum(total) / sum(count),
+        (min(lowest), max(highest)),
+        global_drift(time, field, flat_tops[0], flat_tops[-1], SETTLING),
+        total_uncertainty(end_variance, end_field, reference[0]),
+        float(np.sqrt(squares / settled)),
     )
 
 
@@ -230,8 +240,12 @@ def plateau_rms(source: Experiment, time: FloatArray, field: FloatArray, settlin
     float
         In T.
     """
-    settled = np.any([(time > begin + settling) & (time < end) for begin, end in source.flat_tops], axis=0)
-    return float(np.sqrt(np.mean(np.square((field - source.field)[settled]))))
+    return float(np.sqrt(np.mean(np.square((field - source.field)[_settled(source, time, settling)]))))
+
+
+def _settled(source: Experiment, time: FloatArray, settling: float) -> BoolArray:
+    """Samples on settled parts of flat-tops."""
+    return np.asarray(np.any([(time > begin + settling) & (time < end) for begin, end in source.flat_tops], axis=0))
 
 
 def study_lines(study: Sequence[Figures]) -> list[str]:

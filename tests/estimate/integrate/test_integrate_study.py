@@ -6,12 +6,13 @@ import pytest
 from femfit.core.errors import TableError
 from femfit.estimate.integrate.experiment import ExperimentInputs, flicker, synthesise
 from femfit.estimate.integrate.indicators import global_drift, total_uncertainty
-from femfit.estimate.integrate.study import PAPER, SETTLING, experiment_figures, study_lines
+from femfit.estimate.integrate.paper_tables import PAPER
+from femfit.estimate.integrate.study import SETTLING, experiment_figures, study_lines
 
 
 @pytest.fixture(scope="module")
 def figures(experiment):
-    return {row.method: row for row in experiment_figures(experiment)}
+    return {row.method: row for row in experiment_figures([experiment])}
 
 
 def test_the_magnet_has_the_papers_remanence_top_field_and_eddy_transient():
