@@ -117,7 +117,7 @@ def _table(
     import numpy as np
     import pandas as pd
 
-    from femfit.effects.effect import Conditions
+    from femfit.effects.conditions import Conditions
     from femfit.estimate.integrate.plateaus import plateau_flux
     from femfit.model.readings import predict_readings
     from femfit.model.with_effects import nominal_of

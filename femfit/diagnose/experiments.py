@@ -8,7 +8,8 @@ import pandas as pd
 
 from femfit.core.measurement import CHANNELS, SETTINGS
 from femfit.diagnose.observations import Observations
-from femfit.effects.effect import Calibration, Effect, Nominal
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import Calibration, Effect
 
 _NEAR_PART, _NEAR_POINTS, _CURRENTS = 0.25, 6, 6
 _HEATED_C = 30.0

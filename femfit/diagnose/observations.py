@@ -15,7 +15,8 @@ from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.measurement import BenchTable
 from femfit.diagnose.reach import nothing_in_reach, within_reach
-from femfit.effects.effect import AddedEffect, Conditions, Nominal
+from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of

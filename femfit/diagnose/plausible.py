@@ -10,7 +10,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.core.measurement import BenchTable
 from femfit.core.measurement_checks import without_outliers
-from femfit.effects.effect import Conditions
+from femfit.effects.conditions import Conditions
 from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of

@@ -23,7 +23,8 @@ from femfit.diagnose.experiments import Experiment, possible_experiments
 from femfit.diagnose.observations import Observations, bench_observations
 from femfit.diagnose.refit import Refit, bounded_amplitudes
 from femfit.diagnose.whitening import NoiseModel, Whitening, chains_of
-from femfit.effects.effect import Conditions, Effect
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Effect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 

@@ -12,7 +12,8 @@ IEC 60404-8-1 (2015), table of NdFeB grades: remanence within some 3 %; IEC 6031
 """
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 from femfit.effects.magnet_temperature import remanence_scaled
 

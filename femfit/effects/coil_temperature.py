@@ -8,15 +8,8 @@ IEC 60028 (1925): copper, 0.00393 per kelvin at 20 degC.
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import (
-    REFERENCE_TEMPERATURE_C,
-    Calibration,
-    Conditions,
-    Effect,
-    EffectParameter,
-    Parameters,
-    like,
-)
+from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 COPPER = 0.00393
 """Relative change of resistance per kelvin at 20 degC, by which an unrecorded warming is counted (IEC 60028)."""

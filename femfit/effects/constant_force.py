@@ -8,7 +8,8 @@ H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1.
 """
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet, distance_jet
 
 

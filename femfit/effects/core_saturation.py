@@ -21,7 +21,8 @@ from math import perm
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
 _EXPONENTS = (3, 6, 32)

@@ -8,7 +8,8 @@ B. Armstrong-Helouvry, P. Dupont and C. Canudas de Wit, Automatica 30 (1994) 108
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters, like
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
 def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:

@@ -1,7 +1,8 @@
 """The ammeter's scale is wrong."""
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
 def _setting(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:

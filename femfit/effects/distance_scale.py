@@ -4,7 +4,8 @@ Stages are zeroed where the parts touch, so the scale acts about the distance 0,
 """
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
 def _setting(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,8 @@ N. Mohan, T. Undeland and W. Robbins, Power Electronics, 3rd ed. (Wiley, 2003), 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 _ROUNDING = 1e-2
 """Current, over the largest, within which the drop turns its sign."""

@@ -1,7 +1,8 @@
 """The driver gives more or less voltage than it is told."""
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
 def _circuit(

@@ -11,7 +11,8 @@ K. L. Johnson, Contact Mechanics (Cambridge University Press, 1985), section 4.2
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet, distance_jet
 
 

@@ -9,7 +9,8 @@ R. M. Bozorth, Ferromagnetism (IEEE Press, 1993), chapter 19 (a body in a unifor
 """
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
 

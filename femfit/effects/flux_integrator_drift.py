@@ -8,7 +8,8 @@ A. Fiorillo, Characterization and Measurement of Magnetic Materials (Elsevier, 2
 from collections.abc import Mapping
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters, like, with_channel
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, with_channel
 
 
 def _readings(

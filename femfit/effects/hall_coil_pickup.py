@@ -11,16 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import (
-    Calibration,
-    Conditions,
-    Effect,
-    EffectParameter,
-    Memory,
-    Parameters,
-    like,
-    with_channel,
-)
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, with_channel
 
 
 def _readings(

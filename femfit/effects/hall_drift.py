@@ -10,7 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters, like, with_channel
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, with_channel
 
 _UNIT_OF_TIME = 1000.0
 """Ramps count in thousands of readings, or of seconds where the data have a clock."""

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters, with_channel
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Effect, EffectParameter, Parameters, with_channel
 
 _ROUNDING = 0.03
 """Half width of the knee's corner over the largest swing: amplifiers do not clip at once."""

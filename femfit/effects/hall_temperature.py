@@ -11,16 +11,8 @@ R. S. Popovic, Hall Effect Devices, 2nd ed. (IOP, 2004), section 4.8 and 5.6; Al
 from collections.abc import Mapping
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import (
-    REFERENCE_TEMPERATURE_C,
-    Calibration,
-    Conditions,
-    Effect,
-    EffectParameter,
-    Parameters,
-    known_or,
-    with_channel,
-)
+from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, known_or
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, with_channel
 
 
 def _readings(

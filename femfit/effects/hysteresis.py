@@ -16,7 +16,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Memory, Parameters, like
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}

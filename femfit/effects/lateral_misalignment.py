@@ -13,7 +13,8 @@ J. D. Jackson, Classical Electrodynamics, 3rd ed. (Wiley, 1999), section 3.7 and
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
 

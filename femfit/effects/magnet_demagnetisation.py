@@ -8,7 +8,8 @@ P. Campbell, Permanent Magnet Materials and their Application (Cambridge Univers
 """
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 from femfit.effects.magnet_temperature import remanence_scaled
 

@@ -12,15 +12,8 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import (
-    REFERENCE_TEMPERATURE_C,
-    Calibration,
-    Conditions,
-    Effect,
-    EffectParameter,
-    Parameters,
-    like,
-)
+from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
 USUAL_COEFFICIENT = -1.1e-3

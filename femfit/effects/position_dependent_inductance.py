@@ -13,7 +13,8 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Conditions, Effect, EffectParameter, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Effect, EffectParameter, Parameters
 from femfit.effects.jet import CoenergyJet, Jet, current_jet, distance_jet
 
 _POWERS = (1, 3, 6)

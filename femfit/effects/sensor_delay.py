@@ -14,7 +14,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Memory, Parameters, like
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters
 
 
 def _hall_point(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,8 @@
 """A force against the motion, in proportion to its velocity: air, grease, eddy currents in fixed conductors."""
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import Calibration, Conditions, Effect, EffectParameter, Parameters, like
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
 def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:

@@ -9,7 +9,8 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError, MissingPartError
-from femfit.effects.effect import REFERENCE_TEMPERATURE_C, AddedEffect
+from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
+from femfit.effects.effect import AddedEffect
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics

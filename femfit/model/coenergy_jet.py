@@ -5,7 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import AddedEffect, Coenergy, Conditions, Parameters
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect, Coenergy, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics

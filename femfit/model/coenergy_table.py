@@ -18,7 +18,7 @@ from math import comb
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.effects.effect import Nominal
+from femfit.effects.conditions import Nominal
 from femfit.effects.jet import CoenergyJet, Jet
 
 _ORDER = 2

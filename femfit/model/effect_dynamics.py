@@ -19,7 +19,8 @@ from functools import cached_property, partial
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import AddedEffect, Conditions, Memory
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect, Memory
 from femfit.effects.jet import CoenergyJet
 from femfit.model.coenergy_jet import changed_jet
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from femfit.core.errors import ModelFileError
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import REFERENCE_TEMPERATURE_C, AddedEffect
+from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
+from femfit.effects.effect import AddedEffect
 from femfit.laws.catalogue import law_by_name
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
 from femfit.model.bspline import TensorSpline, is_clamped

@@ -5,7 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.effect import AddedEffect, Conditions, like
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_jet import changed_jet
 from femfit.model.effect_dynamics import hall_field

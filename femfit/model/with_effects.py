@@ -8,7 +8,8 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
-from femfit.effects.effect import AddedEffect, Conditions, Nominal
+from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.effect import AddedEffect
 from femfit.effects.jet import CoenergyJet, Jet
 from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.coenergy_jet import changed_jet, coenergy_jet

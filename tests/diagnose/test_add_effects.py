@@ -10,7 +10,8 @@ from femfit.core.measurement import CHANNELS
 from femfit.diagnose.add import AddOptions, add_effects
 from femfit.diagnose.add_text import add_lines
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect, Conditions
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect
 from femfit.model.coenergy_jet import changed_jet
 from femfit.model.from_json import model_from_dict
 from femfit.model.readings import predict_readings

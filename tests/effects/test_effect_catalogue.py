@@ -15,7 +15,8 @@ from femfit.core.errors import ModelFileError
 from femfit.effects import catalogue
 from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.effects.catalogue import BUILT_IN, all_effects, effect_by_name
-from femfit.effects.effect import AddedEffect, Conditions, Effect
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect, Effect
 from femfit.effects.hall_offset import HALL_OFFSET
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects

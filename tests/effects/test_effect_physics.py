@@ -9,7 +9,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from femfit.actuator.parts import LinearMaterial
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import Conditions, Nominal
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.jet import Jet
 from femfit.fem.layout import layout_of, stretch_groups
 from femfit.fem.problem import prepare

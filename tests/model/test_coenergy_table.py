@@ -7,7 +7,8 @@ import pytest
 
 from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
-from femfit.effects.effect import AddedEffect, Conditions
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect
 from femfit.model.coenergy_jet import changed_jet
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.with_effects import base_jet, nominal_of, with_effects

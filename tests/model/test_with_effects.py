@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from femfit.effects.catalogue import effect_by_name
+from femfit.effects.conditions import Conditions
 from femfit.effects.core_saturation import CORE_SATURATION
-from femfit.effects.effect import AddedEffect, Conditions
+from femfit.effects.effect import AddedEffect
 from femfit.model.from_json import model_from_dict
 from femfit.model.readings import predict_readings
 from femfit.model.to_json import model_to_dict
