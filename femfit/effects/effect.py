@@ -17,116 +17,14 @@ An effect acts at the stages that it gives a function for, in this order:
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from femfit.core.arrays import FloatArray
+from femfit.effects.conditions import Conditions
 from femfit.effects.jet import CoenergyJet, Jet
 
 Parameters = Mapping[str, float]
 
 CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 """What a bench reads."""
-
-REFERENCE_TEMPERATURE_C = 20.0
-"""Where a model's remanence and resistance hold unless it says otherwise."""
-
-
-@dataclass(frozen=True)
-class Nominal:
-    """Facts of the base model by which effects scale their parameters.
-
-    Parameters
-    ----------
-    distance_min_m, distance_max_m, current_min_A, current_max_A : float
-        The validity box.
-    force_N, flux_linkage_Wb : float
-        Largest magnitudes over the box.
-    magnet_share : float
-        The larger of force and flux linkage without current, over their largest; next to 0 without a magnet.
-    resistance_ohm, mass_kg : float
-        NaN where the model has no circuit or no motion.
-    gravity_m_s2 : float
-        Along growing distance.
-    hall_sensitivity_V_per_T, hall_quiescent_V, hall_min_V, hall_max_V : float
-        NaN where the model has no Hall element.
-    inductance_H, hall_T_per_A : float
-        Of the winding, and field that its current makes at the Hall element (NaN without one), in the box's middle.
-    hall_swing_V : float
-        Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element.
-    voltage_V : float
-        Largest magnitude that the driver gives; NaN where the model has no circuit.
-    sample_time_s : float
-        Of controller and filter.
-    """
-
-    distance_min_m: float
-    distance_max_m: float
-    current_min_A: float
-    current_max_A: float
-    force_N: float
-    flux_linkage_Wb: float
-    magnet_share: float
-    resistance_ohm: float
-    mass_kg: float
-    gravity_m_s2: float
-    hall_sensitivity_V_per_T: float
-    hall_quiescent_V: float
-    hall_min_V: float
-    hall_max_V: float
-    inductance_H: float
-    hall_T_per_A: float
-    hall_swing_V: float
-    voltage_V: float
-    sample_time_s: float
-
-    @property
-    def current_scale(self) -> float:
-        """The largest magnitude of the current in A."""
-        return max(abs(self.current_min_A), abs(self.current_max_A))
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What else is known of every point; each an array of shape (n,) or a float that holds for all.
-
-    Parameters
-    ----------
-    nominal : Nominal
-        Of the base model.
-    branch : array or float
-        +1 while the current rises, -1 while it falls, 0 where unknown.
-    coil_temperature_C, magnet_temperature_C : array or float
-        Of the winding and of the magnet; NaN where it was not recorded.
-    time_s : array or float
-        Since the start of the run; where a table has only ``order``, that, in readings.
-    elapsed : array or float
-        Since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
-        anew with a run.
-    velocity_m_s, current_rate_A_s : array or float
-        Zero on a static bench.
-    motional_V : array or float
-        Voltage that the motion induces, k_m v, as the model has it.
-    running : bool
-        Whether a plant or filter asks: its temperatures are the model's, and a warming that was fitted because nobody
-        recorded the temperature has come to its end.
-    current_turn_A : (array or float, array or float)
-        Lowest and highest current of the cycle that the reading belongs to.
-    memory : mapping of str to array
-        Values of the effects' states; where one is missing, the effect's value at rest holds.
-    """
-
-    nominal: Nominal
-    branch: FloatArray | float = 0.0
-    coil_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
-    magnet_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
-    time_s: FloatArray | float = 0.0
-    elapsed: FloatArray | float = 0.0
-    velocity_m_s: FloatArray | float = 0.0
-    current_rate_A_s: FloatArray | float = 0.0
-    motional_V: FloatArray | float = 0.0
-    running: bool = False
-    current_turn_A: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
-    memory: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -316,24 +214,6 @@ class AddedEffect:
         return memory if needed else None
 
 
-def like(value: FloatArray | float, points: FloatArray) -> FloatArray:
-    """A condition, given as an array or as one number, at every point.
-
-    Parameters
-    ----------
-    value : array or float
-        Broadcasts against ``points``.
-    points : array
-        Any.
-
-    Returns
-    -------
-    array
-        In the shape of ``points``.
-    """
-    return np.broadcast_to(np.asarray(value, dtype=np.float64), points.shape)
-
-
 def with_channel(
     values: Mapping[str, FloatArray], name: str, change: Callable[[FloatArray], FloatArray]
 ) -> Mapping[str, FloatArray]:
@@ -354,24 +234,3 @@ def with_channel(
         All channels.
     """
     return {**values, name: change(values[name])} if name in values else values
-
-
-def known_or(value: FloatArray | float, points: FloatArray, otherwise: FloatArray | float) -> FloatArray:
-    """A condition at every point, with something else where it was not recorded.
-
-    Parameters
-    ----------
-    value : array or float
-        NaN where unknown.
-    points : array, shape (n,)
-        Points.
-    otherwise : array or float
-        In place of NaN.
-
-    Returns
-    -------
-    array, shape (n,)
-        Without NaN.
-    """
-    recorded = like(value, points)
-    return np.where(np.isnan(recorded), otherwise, recorded)

@@ -8,7 +8,8 @@ import pytest
 
 from femfit.core.differences import central_differences
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
-from femfit.effects.effect import AddedEffect, Conditions
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import Motion
 from femfit.model.dynamics import hall_voltage, runge_kutta_jacobian, runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.readings import predict_readings
