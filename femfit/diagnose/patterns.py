@@ -1,7 +1,7 @@
 """Smooth patterns over a bench's settings: what structure a residual could have, whatever its cause.
 
 Per channel: Legendre polynomials in log distance and current up to a total degree, the same times the branch,
-temperatures and times with their first products. They are the alternatives of the lack-of-fit gate.
+temperatures, times and speeds with their first products. They are the alternatives of the lack-of-fit gate.
 
 References
 ----------
@@ -20,6 +20,9 @@ from femfit.diagnose.observations import Observations
 
 _DEGREE, _BRANCH_DEGREE = 5, 3
 _LEAST_READINGS = 6
+_MOTION = ("velocity_m_s", "current_rate_A_s")
+"""Covariates that only a time series has."""
+
 _LEAST_SPREAD_C = 0.5
 """Temperatures that vary less (standard deviation) are one temperature."""
 
@@ -51,7 +54,7 @@ Labelled = list[tuple[FloatArray, int, frozenset[str]]]
 
 
 def smooth_patterns(observations: Observations) -> Patterns:
-    """The patterns of all channels: of distance, current and branch, of temperatures and of time.
+    """The patterns of all channels: of distance, current and branch, of temperatures, speeds and time.
 
     Parameters
     ----------
@@ -67,7 +70,7 @@ def smooth_patterns(observations: Observations) -> Patterns:
 
 
 def drift_patterns(observations: Observations) -> Patterns:
-    """The patterns of temperature and time alone: what may differ between repeats of one setting.
+    """The patterns of temperature, speed and time alone: what may differ between repeats of one setting.
 
     Parameters
     ----------
@@ -77,7 +80,7 @@ def drift_patterns(observations: Observations) -> Patterns:
     Returns
     -------
     Patterns
-        None where temperatures and times do not vary.
+        None where temperatures, speeds and times do not vary.
     """
     return _assembled(observations, lambda here: _drift(observations, here))
 
@@ -91,6 +94,7 @@ def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labe
         labelled = of_channel(here) if len(here) >= _LEAST_READINGS else []
         if not labelled:
             continue
+        labelled.sort(key=lambda one: one[1])  # few readings have room for the broad ones alone, of every covariate
         columns = np.stack([column for column, _, _ in labelled], axis=1)
         keep = _independent(columns)[: max(1, len(here) // 3)]
         wide = np.zeros((len(observations.value), len(keep)))
@@ -128,6 +132,11 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
             near, carried = alone | {"distance_m"}, alone | {"current_A"}
             result += [(t, 1, alone), (t * t, 2, alone), (t * x, 2, near), (t * y, 2, carried)]
             result += [(t * x * y, 3, near | carried), (t * x * x, 3, near)]
+    for name in _MOTION:
+        if name in observations.covariates and np.ptp(observations.column(name)[here]) > 0.0:
+            t, alone = _unit(observations.column(name)[here]), frozenset({name})
+            result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
+            result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
     clocks: list[FloatArray] = []
     for name in ("order", "elapsed"):
         t = observations.column(name)[here]

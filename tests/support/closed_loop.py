@@ -1,0 +1,60 @@
+"""Records of closed loops: a model's plant with effects, held by controller and filter, seen by noisy sensors."""
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.time_series import SERIES_COLUMNS, TimeSeries
+from femfit.core.time_series_checks import check_clock
+from femfit.model.with_effects import with_effects
+from femfit.simulate.backstepping import design_backstepping
+from femfit.simulate.design import SUPPORT_TIME_CONSTANTS, design_loop
+from femfit.simulate.loop import ClosedLoop, run_loop
+from femfit.simulate.operating_point import operating_point
+from femfit.simulate.plant import Plant
+from femfit.simulate.reference import reference_steps, stack_references
+from femfit.simulate.sensor import SensorErrors
+
+
+def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
+    """Samples of all runs without any noise but the Hall element's, which the filter acts on."""
+    design = design_loop(model)
+    plant = with_effects(design.model, effects) if effects else design.model
+    steps = int(seconds / model.sample_time_s)
+    path = reference_steps(design.targets_m, steps, model.sample_time_s, design.reference_rate_rad_s)
+    loop = ClosedLoop(
+        plant=Plant(plant),
+        sensor=plant.require_sensor(),
+        errors=SensorErrors(noise_V=design.noise_V),
+        observer=design.observer("ukf"),
+        controller=design_backstepping(design.model, design.points),
+        reference=stack_references([path], [runs]),
+    )
+    start = [design.targets_m[0], 0.0, operating_point(design.model, design.targets_m[0]).current_A]
+    result = run_loop(
+        loop,
+        np.repeat([start], runs, axis=0),
+        np.random.default_rng(seed),
+        supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
+    )
+    series = result.series
+    pieces = []
+    for run in range(runs):
+        known = np.isfinite(series.distance_m[:, run])
+        columns = {
+            name: getattr(series, name)[known, run] for name in ("voltage_V", "current_A", "distance_m", "hall_V")
+        }
+        pieces.append(pd.DataFrame({"run": run + 1.0, "time_s": result.time_s[known], **columns}))
+    return pd.concat(pieces, ignore_index=True)
+
+
+def recorded(samples, seed=0, *, distance_m=1e-5, current_A=1e-3, runs=(1,), converter_A=0.0, lost=0.0):
+    """A time series of some runs, as instruments with white noise and perhaps a converter record it."""
+    generator = np.random.default_rng(seed)
+    rows = samples[samples["run"].isin(runs)].copy()
+    rows["distance_m"] += distance_m * generator.standard_normal(len(rows))
+    rows["current_A"] += current_A * generator.standard_normal(len(rows))
+    if converter_A:
+        rows["current_A"] = np.round(rows["current_A"] / converter_A) * converter_A
+    rows = rows[generator.random(len(rows)) >= lost].reset_index(drop=True).reindex(columns=list(SERIES_COLUMNS))
+    rows["segment"], _ = check_clock(rows)
+    return TimeSeries(rows, tuple(name for name in SERIES_COLUMNS if rows[name].notna().any()))
