@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from femfit.estimate.integrate.plateaus import PlateauOptions
+    from femfit.estimate.integrate.record_watch import Finding
     from femfit.model.actuator_model import ActuatorModel
 
 NotNegative = Number(gte=0.0)
@@ -62,6 +63,7 @@ def bench(
 
     from femfit.cli.output import write_json
     from femfit.core.errors import TableError
+    from femfit.estimate.integrate.bench_watch import resistance_finding
     from femfit.estimate.integrate.plateaus import PlateauOptions
     from femfit.model.json_file import read_model
 
@@ -73,7 +75,10 @@ def bench(
     rows = _read(record)
     induced = (rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio
     start = read_model(model) if model is not None else initial_flux_Wb or 0.0
-    table, sigma = _table(rows.assign(coil_voltage_V=induced), options, start)
+    table, sigma, findings = _table(rows.assign(induced_V=induced), options, start)
+    level = resistance_finding(table.pop("coil_voltage_V").to_numpy(), table["current_A"].to_numpy(), resistance_ohm)
+    if level is not None:
+        findings.append(level)
     begins = f"taken from {model.name}" if model is not None else f"taken as {initial_flux_Wb or 0.0:g} Wb"
     taken = "no R i taken off" if resistance_ohm is None else f"R i taken off with {resistance_ohm:g} ohm"
     notes = (
@@ -83,11 +88,20 @@ def bench(
         "resistance, turns ratio, voltmeter gain and first value"
         + ("; the offset voltage, which was not taken off." if method == "trapezoid" else ".")
     )
+    noted = " ".join([notes, *(finding.sentence for finding in findings)])
     table.to_csv(output, index=False)
     side = output.with_suffix(".toml")
-    side.write_text(f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(notes)}\n", encoding="utf-8")
-    result = {"rows": len(table), "noise_Wb": sigma, "notes": notes, "output": str(output), "sidecar": str(side)}
+    side.write_text(f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(noted)}\n", encoding="utf-8")
+    result = {
+        "rows": len(table),
+        "noise_Wb": sigma,
+        "notes": notes,
+        "findings": [{"kind": finding.kind, "sentence": finding.sentence} for finding in findings],
+        "output": str(output),
+        "sidecar": str(side),
+    }
     print(f"{len(table)} plateaus, flux linkage within {sigma:.3g} Wb (noise, rms)\n{notes}")
+    print("".join(f"{finding.kind}: {finding.sentence}\n" for finding in findings), end="")
     print(f"written: {output}, {side}")
     write_json(json, result)
 
@@ -107,30 +121,40 @@ def _read(record: Path) -> "pd.DataFrame":
     missing = [name for name in ("time_s", "coil_voltage_V", "current_A", "distance_m") if name not in rows]
     if missing:
         raise TableError(f"A bench record needs {', '.join(missing)}; {record} has {', '.join(map(str, cells))}.")
-    return rows if "run" in rows else rows.assign(run=1.0)
+    rows = rows if "run" in rows else rows.assign(run=1.0)
+    # A row without one of these is a gap, and said to be one.
+    rows = rows.dropna(subset=["time_s", "coil_voltage_V", "current_A", "distance_m"])
+    if rows.empty:
+        raise TableError(f"{record} has no row with a time, a voltage, a current and a distance.")
+    return rows
 
 
 def _table(
     rows: "pd.DataFrame", options: "PlateauOptions", start: "ActuatorModel | float"
-) -> "tuple[pd.DataFrame, float]":
-    """The bench table of all runs, and the rms of the flux linkage's noise."""
+) -> "tuple[pd.DataFrame, float, list[Finding]]":
+    """The bench table of all runs with the voltage's means, the rms of the flux linkage's noise, and what is wrong."""
+    from dataclasses import replace
+
     import numpy as np
     import pandas as pd
 
     from femfit.effects.conditions import Conditions
+    from femfit.estimate.integrate.bench_watch import watch_run
     from femfit.estimate.integrate.plateaus import plateau_flux
     from femfit.model.readings import predict_readings
     from femfit.model.with_effects import nominal_of
 
-    pieces, variances = [], []
+    pieces, variances, findings = [], [], []
     for run in pd.unique(rows["run"]):
         one = rows[rows["run"] == run].reset_index(drop=True)
-        time, voltage, current, distance = (
-            one[name].to_numpy() for name in ("time_s", "coil_voltage_V", "current_A", "distance_m")
+        time, voltage, induced, current, distance = (
+            one[name].to_numpy() for name in ("time_s", "coil_voltage_V", "induced_V", "current_A", "distance_m")
         )
-        found = plateau_flux(time, voltage, current, distance, options)
+        found = plateau_flux(time, induced, current, distance, options)
+        seen = watch_run(time, voltage, induced, current, found)
+        findings += [replace(finding, sentence=f"Run {run:g}: {finding.sentence}") for finding in seen]
         spans = list(zip(found.first, found.last, strict=True))
-        kept = one.drop(columns=["coil_voltage_V", "branch", "order"], errors="ignore")
+        kept = one.drop(columns=["induced_V", "branch", "order"], errors="ignore")
         means = pd.DataFrame([kept.iloc[a:b].mean() for a, b in spans])
         means = means.assign(order=means["time_s"] - time[0], branch=found.branch)
         begin = start
@@ -141,4 +165,4 @@ def _table(
             begin = float(values["flux_linkage_Wb"][0])
         pieces.append(means.drop(columns="time_s").assign(flux_linkage_Wb=begin + found.flux))
         variances.append(found.sigma**2)
-    return pd.concat(pieces, ignore_index=True), float(np.sqrt(np.mean(np.concatenate(variances))))
+    return pd.concat(pieces, ignore_index=True), float(np.sqrt(np.mean(np.concatenate(variances)))), findings

@@ -117,6 +117,23 @@ def test_the_declared_noise_is_the_scatter_about_the_truth(files, levitation_mod
     assert 0.3 * declared < rms < 2.0 * declared
 
 
+def test_a_gap_and_a_forgotten_resistance_are_said_and_noted(files, tmp_path):
+    rows = pd.read_csv(files / "record.csv")
+    rows.loc[200:202, "coil_voltage_V"] = np.nan
+    rows.to_csv(tmp_path / "gap.csv", index=False)
+    done = femfit("bench", tmp_path / "gap.csv", "-o", tmp_path / "b.csv", "--json", tmp_path / "b.json")
+    assert done.returncode == 0, done.stderr
+    assert "gap: Run 1: 1 gaps" in done.stdout
+    assert "needs --resistance-ohm 2.69" in done.stdout
+    assert [one["kind"] for one in json.loads((tmp_path / "b.json").read_text())["findings"]] == ["gap", "resistance"]
+    assert "1 gaps" in tomllib.loads((tmp_path / "b.toml").read_text())["notes"]
+
+
+def test_a_good_record_has_no_findings(files):
+    make(files, "good", "--json", files / "good_said.json")
+    assert json.loads((files / "good_said.json").read_text())["findings"] == []
+
+
 def test_a_record_without_plateaus_or_distance_is_refused(files, tmp_path):
     rows = pd.read_csv(files / "record.csv")
     rows.drop(columns="distance_m").to_csv(tmp_path / "short.csv", index=False)

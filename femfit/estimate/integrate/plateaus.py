@@ -14,6 +14,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import TableError
+from femfit.estimate.integrate.increments import GAP
 from femfit.estimate.integrate.methods import white_sigma
 
 OffsetMethod = Literal["trapezoid", "ffa1", "plateaus"]
@@ -58,7 +59,8 @@ class PlateauFlux:
     flux : array, shape (p,)
         Mean flux linkage minus that of the first plateau, Wb.
     sigma : array, shape (p,)
-        Standard uncertainty of it from the samples' white noise (type A), Wb.
+        Standard uncertainty of it from the samples' white noise (type A), and from what gaps between plateaus may
+        hide, Wb.
     branch : array, shape (p,)
         Sign of the last change of current: +1, -1, or 0 before any.
     offset : array, shape (p,)
@@ -121,7 +123,8 @@ def plateau_flux(
     flux = np.concatenate([[0.0], np.cumsum(0.5 * step * (rest[1:] + rest[:-1]))])
     mean = np.array([flux[a:b].mean() for a, b in spans])
     level = np.array([current[a:b].mean() for a, b in spans])
-    sigma = noise * np.sqrt(_variance(time, first, last, options.method))
+    hidden = _hidden(time, voltage, first, last)
+    sigma = np.sqrt(noise**2 * _variance(time, first, last, options.method) + hidden)
     return PlateauFlux(first, last, mean - mean[0], sigma, _branch(level, options.still_A), means)
 
 
@@ -147,6 +150,18 @@ def _variance(time: FloatArray, first: IntArray, last: IntArray, method: OffsetM
     inner = np.concatenate([[0.0], np.cumsum(np.square(before + after) / 4.0 / count)])[:-1]
     through = inner + np.square(before) / 4.0 / count
     return np.where(elapsed > 0.0, step * (np.cumsum(before) + (held[0] + held) / 12.0) + through, 0.0)
+
+
+def _hidden(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+    """Variance of what gaps between plateaus may hide of the flux, as in :func:`increments`, Wb^2; shape (p,)."""
+    step = np.diff(time)
+    moving = np.ones(len(step), dtype=np.bool_)
+    for a, b in zip(first, last, strict=True):
+        moving[a : b - 1] = False
+    gap = moving & (step > GAP * float(np.median(step)))
+    lost = np.where(gap, np.square(step * np.maximum.accumulate(np.abs(voltage))[:-1]), 0.0)
+    since = np.concatenate([[0.0], np.cumsum(lost)])[first]
+    return np.asarray(since - since[0])
 
 
 def _plateaus(
