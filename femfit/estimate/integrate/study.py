@@ -23,6 +23,7 @@ from femfit.estimate.integrate.methods import (
     AnyIntegrator,
     IntegrationOptions,
     Method,
+    integrate_blocks,
     make_integrator,
 )
 from femfit.estimate.integrate.paper_tables import PAPER
@@ -170,6 +171,33 @@ def _integrator(method: Method, source: Experiment, field_model: FieldModel | No
         field_model=field_model,
     )
     return make_integrator(options, source.record)
+
+
+def experiment_fields(
+    experiment: Experiment, methods: Sequence[Method] = PAPER_METHODS, field_model: FieldModel | None = None
+) -> dict[Method, FieldBlock]:
+    """What each method makes of a whole experiment, for pictures.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        All of it, with its zero reading.
+    methods : sequence of str
+        Which.
+    field_model : FieldModel or None
+        For cs2-identified.
+
+    Returns
+    -------
+    dict of FieldBlock
+        By method; ffa1's begins with the zero reading, the others' after it.
+    """
+    measured = experiment.after_zero_reading()
+    found: dict[Method, FieldBlock] = {}
+    for method in methods:
+        source = experiment if method == "ffa1" else measured
+        ((_, found[method]),) = integrate_blocks(_integrator(method, source, field_model), [source.record])
+    return found
 
 
 @dataclass(frozen=True, eq=False)
