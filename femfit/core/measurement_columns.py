@@ -125,7 +125,8 @@ def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> tuple[Use
         factor = unit_factor(parsed.unit, unit) if unit else None
         if factor is None:
             return None, f"Column {header!r} is in {parsed.unit}, where {name} is needed; it was not used."
-        return UsedColumn(header, name, factor), f"Column {header!r} was converted to {name}, times {factor:g}."
+        how = f"read as {name}" if factor == 1.0 else f"converted to {name}, times {factor:g}"
+        return UsedColumn(header, name, factor), f"Column {header!r} was {how}."
     near = get_close_matches(header.strip(), names, n=1, cutoff=0.75)
     meant = f"; did you mean {near[0]}?" if near else "."
     return None, f"Column {header!r} is none that such a file has and was not used{meant}"

@@ -1,5 +1,6 @@
 """Bench measurement files, CSV or Parquet with an optional sidecar, to checked tables."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.measurement import CHANNELS, SETTINGS, BenchTable
+from femfit.core.measurement_branch import branch_from_order
 from femfit.core.measurement_cells import cell_numbers, read_cells
 from femfit.core.measurement_checks import checked, without_copies
 from femfit.core.measurement_columns import recognise
@@ -39,7 +41,7 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
     raw = read_cells(path)
     used, findings = recognise(map(str, raw.columns), str(path))
     names = [one.name for one in used]
-    _require(names, path)
+    _require(names, path, [str(header) for header in raw.columns if header not in {one.header for one in used}])
     columns = {}
     for one in used:
         columns[one.name], said = cell_numbers(raw[one.header], one)
@@ -54,6 +56,10 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
     _require(given, path)
     full, copies = (_complete(rows), []) if planned else without_copies(_complete(rows), given)
     ordered, said = in_measuring_order(full, "run" in given)
+    if "branch" not in given:
+        branch, assumed = branch_from_order(ordered)
+        said += assumed
+        ordered = ordered if branch is None else ordered.assign(branch=branch)
     table = BenchTable(
         rows=ordered.assign(mount=ordered["mount"].fillna(ordered["run"])),
         given=given,
@@ -66,15 +72,15 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
     return table if planned else checked(table)
 
 
-def _require(names: "list[str] | tuple[str, ...]", path: Path) -> None:
+def _require(names: Sequence[str], path: Path, unknown: Sequence[str] = ()) -> None:
     missing = [name for name in ("current_A", "distance_m") if name not in names]
     if not any(name in CHANNELS for name in names):
         missing.append(f"one of {', '.join(CHANNELS)}")
     if missing:
         raise TableError(
             f"A bench table must have current_A, distance_m and at least one channel, with numbers in them; {path} "
-            f"lacks {' and '.join(missing)} (it has {', '.join(names) or 'none of the known columns'}). Rename the "
-            "columns or add them."
+            f"lacks {' and '.join(missing)} (it has {', '.join(names) or 'none of the known columns'}"
+            f"{'; not understood: ' + ', '.join(unknown) if unknown else ''}). Rename the columns or add them."
         )
 
 
