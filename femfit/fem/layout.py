@@ -1,6 +1,6 @@
 """Lengths of a drawing over its sweep, and which distances can share one mesh."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -59,17 +59,11 @@ def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
     Layout
         The lengths.
     """
-    mover = mover_outline(actuator)
-    fixed: list[Any] = [shapely.Polygon(region.vertices_m) for region in actuator.fixed]
-    fixed.append(shapely.Polygon(actuator.coil.vertices_m))
-    if actuator.hall is not None:
-        fixed.append(shapely.Point(actuator.hall.radius_m, actuator.hall.height_m))
+    mover, fixed = mover_outline(actuator), _fixed_parts(actuator)
     still = shapely.union_all(fixed)
     distances = (min(actuator.sweep.distances_m), max(actuator.sweep.distances_m))
-    steps = np.linspace(*distances, 65)
-    clearance = min(still.distance(shapely.affinity.translate(mover, 0.0, d)) for d in steps)
-    r0, z0, r1, z1 = mover.bounds
-    scale = min(clearance, LARGEST_OFFSET * min(r1 - r0, z1 - z0))
+    clearance = _clearance(mover, still, distances)
+    scale = _offset_scale(mover, clearance)
     moved = np.concatenate([np.asarray(mover.exterior.coords) + np.array([0.0, d]) for d in distances])
     parts = [*(np.asarray(part.exterior.coords) for part in fixed if part.geom_type == "Polygon"), moved]
     radius = max(float(np.hypot(*points.T).max()) for points in parts)
@@ -84,6 +78,58 @@ def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
         outer_radius=settings.outer_radius_factor * radius,
         stretchable=bool(distances[0] - outer > fixed_top + 0.2 * clearance),
     )
+
+
+def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> Layout:
+    """The layout for a group's own mesh, whose layer is as wide as there is room for.
+
+    A layer as thin as the sweep's narrowest gap would cover a far moving part with elements of that size.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Checked.
+    group : tuple of float
+        Distances that share the mesh, in m, ascending.
+    layout : Layout
+        Of the whole sweep.
+    settings : SolverSettings
+        ``stretch_limit`` bounds the ratio of the stretched gaps.
+
+    Returns
+    -------
+    Layout
+        With the group's own offsets.
+    """
+    mover = mover_outline(actuator)
+    near, far = group[0], group[-1]
+    outer = OUTER_OFFSET * _offset_scale(
+        mover, _clearance(mover, shapely.union_all(_fixed_parts(actuator)), (near, far))
+    )
+    if far > near:  # (far - top - outer) / (near - top - outer) within the limit
+        outer = min(outer, near - layout.fixed_top - (far - near) / (settings.stretch_limit - 1.0))
+    if outer <= layout.outer_offset:
+        return layout
+    return replace(layout, inner_offset=INNER_OFFSET / OUTER_OFFSET * outer, outer_offset=outer)
+
+
+def _fixed_parts(actuator: Actuator) -> list[Any]:
+    fixed: list[Any] = [shapely.Polygon(region.vertices_m) for region in actuator.fixed]
+    fixed.append(shapely.Polygon(actuator.coil.vertices_m))
+    if actuator.hall is not None:
+        fixed.append(shapely.Point(actuator.hall.radius_m, actuator.hall.height_m))
+    return fixed
+
+
+def _clearance(mover: shapely.Polygon, still: Any, distances: tuple[float, float]) -> float:
+    """The smallest distance between moving and fixed parts on the way from one distance to another."""
+    steps = np.linspace(*distances, 65)
+    return float(min(still.distance(shapely.affinity.translate(mover, 0.0, d)) for d in steps))
+
+
+def _offset_scale(mover: shapely.Polygon, clearance: float) -> float:
+    r0, z0, r1, z1 = mover.bounds
+    return float(min(clearance, LARGEST_OFFSET * min(r1 - r0, z1 - z0)))
 
 
 def mover_outline(actuator: Actuator) -> shapely.Polygon:

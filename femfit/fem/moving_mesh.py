@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from femfit.actuator.parts import Actuator
 from femfit.fem.drawing import build_mesh
-from femfit.fem.layout import Layout, mover_outline, reference_distance
+from femfit.fem.layout import Layout, layout_of_group, mover_outline, reference_distance
 from femfit.fem.motion import stretch
 from femfit.fem.settings import SolverSettings
 
@@ -26,9 +26,9 @@ class MovingMesh:
     """
 
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
-        self.layout = layout
-        self.reference = reference_distance(group, layout)
-        self.mesh = build_mesh(actuator, self.reference, layout, settings)
+        self.layout = layout_of_group(actuator, group, layout, settings)
+        self.reference = reference_distance(group, self.layout)
+        self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
         r0, z0, r1, z1 = mover_outline(actuator).bounds
         self._mover_bounds = (r0, z0 + self.reference, r1, z1 + self.reference)
 
