@@ -155,7 +155,7 @@ def _where(key: Mapping[str, Any], where: Mapping[str, Any]) -> tuple[bool, bool
         shown = {name for name, size in effect["over_noise"].items() if size >= _SHOWN * most}
         channels |= set(effect.get("channels", shown))  # of a time series, the balances in which it shows
         along |= set(effect["along"])
-        constant |= not effect["along"]
+        constant |= not effect["along"] or where["channel"] in effect.get("even", ())
     given: Sequence[str] = where["covariates"]
     return where["channel"] in channels, bool(along & set(given)) or (constant and not given)
 

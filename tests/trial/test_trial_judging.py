@@ -50,6 +50,14 @@ def test_a_misfit_that_is_the_same_everywhere_needs_no_covariate():
     assert not judged(answer("unexplained", channel="force_N")).right_channel
 
 
+def test_a_misfit_needs_no_covariate_in_the_channel_where_the_effect_is_even():
+    effect = {"name": "current_offset", "over_noise": {"hall_V": 1.0, "voltage_V": 1.0}, "along": ["current_A"]}
+    key = KEY | {"effects": [effect | {"even": ["voltage_V"]}]}
+    for channel in ("voltage_V", "hall_V"):
+        answers = {"full": answer("unexplained", channel=channel)}
+        assert judge(key, answers).right_covariate is (channel == "voltage_V")
+
+
 def test_the_error_on_the_unseen_run_is_taken_over_that_of_a_perfect_model():
     found = judged(answer("unexplained"), unseen_rms={"hall_V": 2e-3, "force_N": 1e-4})
     assert found.unseen_over_floor == pytest.approx((0.5 * (4.0 + 1.0)) ** 0.5)

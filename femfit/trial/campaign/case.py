@@ -11,7 +11,7 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import DomainError
 from femfit.trial.campaign.noise import Meter, drawn_meters, measured
 from femfit.trial.campaign.plan import Plan, PlanOptions, drawn_options, make_plan
-from femfit.trial.campaign.size import effect_over_noise, size_for
+from femfit.trial.campaign.size import effect_over_noise, even_channels, size_for
 from femfit.trial.truth.bench import Hidden, true_readings
 from femfit.trial.truth.bench_effects import BENCH_EFFECTS, twins_of
 from femfit.trial.truth.families import Truth
@@ -190,6 +190,7 @@ def _measure(
                 "constants": dict(one.constants),
                 "over_noise": effect_over_noise(truth, points, one, size, meters),
                 "along": list(BENCH_EFFECTS[one.name].along),
+                "even": even_channels(truth, points, one, size),
                 "twins": list(twins_of(one.name)),
             }
             for one, size in effects

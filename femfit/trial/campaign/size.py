@@ -9,6 +9,8 @@ from femfit.trial.campaign.noise import Meter
 from femfit.trial.truth.bench import Hidden, Points, true_readings
 from femfit.trial.truth.families import Truth
 
+_EVEN = 0.9
+
 
 def effect_over_noise(
     truth: Truth, points: Points, hidden: Hidden, size: float, meters: Mapping[str, Meter]
@@ -35,6 +37,24 @@ def effect_over_noise(
     """
     without, with_it = true_readings(truth, points), true_readings(truth, points, [(hidden, size)])
     return {name: _rms(with_it[name] - without[name]) / meter.sigma for name, meter in meters.items()}
+
+
+def even_channels(truth: Truth, points: Points, hidden: Hidden, size: float) -> list[str]:
+    """Channels in which an effect is mostly the same at every setting: a winding sees a current offset so.
+
+    Parameters
+    ----------
+    truth, points, hidden, size
+        As in :func:`effect_over_noise`.
+
+    Returns
+    -------
+    list of str
+        Where nine tenths of the mean square are the mean's; of a ramp from zero it is three quarters.
+    """
+    without, with_it = true_readings(truth, points), true_readings(truth, points, [(hidden, size)])
+    change = {name: with_it[name] - without[name] for name in without}
+    return [name for name, by in change.items() if np.any(by) and np.mean(by) ** 2 > _EVEN * np.mean(by**2)]
 
 
 def size_for(truth: Truth, points: Points, hidden: Hidden, target: float, meters: Mapping[str, Meter]) -> float:
