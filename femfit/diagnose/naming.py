@@ -34,9 +34,10 @@ class Levels:
         Part of the structured excess that one name, or two, must explain where the second gate does not pass.
     least : float
         Part that a name must explain at all, however well the second gate passes.
-    most, ahead, far_ahead : float
-        Part that one name must explain where the second gate does not pass, and by how much more than any other name:
-        where no further effect adds anything, and where some do.
+    most, ahead : float
+        Part that one name must explain where no further effect adds anything, and by how much more than any other name.
+    much, far_ahead : float
+        The same where further effects add something.
     second : float
         Part that each of two effects must explain beyond the other.
     against : float
@@ -56,9 +57,10 @@ class Levels:
     least: float = 0.35
     most: float = 0.7
     ahead: float = 0.3
-    far_ahead: float = 0.6
+    much: float = 0.6
+    far_ahead: float = 0.5
     second: float = 0.01
-    against: float = -0.5
+    against: float = -0.75
     tie: float = 9.0
     tie_share: float = 0.01
     refitted: int = 8
@@ -129,15 +131,19 @@ def decide(evidence: Evidence, levels: Levels) -> Decision:
     pairs = refitted_candidates(evidence, _without_repeats(starts))
     pairs = [pair for pair in pairs if _both_needed(pair, singles, levels, excess)]
     chosen = _first_passing(pairs, levels, excess)
-    if chosen is not None:
+    if chosen is not None and all(chosen.cost < one.cost for one in _explaining(singles, levels.enough, excess)):
         return _named("named", chosen, pairs, levels, before, excess, scores)
     for found, share in ((singles, levels.enough), (pairs, levels.enough_of_two)):
-        enough = [one for one in found if one.excess <= (1.0 - share) * excess]
-        if enough:
-            return _named("form_insufficient", min(enough, key=_cost), found, levels, before, excess, scores)
+        for one in _explaining(found, share, excess):
+            return _named("form_insufficient", one, found, levels, before, excess, scores)
     if _stands_alone(singles, levels, excess):
         return _named("form_insufficient", singles[0], singles, levels, before, excess, scores)
     return Decision("unexplained", None, (), before, excess, scores, tuple(sorted(singles + pairs, key=_cost)))
+
+
+def _explaining(candidates: Sequence[Candidate], share: float, excess: float) -> list[Candidate]:
+    """Those that explain so much, cheapest first."""
+    return [one for one in candidates if one.excess <= (1.0 - share) * excess]
 
 
 def _cost(candidate: Candidate) -> float:
@@ -149,8 +155,9 @@ def _stands_alone(singles: Sequence[Candidate], levels: Levels, excess: float) -
     if len(singles) < 2:
         return False
     left = [max(one.excess, 0.0) / excess for one in singles[:2]]
-    ahead = levels.ahead if singles[0].further > levels.after else levels.far_ahead
-    return left[0] <= 1.0 - levels.most and left[1] >= left[0] + ahead
+    complete = singles[0].further > levels.after
+    most, ahead = (levels.most, levels.ahead) if complete else (levels.much, levels.far_ahead)
+    return left[0] <= 1.0 - most and left[1] >= left[0] + ahead
 
 
 def _without_repeats(starts: Sequence[list[Scored]]) -> list[list[Scored]]:
