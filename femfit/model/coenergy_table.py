@@ -72,7 +72,7 @@ class _Cells:
         """Taylor coefficients at points in their cells, shape (1 or 2, n_d + 1, n_i + 1, n)."""
         left = _shifted(d - self.starts[0][cell[0]], n_d)[:, None]
         right = _shifted(i - self.starts[1][cell[1]], n_i)[:, None]
-        return np.moveaxis(left @ self.polynomials[cell] @ right.swapaxes(-1, -2), 0, -1)
+        return (left @ self.polynomials[cell] @ right.swapaxes(-1, -2)).transpose(1, 2, 3, 0)
 
 
 @dataclass(frozen=True, eq=False)
