@@ -42,8 +42,8 @@ def _rate(
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
-def _lag(at: Conditions, p: Parameters) -> Mapping[str, float]:
-    return {f"eddy_{mode}": at.nominal.current_scale * p[f"{mode}_share"] for mode in _MODES}
+def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
+    return {f"eddy_{mode}": (at.nominal.current_scale * p[f"{mode}_share"], 0.0) for mode in _MODES}
 
 
 def _coenergy(
@@ -51,7 +51,7 @@ def _coenergy(
 ) -> Jet:
     induced = np.zeros_like(i)
     for mode in _MODES:
-        if f"eddy_{mode}" in at.memory:
+        if p[f"{mode}_share"] and f"eddy_{mode}" in at.memory:
             induced = induced + p[f"{mode}_share"] * like(at.memory[f"eddy_{mode}"], i)
     return base(d, i - at.nominal.current_scale * induced, n_d, n_i)
 

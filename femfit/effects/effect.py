@@ -99,9 +99,9 @@ class Memory:
         (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative; linear in the current's
         rate for each of its signs.
     lag : callable or None
-        (conditions, p) -> mapping of name to the current in A that a unit of the state takes from that which the
-        co-energy sees, W'(d, i) -> W'(d, i - sum_k c_k z_k); None where the states act otherwise. What ``coenergy``
-        does is said once more, so that the change of the flux linkage with the states is known without differences.
+        (conditions, p) -> mapping of name to (c in A, t in A/Wb) of states that act as W'(d, i) -> V - sum_k t_k z_k
+        (dV/di)^2 / 2 with V = W'(d, i - sum_k c_k z_k); None where they act otherwise. What ``coenergy`` does is said
+        once more, so that the change of the flux linkage with the states is known without differences.
     """
 
     names: tuple[str, ...]
@@ -112,7 +112,7 @@ class Memory:
         [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
         Mapping[str, FloatArray],
     ]
-    lag: Callable[[Conditions, Parameters], Mapping[str, float] | None] | None = None
+    lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]]] | None = None
 
 
 Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]

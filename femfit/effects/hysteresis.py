@@ -59,16 +59,17 @@ def _rate(
     }
 
 
-def _lag(at: Conditions, p: Parameters) -> Mapping[str, float] | None:
-    if p["taper"]:
-        return None
-    return {f"hysteresis_{name}": at.nominal.current_scale * p[f"width_{name}"] for name in _RADII}
+def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
+    scale = at.nominal.current_scale
+    taper = p["taper"] * scale / at.nominal.flux_linkage_Wb
+    return {f"hysteresis_{name}": (scale * p[f"width_{name}"], taper if name == _TAPERED else 0.0) for name in _RADII}
 
 
 def _coenergy(
     base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
 ) -> Jet:
-    states = {**_states(i, at), **{name: like(value, i) for name, value in at.memory.items()}}
+    remembered = all(f"hysteresis_{name}" in at.memory for name in _RADII)
+    states = {name: like(value, i) for name, value in at.memory.items()} if remembered else _states(i, at)
     lag = at.nominal.current_scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
     tapered = p["taper"] != 0.0
     energy = base(d, i - lag, n_d, n_i + tapered)

@@ -45,7 +45,10 @@ def coenergy_jet(magnetics: Magnetics, hall: HallField | None) -> CoenergyJet:
 
 
 def changed_jet(inner: CoenergyJet, effects: Iterable[AddedEffect], at: Conditions) -> CoenergyJet:
-    """The co-energy as effects change it, the first named innermost.
+    """The co-energy as effects change it, the first named innermost; those with states last.
+
+    A lag shifts the current that a core sees with all that the other effects say of it: inside of them, what they take
+    for the magnet's own (W' without current) would hold a part of the lag.
 
     Parameters
     ----------
@@ -61,7 +64,7 @@ def changed_jet(inner: CoenergyJet, effects: Iterable[AddedEffect], at: Conditio
     callable
         As ``inner``.
     """
-    for added in effects:
+    for added in sorted(effects, key=lambda added: added.effect.memory is not None):
         if added.effect.coenergy is not None:
             inner = _wrapped(inner, added.effect.coenergy, added.parameters, at)
     return inner

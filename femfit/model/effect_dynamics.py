@@ -14,18 +14,18 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Memory
-from femfit.effects.jet import CoenergyJet
+from femfit.effects.jet import CoenergyJet, Jet
 from femfit.model.coenergy_jet import changed_jet
 
 _PROBE = 1e-3
-"""Length of the difference along the states, which are of the order of one."""
+"""Step of a difference in a state, which is of the order of one."""
 
 _LEAKAGE = 0.05
 """Least part of the inductance that a changing state leaves: leakage flux passes air, whatever the core does."""
@@ -42,7 +42,7 @@ class EffectDynamics:
     effects : tuple of AddedEffect
         In the order of adding.
     later : tuple of AddedEffect
-        Those of the effects whose change of the co-energy depends on states, and what was added after them.
+        Those of the effects whose change of the co-energy depends on states.
     at : Conditions
         Nominal values and temperatures.
     resistance_ohm : float
@@ -83,15 +83,16 @@ class EffectDynamics:
 
     @cached_property
     def lags(self) -> FloatArray | None:
-        """Current in A that a unit of each state takes from what the co-energy sees; None where they act otherwise."""
-        found = dict.fromkeys(self.names, 0.0)
+        """C and t of every state as in :class:`Memory`, shape (2, len(names)); None where one acts otherwise."""
+        found, tapering = dict.fromkeys(self.names, (0.0, 0.0)), 0
         for added in self.later:
             memory = added.memory
-            own = memory.lag(self.at, added.parameters) if memory is not None and memory.lag is not None else None
-            if own is None:
+            if memory is None or memory.lag is None:
                 return None
+            own = memory.lag(self.at, added.parameters)
+            tapering += any(taper for _, taper in own.values())
             found |= own
-        return np.array(list(found.values()))
+        return np.array(list(found.values())).reshape(-1, 2).T if tapering <= 1 else None
 
     def derivative(
         self,
@@ -123,13 +124,9 @@ class EffectDynamics:
         d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         volts = np.broadcast_to(voltage, state.shape[:-1]).ravel()
         memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
-        at = replace(self.at, velocity_m_s=v, memory=memory)
-        if self.lags is None:
-            series = changed_jet(self.motion_jet, self.later, at)(d, i, 1, 2)
-        else:
-            series = self.motion_jet(d, i - flat[:, 3:] @ self.lags, 1, 2)
+        series, slopes = self._magnetics(memory, d, i)
         motional = -series.derivative(1, 1) * v
-        at = replace(at, motional_V=motional)
+        at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional)
         force, resistance = -series.derivative(1, 0), np.full_like(i, self.resistance_ohm)
         for added in self.effects:
             if added.effect.force is not None:
@@ -141,14 +138,15 @@ class EffectDynamics:
         rates = np.zeros((len(self.names), len(flat)))
         if self.names:
             still = self._rates(memory, d, v, i, np.zeros_like(i), at)
-            change = partial(self._flux_change, inductance, memory, d, i, at)
-            rest = rest - change(still)
+            rest = rest - (slopes * still).sum(axis=0)
             sign = np.where(rest < 0.0, -1.0, 1.0)
             slope = sign * (self._rates(memory, d, v, i, sign, at) - still)
             least = _LEAKAGE * inductance
-            inductance = np.maximum(inductance + change(slope), least)
+            inductance = np.maximum(inductance + (slopes * slope).sum(axis=0), least)
             rates = still + slope * (rest / inductance)
-        acceleration = gravity + (np.broadcast_to(disturbance, state.shape[:-1]).ravel() - force) / mass
+        if np.ndim(disturbance):
+            disturbance = np.broadcast_to(disturbance, state.shape[:-1]).ravel()
+        acceleration = gravity + (disturbance - force) / mass
         return np.concatenate([[v, acceleration, rest / inductance], rates]).T.reshape(state.shape)
 
     def _rates(
@@ -166,27 +164,33 @@ class EffectDynamics:
             rates.update(own.rate(memory, d, v, i, current_rate, at, added.parameters))
         return np.stack([rates[name] for name in self.names])
 
-    def _flux_change(
-        self,
-        inductance: FloatArray,
-        memory: Mapping[str, FloatArray],
-        d: FloatArray,
-        i: FloatArray,
-        at: Conditions,
-        along: FloatArray,
-    ) -> FloatArray:
-        """Derivative of the flux linkage along a direction of the states; by a central difference where it must be."""
-        if self.lags is not None:
-            return -inductance * (self.lags @ along)
-        if not along.any():
-            return np.zeros_like(i)
-        length = np.maximum(np.abs(along).max(axis=0), np.finfo(np.float64).tiny)
-        ends = []
-        for side in (_PROBE, -_PROBE):
-            moved = {name: memory[name] + side * part / length for name, part in zip(self.names, along, strict=True)}
-            jet = changed_jet(self.motion_jet, self.later, replace(at, memory=moved))
-            ends.append(jet(d, i, 0, 1).derivative(0, 1))
-        return np.asarray((ends[0] - ends[1]) * (length / (2.0 * _PROBE)))
+    def _magnetics(self, memory: Mapping[str, FloatArray], d: FloatArray, i: FloatArray) -> tuple[Jet, FloatArray]:
+        """The co-energy, and the flux linkage's derivative in each state, shape (len(names), n)."""
+        if not self.names:
+            return self.motion_jet(d, i, 1, 2), np.zeros((0, len(i)))
+        states = np.stack(list(memory.values()))
+        if self.lags is None:
+            changed = changed_jet(self.motion_jet, self.later, replace(self.at, memory=memory))
+            return changed(d, i, 1, 2), self._flux_differences(states, d, i)
+        lag, taper = self.lags
+        if not taper.any():
+            series = self.motion_jet(d, i - lag @ states, 1, 2)
+            return series, -lag[:, None] * series.derivative(0, 2)
+        seen = self.motion_jet(d, i - lag @ states, 1, 3)
+        linkage = seen.along_current()
+        series = seen.truncated(1, 2) - (0.5 * (taper @ states)) * (linkage * linkage)
+        lost = linkage.value * linkage.derivative(0, 1)
+        return series, -lag[:, None] * series.derivative(0, 2) - taper[:, None] * lost
+
+    def _flux_differences(self, states: FloatArray, d: FloatArray, i: FloatArray) -> FloatArray:
+        """The flux linkage's derivative in each state by central differences, all of them at once."""
+        count = len(states)
+        probes = _PROBE * np.concatenate([np.eye(count), -np.eye(count)], axis=1)[:, :, None]
+        moved = (states[:, None] + probes).reshape(count, -1)
+        at = replace(self.at, memory=dict(zip(self.names, moved, strict=True)))
+        jet = changed_jet(self.motion_jet, self.later, at)
+        flux = jet(np.tile(d, 2 * count), np.tile(i, 2 * count), 0, 1).derivative(0, 1).reshape(2, count, -1)
+        return np.asarray((flux[0] - flux[1]) / (2.0 * _PROBE))
 
     def hall_voltage(
         self, state: FloatArray, quiescent: float, sensitivity: float, time: FloatArray | float

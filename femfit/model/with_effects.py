@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import takewhile
 
 import numpy as np
 
@@ -179,20 +178,18 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         running=True,
     )
     acting = tuple(added for added in effects if added.effect.coenergy is not None)
-    static = tuple(takewhile(lambda added: added.memory is None, acting))
-    motion_jet, hall_jet = coenergy_jet(base.magnetics, None), base_jet(base)
-    if acting:  # where only effects with states do, the base's own table is still quicker than the base
-        motion_jet = CoenergyTable(changed_jet(motion_jet, static, at), at.nominal, hall=False)
-        hall_jet = CoenergyTable(changed_jet(hall_jet, static, at), at.nominal, hall=True)
+    static = tuple(added for added in acting if added.memory is None)
+    read = acting or any(added.effect.readings for added in effects)
+    hall_jet = changed_jet(base_jet(base), static, at)
     dynamics = EffectDynamics(
-        motion_jet=motion_jet,
-        hall_jet=hall_jet,
+        motion_jet=CoenergyTable(changed_jet(coenergy_jet(base.magnetics, None), static, at), at.nominal, hall=False),
+        hall_jet=CoenergyTable(hall_jet, at.nominal, hall=True) if acting else hall_jet,
         effects=effects,
-        later=acting[len(static) :],
+        later=tuple(added for added in acting if added.memory is not None),
         at=at,
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else float("nan"),
     )
-    read = acting or any(added.effect.readings for added in effects)
+    changed = bool(acting) or dynamics.drives  # quicker from the table, even where the effects leave it alone
     circuit, motion, sensor = base.circuit, base.motion, base.sensor
     for added in effects:
         if circuit and added.effect.circuit:
@@ -204,7 +201,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
             motion = replace(motion, mass_kg=added.effect.mass(motion.mass_kg, added.parameters))
     return replace(
         base,
-        magnetics=EffectMagnetics(changed_jet(dynamics.motion_jet, dynamics.later, at)) if acting else base.magnetics,
+        magnetics=EffectMagnetics(changed_jet(dynamics.motion_jet, dynamics.later, at)) if changed else base.magnetics,
         circuit=circuit,
         motion=motion,
         sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,

@@ -11,6 +11,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.coenergy_jet import changed_jet
 from femfit.model.coenergy_table import CoenergyTable
+from femfit.model.dynamics import state_derivative
 from femfit.model.with_effects import base_jet, nominal_of, with_effects
 
 STATIC = [effect for effect in (*BUILT_IN, *BASE_AMPLITUDES) if effect.coenergy is not None and effect.memory is None]
@@ -19,6 +20,11 @@ STATIC = [effect for effect in (*BUILT_IN, *BASE_AMPLITUDES) if effect.coenergy 
 def strong(effect):
     """Every amplitude at what is usual at most."""
     return AddedEffect(effect, effect.null() | {p.name: max(p.sane, key=abs) for p in effect.amplitudes})
+
+
+def without_lag(effect):
+    """The effect, which does not tell how its states act."""
+    return dataclasses.replace(effect, memory=dataclasses.replace(effect.memory, lag=None))
 
 
 def tables(model, effect):
@@ -91,16 +97,36 @@ def test_a_point_that_is_no_number_gives_none(levitation_model):
 @pytest.mark.parametrize("name", ["eddy_current_lag", "hysteresis"])
 def test_the_lag_of_states_is_what_their_coenergy_does(name, levitation_model):
     added = strong(effect_by_name(name))
-    added = dataclasses.replace(added, parameters={**added.parameters, "taper": 0.0})
     memory, at = added.effect.memory, Conditions(nominal_of(levitation_model))
     d, i = np.array([0.018, 0.024, 0.033]), np.array([0.3, 0.6, 1.0])
     states = {name: np.array([0.05, -0.1, 0.08]) * (1 + k) for k, name in enumerate(memory.names)}
     lag = memory.lag(at, added.parameters)
-    moved = base_jet(levitation_model)(d, i - sum(lag[name] * states[name] for name in memory.names), 1, 2)
+    moved = base_jet(levitation_model)(d, i - sum(lag[name][0] * states[name] for name in memory.names), 1, 3)
+    loss = 0.5 * sum(lag[name][1] * states[name] for name in memory.names)
+    expected = moved.truncated(1, 2) - loss * (moved.along_current() * moved.along_current())
     acting = changed_jet(base_jet(levitation_model), [added], dataclasses.replace(at, memory=states))(d, i, 1, 2)
-    np.testing.assert_allclose(acting.coefficients[0], moved.coefficients[0], rtol=1e-12)
+    np.testing.assert_allclose(acting.coefficients[0], expected.coefficients[0], rtol=1e-12)
 
 
-def test_a_loop_that_changes_its_width_is_no_lag():
-    effect = effect_by_name("hysteresis")
-    assert effect.memory.lag(None, effect.null() | {"taper": 0.05}) is None
+@pytest.mark.parametrize("names", [("eddy_current_lag",), ("hysteresis",), ("hysteresis", "eddy_current_lag")])
+def test_states_whose_action_is_not_told_step_as_those_whose_is(names, levitation_model):
+    model = with_effects(levitation_model, [strong(effect_by_name(name)) for name in names])
+    untold = [dataclasses.replace(one, effect=without_lag(one.effect)) for one in model.effects]
+    other = with_effects(levitation_model, untold)
+    assert model.dynamics.lags is not None
+    assert other.dynamics.lags is None
+    rng = np.random.default_rng(3)
+    d, i = anywhere(levitation_model, 20, reach=0.0)
+    own = rng.uniform(-0.3, 0.3, (20, len(model.memory_names)))
+    x = np.column_stack([d, rng.normal(0.0, 0.1, 20), i, own])
+    found, wanted = (state_derivative(one, x, np.full(20, 1.5)) for one in (model, other))
+    # Central differences over 1e-3 of functions that the states bend over one
+    np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-6 * np.abs(wanted).max())
+
+
+def test_a_lag_is_outermost_in_whatever_order_effects_are_added(levitation_model):
+    both = [strong(effect_by_name(name)) for name in ("eddy_current_lag", "core_saturation")]
+    one, other = (with_effects(levitation_model, order) for order in (both, both[::-1]))
+    d, i = anywhere(levitation_model, 20, reach=0.0)
+    x = np.column_stack([d, np.full(20, 0.1), i, np.full((20, 2), 0.1)])
+    np.testing.assert_array_equal(*(state_derivative(model, x, np.full(20, 1.5)) for model in (one, other)))
