@@ -84,7 +84,7 @@ def bench(
     notes = (
         f"Flux linkage integrated from the coil voltage of {record.name} ({method}, {taken}, turns ratio "
         f"{turns_ratio:g}); on each run's first plateau it was {begins}, not measured. The noise is the rms standard "
-        "uncertainty of the integral from white voltage noise; it accumulates within a run. Not in it: errors of "
+        "uncertainty of the integral from the voltage's noise; it accumulates within a run. Not in it: errors of "
         "resistance, turns ratio, voltmeter gain and first value"
         + ("; the offset voltage, which was not taken off." if method == "trapezoid" else ".")
     )

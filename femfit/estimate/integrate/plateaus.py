@@ -59,8 +59,8 @@ class PlateauFlux:
     flux : array, shape (p,)
         Mean flux linkage minus that of the first plateau, Wb.
     sigma : array, shape (p,)
-        Standard uncertainty of it from the samples' white noise (type A), and from what gaps between plateaus may
-        hide, Wb.
+        Standard uncertainty of it, Wb: from the samples' white noise and, of ``plateaus``, the offset's wander between
+        them (both type A), and from what gaps in the record between plateaus may hide.
     branch : array, shape (p,)
         Sign of the last change of current: +1, -1, or 0 before any.
     offset : array, shape (p,)
@@ -123,8 +123,10 @@ def plateau_flux(
     flux = np.concatenate([[0.0], np.cumsum(0.5 * step * (rest[1:] + rest[:-1]))])
     mean = np.array([flux[a:b].mean() for a, b in spans])
     level = np.array([current[a:b].mean() for a, b in spans])
-    hidden = _hidden(time, voltage, first, last)
-    sigma = np.sqrt(noise**2 * _variance(time, first, last, options.method) + hidden)
+    variance = noise**2 * _variance(time, first, last, options.method) + _hidden(time, voltage, first, last)
+    if options.method == "plateaus":
+        variance += _wandered(time, voltage, first, last, noise)
+    sigma = np.sqrt(variance)
     return PlateauFlux(first, last, mean - mean[0], sigma, _branch(level, options.still_A), means)
 
 
@@ -164,6 +166,27 @@ def _hidden(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArr
     return np.asarray(since - since[0])
 
 
+def _wandered(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray, noise: float) -> FloatArray:
+    """Variance of how far the offset leaves the straight line between plateaus, Wb^2; shape (p,).
+
+    Seen where nothing changes: the middle of each plateau, as long as the time between two, against the means of the
+    rest before and after it. What white noise does to that is taken off. Cautious: two gaps share a plateau's mean,
+    and a part of their errors cancels.
+    """
+    step, between = float(np.median(np.diff(time))), (time[first[1:]] - time[last[:-1] - 1])
+    middle = max(1, round(float(np.median(between)) / step))
+    surplus = []
+    for a, b in zip(first, last, strict=True):
+        side = (b - a - middle) // 2
+        if side < 1:
+            continue
+        means = voltage[a : a + side].mean() + voltage[a + side + middle : a + 2 * side + middle].mean()
+        strayed = step * (voltage[a + side : a + side + middle].sum() - 0.5 * middle * means)
+        surplus.append(strayed**2 - (step * noise) ** 2 * (middle + 0.5 * middle**2 / side))
+    one = max(0.0, float(np.mean(surplus))) if surplus else 0.0
+    return np.concatenate([[0.0], np.cumsum(one * np.square(between / (step * middle)))])
+
+
 def _plateaus(
     time: FloatArray, current: FloatArray, distance: FloatArray, options: PlateauOptions
 ) -> tuple[IntArray, IntArray]:
@@ -172,10 +195,11 @@ def _plateaus(
     cuts = np.concatenate([[0], np.flatnonzero(moved) + 1, [len(time)]])
     spans = []
     for a, b in itertools.pairwise(cuts.tolist()):
-        # The first plateau follows no change of the record.
-        begin = a if a == 0 else int(np.searchsorted(time, time[a] + options.settling - _ROUNDING))
-        if b - begin >= _LEAST:
-            spans.append((begin, b))
+        # A sample beside a change may hold a part of it. The first plateau follows no change, the last precedes none.
+        begin = a if a == 0 else max(a + 1, int(np.searchsorted(time, time[a] + options.settling - _ROUNDING)))
+        end = b if b == len(time) else b - 1
+        if end - begin >= _LEAST:
+            spans.append((begin, end))
     pairs = np.array(spans, dtype=np.int64).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
 
