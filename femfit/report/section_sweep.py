@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from femfit.fem.sweep_summary import summarise
 from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
 from femfit.report.numbers import force_scale, percent, plain, quantity
@@ -129,8 +130,8 @@ def _accuracy(content: ReportContent, grid: SweepGrid) -> Block:
     relative = grid.force_error[known] / grid.force_scale[known]
     sentence = text(
         "Each force carries an estimate of its discretisation error, from two polynomial orders on one mesh: at most "
-        "{} of the force, {} in the median.",
-        percent(float(relative.max())),
+        "{} of the force (of the force nearby, where it crosses zero), {} in the median.",
+        percent(summarise(content.sweep)["force_error_relative_max"]),
         percent(float(np.median(relative))),
     )
     sample = content.field

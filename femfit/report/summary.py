@@ -3,6 +3,7 @@
 import numpy as np
 from markupsafe import Markup
 
+from femfit.fem.sweep_summary import summarise
 from femfit.fit.ranking import TARGET
 from femfit.report.content import ReportContent
 from femfit.report.numbers import percent, plain, quantity
@@ -31,7 +32,7 @@ def _sweep(content: ReportContent) -> Markup:
     rows = content.fit.rows
     error = ""
     if np.any(rows.force_error > 0.0):
-        error = f"; estimated error at most {percent(float(np.max(rows.force_error / rows.force_scale)))}"
+        error = f"; estimated error at most {percent(summarise(content.sweep)['force_error_relative_max'])}"
     return text(
         "<strong>Field.</strong> {} points solved, forces of {} to {}{}.",
         len(rows.force),

@@ -91,7 +91,7 @@ def study_lines(study: ClosedLoopStudy) -> list[str]:
     ]
     lines += [
         f"  {r.controller:12s}  {r.filter:6s}  {1e3 * r.distance_m:5.1f} mm {_um(r.direct_rms_m)}"
-        f"  {_um(r.filtered_rms_m)}  {r.ratio:5.2f}  {r.bound:5.2f}  {r.normalised_innovation_squared:.3f} "
+        f"  {_um(r.filtered_rms_m)}  {_ratio(r.ratio)}  {r.bound:5.2f}  {r.normalised_innovation_squared:.3f} "
         f"({r.innovation_band.lower:.3f} .. {r.innovation_band.upper:.3f}){_lost(r.held, r.runs)}"
         for r in study.holds
     ]
@@ -210,7 +210,11 @@ def json_ready(value: Any) -> Any:
 
 
 def _um(metres: float) -> str:
-    return f"{1e6 * metres:8.2f} um"
+    return f"{1e6 * metres:8.2f} um" if math.isfinite(metres) else f"{'-':>8s} um"
+
+
+def _ratio(value: float) -> str:
+    return f"{value:5.2f}" if math.isfinite(value) else f"{'-':>5s}"
 
 
 def _lost(held: int, runs: int) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import RunDirectoryError
+from femfit.fit.build import FitOptions, fit_model
 from femfit.report import html
 from femfit.report.html import render_report, write_report
 from femfit.report.offscreen import OffScreenPicture
@@ -177,6 +178,15 @@ def test_a_loop_that_lost_every_run_is_told_without_false_numbers(rig_content, l
 def test_runs_lost_in_part_are_counted_beside_the_means(rig_content, partly_lost_study):
     words = " ".join(map(str, loop_section(replace(rig_content, study=partly_lost_study)).blocks))
     assert "(1 of 2 runs lost)" in words
+
+
+def test_the_error_beside_a_change_of_the_forces_sign_is_measured_by_the_force_nearby(rig_content):
+    rows = rig_content.sweep.rows
+    near = rows["force_N"][(rows["current_A"] == 0.0) & (rows["distance_m"] > 0.02)].iloc[0]
+    table = replace(rig_content.sweep, rows=rows.assign(force_N=rows["force_N"] - near * 1.0001))
+    content = replace(rig_content, sweep=table, fit=fit_model(table, FitOptions(model="coenergy")))
+    # 2 uN over the force that is left there, 4 uN, would be 50 %; the neighbours' forces are thousands of times larger
+    assert "estimated error at most 0.0" in str(summary(content)[0])
 
 
 def test_filters_without_a_direct_measurement_are_told_so_and_drawn_without_it(rig_content):

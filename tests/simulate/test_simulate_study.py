@@ -135,6 +135,7 @@ def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning
         # The uneven field costs slope: at 30 mm nearly half of it, and the noise grows so much
         assert usual.filtered_rms_m < row.filtered_rms_m < 2.1 * usual.filtered_rms_m
     assert any("Filters alone" in line and "36.8" in line for line in study_lines(alone))
+    assert not any("nan" in line for line in study_lines(alone))
     data = study_data(alone)
     json.dumps(data, allow_nan=False)
     assert data["no_direct"] == alone.no_direct
