@@ -21,8 +21,8 @@ SETTINGS: dict[str, float] = {
 }
 """Columns that say where and when a reading was taken, with the value that stands for a missing column.
 
-A missing ``mount`` is the run's number, a missing ``order`` the row's place in its run; a missing ``branch`` is read from
-the order of the rows where the currents go up and down.
+A missing ``mount`` is the run's number, a missing ``order`` the row's place in its run; a missing ``branch`` is
+read from the order of the rows where the currents go up and down.
 """
 
 
