@@ -16,7 +16,7 @@ import numpy as np
 from femfit.core.coil_block import CoilBlock
 from femfit.estimate.integrate.field_block import FieldBlock
 from femfit.estimate.integrate.increments import LastSample, increments
-from femfit.estimate.integrate.offset_rules import OffsetRule, RuleState, Window
+from femfit.estimate.integrate.offset_rules import BIN, OffsetRule, RuleState, Window
 from femfit.estimate.integrate.uncertainty import Noise, Responses, SensingCoil
 
 
@@ -83,12 +83,13 @@ class FeedForwardIntegrator:
         step, variance, offset, integrated = steps.field.copy(), steps.variance.copy(), np.zeros(len(block)), steps.dt
         window, rule = state.window, state.rule
         live = np.ones(len(block))
+        bin_size = min(max(1, round(BIN / self.sample_time)), self._window_samples())
         for part in self._parts(window, len(block)):
             offset[part] = rule.offset
             if rule.hold:
                 step[part], variance[part], live[part] = 0.0, 0.0, 0.0
             step[part] -= live[part] * rule.offset * steps.dt[part] / self.coil.area_m2
-            window = window.extended(block[part])
+            window = window.extended(block[part], bin_size)
             if window.samples == self._window_samples():
                 rule, window = self.rule.update(rule, window), Window()
         field = state.field + np.cumsum(step)

@@ -191,3 +191,26 @@ def test_a_record_without_the_reference_is_refused():
     for name, column in (("cs1", "hall_T"), ("cs2", "current_A")):
         with pytest.raises(TableError, match=f"needs {column}"):
             run(INTEGRATORS[name], record)
+
+
+def test_plateaus_are_told_at_the_papers_sample_rate():
+    # White noise of 0.064 A at 204.8 kS/s, whose extremes in a second are 0.6 A apart, about a limit of 0.1 A.
+    rate, rng = 204.8e3, np.random.default_rng(6)
+    time = np.arange(round(2.5 * rate)) / rate
+    current = np.where(time < 1.0, 320.0, 320.0 - 3.2 * (time - 1.0)) + 0.064 * rng.normal(size=len(time))
+    record = CoilBlock(time, np.full(len(time), 7e-6), None, current)
+    rule = PlateauMean(settling=(0.0, 0.0, 0.0))
+    integrator = FeedForwardIntegrator(PAPER_COIL, QUIET, 1.0 / rate, rule)
+    state, on_plateau = integrator.advance(integrator.start(), record[: round(1.2 * rate)])
+    # The mean of the first second holds from there on; the ramp after it is no plateau.
+    assert on_plateau.offset[-1] == pytest.approx(7e-6)
+    assert rule.update(rule.start(), state.window.extended(record[round(1.2 * rate) :], 205)).still == 0.0
+
+
+@pytest.mark.parametrize("cuts", [tuple(range(1, 5000)), (1, 130, 131, 3000)], ids=["sample by sample", "blocks"])
+def test_plateaus_are_told_online_as_offline_where_samples_are_averaged(cuts, stretch):
+    fast = CoilBlock(stretch.time / 7.0, stretch.voltage, None, stretch.current)
+    integrator = FeedForwardIntegrator(PAPER_COIL, QUIET, DT / 7.0, PLATEAU)
+    whole = run(integrator, fast)
+    assert 1 < len(np.unique(whole.offset)) < 20
+    np.testing.assert_allclose(run(integrator, fast, cuts).offset, whole.offset, rtol=1e-9)
