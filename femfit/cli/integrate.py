@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from femfit.core.coil_record import CoilRecord
     from femfit.estimate.integrate.methods import IntegrationOptions
     from femfit.estimate.integrate.record_watch import Finding
-    from femfit.model.field_of_current import FieldModel
 
 MethodOption = Literal["trapezoid", "ffa1", "ffa2", "cs1", "cs2", "cs1-offset", "cs2-identified"]
 Positive = Number(gt=0.0)
@@ -27,9 +26,14 @@ def integrate(
     initial_field_T: Annotated[float | None, Parameter(name="--initial-field-T")] = None,
     zero_reading_s: Annotated[float, Parameter(validator=Positive)] = 60.0,
     settling_s: Annotated[float | None, Parameter(validator=NotNegative)] = None,
+    still_A: Annotated[float, Parameter(name="--still-A", validator=Positive)] = 0.1,
     current_to_field: Annotated[float, Parameter(validator=Positive)] = 316.0,
     lab: Path | None = None,
     field_model: Path | None = None,
+    model: Path | None = None,
+    distance_mm: Annotated[float | None, Parameter(validator=Positive)] = None,
+    model_sigma: Annotated[float | None, Parameter(validator=Positive)] = None,
+    smooth: Annotated[bool, Parameter(negative="")] = False,
     coil_area_sigma: Annotated[float, Parameter(validator=NotNegative)] = 0.0,
     reference_gain_sigma: Annotated[float, Parameter(validator=NotNegative)] = 0.0,
     reference_offset_sigma_T: Annotated[
@@ -64,12 +68,25 @@ def integrate(
         Zero reading of ffa1.
     settling_s : float
         Of ffa2 after each ramp; default 20, 25 and 30 s at 3.2, 32 and 100 A/s.
+    still_A : float
+        Of ffa2: a current that moves by less in a second is on a plateau.
     current_to_field : float
         Of cs2, in A/T.
     lab : Path
         Of cs2-identified: a record with Hall probe and current of a cycled magnet, to identify its field from.
     field_model : Path
         Of cs2-identified: JSON file of the identified field; written with --lab, read without.
+    model : Path
+        Of cs2-identified: femfit model file, whose swept field at the Hall element (without an area, flux linkage)
+        takes the place of an identified one; the coil must sit where the Hall element does.
+    distance_mm : float
+        Of the moving part, with --model.
+    model_sigma : float
+        Standard uncertainty of the model's field in T (flux linkage in Wb), with --model: remanence and eddy currents,
+        which a sweep does not know, included; default 1 % of its largest.
+    smooth : bool
+        Let the whole record speak for every sample, offline: a Kalman smoother after the filter. Needs all of the
+        record in memory.
     coil_area_sigma : float
         Standard uncertainty of the area in m2.
     reference_gain_sigma : float
@@ -84,6 +101,7 @@ def integrate(
     json : Path
         File for the result as JSON.
     """
+    from femfit.cli.field_models import identified_field, swept_field
     from femfit.cli.output import write_json
     from femfit.core.coil_record import open_coil_record
     from femfit.core.errors import TableError
@@ -92,14 +110,25 @@ def integrate(
 
     source = open_coil_record(record)
     chosen = method or ("cs1-offset" if coil_area is not None and "hall_T" in source.columns else "ffa2")
-    if coil_area is None and chosen not in {"trapezoid", "ffa1", "ffa2"}:
+    if coil_area is None and chosen not in {"trapezoid", "ffa1", "ffa2"} and model is None:
         raise TableError(f"{chosen} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
     _require_free(record, output, json)
     coil = SensingCoil(1.0 if coil_area is None else coil_area, coil_area_sigma)
-    model = _field_model(coil, lab, field_model) if chosen == "cs2-identified" else None
+    field, currents = None, None
+    if model is not None:
+        if chosen != "cs2-identified" or lab is not None or field_model is not None or distance_mm is None:
+            raise TableError(
+                "--model goes with --method cs2-identified and --distance-mm, without --lab, --field-model."
+            )
+        field, currents = swept_field(model, 1e-3 * distance_mm, coil_area is None, model_sigma)
+    elif chosen == "cs2-identified":
+        field = identified_field(coil, lab, field_model)
+        currents = (0.0, field.terms.current_max_A)
+        if lab is not None and field_model is not None:
+            print(f"written: {field_model}")
     left = {"trapezoid": 20.0, "cs1": 20.0, "cs2": 20.0, "ffa1": 5.0, "ffa2": 5.0}.get(chosen, 0.0)
     offset = 1e-6 * (left if offset_sigma_uV is None else offset_sigma_uV)
-    zero = max(reference_offset_sigma_T, 0.0 if model is None else model.rms_T)
+    zero = max(reference_offset_sigma_T, 0.0 if field is None else field.rms_T)
     options = IntegrationOptions(
         chosen,
         coil,
@@ -107,11 +136,13 @@ def integrate(
         initial_field_T,
         zero_reading_s,
         settling_s,
+        still_A,
         current_to_field,
-        model,
+        field,
         Systematics(coil_area_sigma / coil.area_m2, reference_gain_sigma, zero, offset),
     )
-    result, findings = _stream(source, options, output, "flux_linkage_Wb" if coil_area is None else "field_T", coverage)
+    quantity = "flux_linkage_Wb" if coil_area is None else "field_T"
+    result, findings = _stream(source, options, output, quantity, coverage, currents, smooth)
     print("\n".join(_lines(result, findings)))
     write_json(json, result)
 
@@ -135,59 +166,16 @@ def _require_free(record: Path, output: Path, json: Path | None) -> None:
         )
 
 
-def _field_model(coil: Any, lab: Path | None, path: Path | None) -> "FieldModel":
-    """The field model of cs2-identified: identified from a lab record, or read."""
-    from femfit.core.errors import TableError
-    from femfit.model.field_of_current import read_field_model, write_field_model
-
-    if lab is None:
-        if path is None:
-            raise TableError(
-                "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, "
-                "of a magnet that was cycled before) or --field-model FILE."
-            )
-        return read_field_model(path)
-    from femfit.core.coil_record import open_coil_record
-    from femfit.estimate.integrate.methods import IntegrationOptions
-    from femfit.fit.hysteresis import identify_field
-
-    model = identify_field([_lab_run(open_coil_record(lab), IntegrationOptions("cs1-offset", coil))])
-    if path is not None:
-        write_field_model(model, path)
-        print(f"written: {path}")
-    return model
-
-
-def _lab_run(record: "CoilRecord", options: "IntegrationOptions") -> Any:
-    """A lab record, thinned to the steps of the identification while it streams."""
-    import itertools
-
-    import numpy as np
-
-    from femfit.core.errors import TableError
-    from femfit.estimate.integrate.methods import integrate_blocks, make_integrator
-    from femfit.fit.hysteresis import PATH_INTERVAL, LabRun
-
-    if not {"hall_T", "current_A"} <= set(record.columns):
-        raise TableError(f"A lab record needs hall_T and current_A; {record.path} has {', '.join(record.columns)}.")
-    blocks = record.blocks()
-    first = next(blocks)
-    integrator = make_integrator(options, first)
-    step = max(1, round(PATH_INTERVAL / integrator.sample_time))
-    parts: list[list[Any]] = [[], [], []]
-    for block, out in integrate_blocks(integrator, itertools.chain([first], blocks)):
-        if block.current is None:
-            continue
-        rows = len(block) // step
-        for part, column in zip(parts, (block.time, block.current, out.field), strict=True):
-            part.append(column[: rows * step].reshape(rows, step).mean(axis=1))
-    return LabRun(*(np.concatenate(part) for part in parts))
-
-
 def _stream(
-    source: "CoilRecord", options: "IntegrationOptions", output: Path, quantity: str, coverage: float
+    source: "CoilRecord",
+    options: "IntegrationOptions",
+    output: Path,
+    quantity: str,
+    coverage: float,
+    currents: tuple[float, float] | None,
+    smooth: bool,
 ) -> tuple[dict[str, Any], tuple["Finding", ...]]:
-    """Integrate block by block from file to file."""
+    """Integrate from file to file, block by block or, smoothed, all at once."""
     import itertools
     import time
 
@@ -196,22 +184,26 @@ def _stream(
     from femfit.cli.output import progress_bar
     from femfit.core.coil_record import RecordWriter
     from femfit.estimate.integrate.methods import integrate_blocks, make_integrator
-    from femfit.estimate.integrate.record_watch import RecordWatch
+    from femfit.estimate.integrate.record_watch import RecordWatch, no_plateau
+    from femfit.estimate.integrate.smoother import smooth_blocks
 
     begin = time.perf_counter()
     blocks = source.blocks()
     first = next(blocks)
     integrator = make_integrator(options, first)
+    record = itertools.chain([first], blocks)
+    pairs = smooth_blocks(integrator, record) if smooth else integrate_blocks(integrator, record)
     systematics = options.systematics if options.treatment == "gum" else None
-    watch = RecordWatch(options.coil.area_m2, integrator.sample_time, options.current_to_field)
-    seen, samples = watch.start(), 0
+    ratio = options.current_to_field if options.field_model is None else options.field_model.current_to_field
+    watch = RecordWatch(options.coil.area_m2, integrator.sample_time, ratio, currents)
+    seen, samples, corrected = watch.start(), 0, False
     sigma_name = quantity.rsplit("_", 1)[0] + "_sigma_" + quantity.rsplit("_", 1)[1]
     names = ["time_s", *source.columns, quantity, sigma_name, "offset_V"]
     with (
         progress_bar(f"integrate {source.path.name}") as show,
         RecordWriter(output, names, integrator.sample_time) as writer,
     ):
-        for block, out in integrate_blocks(integrator, itertools.chain([first], blocks)):
+        for block, out in pairs:
             sigma = out.sigma(systematics)
             columns = dict(zip(names[:1], [block.time], strict=True))
             read = {"coil_voltage_V": block.voltage, "hall_T": block.hall, "current_A": block.current}
@@ -219,15 +211,19 @@ def _stream(
             writer.write(columns | {quantity: out.field, sigma_name: sigma, "offset_V": out.offset})
             seen = watch.advance(seen, block, out)
             samples += len(block)
+            corrected |= bool(np.any(out.offset != 0.0))
             if show is not None:
                 show(samples, source.samples or samples)
     findings = watch.findings(seen, options.of_hall)
+    if options.method == "ffa2" and not corrected:
+        findings += (no_plateau(options.still_A),)
     parts = {"noise": float(np.sqrt(out.variance[-1]))}
     if systematics is not None and out.responses is not None:
         parts |= {name: float(values[-1]) for name, values in out.responses.parts(systematics).items()}
     result = {
         "record": str(source.path),
         "method": options.method,
+        "smoothed": smooth,
         "treatment": options.treatment,
         "quantity": quantity,
         "samples": samples,
@@ -254,8 +250,9 @@ def _lines(result: dict[str, Any], findings: tuple["Finding", ...]) -> list[str]
     none = [name.replace("_", " ") for name, value in end["parts"].items() if value == 0.0]
     rate = 1.0 / result["sample_time_s"]
     value = f"{end['value']:.9g} {unit} +- {end['expanded_uncertainty']:.3g} {unit} (k = {end['coverage_factor']:g})"
+    how = result["treatment"] + (", smoothed" if result["smoothed"] else "")
     lines = [
-        f"{result['method']} ({result['treatment']}): {result['samples']} samples, {rate:.6g} Hz",
+        f"{result['method']} ({how}): {result['samples']} samples, {rate:.6g} Hz",
         f"at {end['time_s']:.6g} s: {value}, offset {1e6 * end['offset_V']:.3g} uV",
         f"standard uncertainty in {unit}: {parts}" + (f"; nothing given for {', '.join(none)}" if none else ""),
     ]

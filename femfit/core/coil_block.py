@@ -1,6 +1,9 @@
 """A stretch of a coil record: what a search coil, a Hall probe and a current sensor read. numpy only."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+
+import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 
@@ -34,3 +37,30 @@ class CoilBlock:
             return None if column is None else column[rows]
 
         return CoilBlock(self.time[rows], self.voltage[rows], part(self.hall), part(self.current))
+
+
+def joined_record(blocks: Iterable[CoilBlock]) -> CoilBlock:
+    """Consecutive coil blocks as one.
+
+    Parameters
+    ----------
+    blocks : iterable of CoilBlock
+        At least one, all with the same columns.
+
+    Returns
+    -------
+    CoilBlock
+        All samples.
+    """
+    whole = list(blocks)
+
+    def column(parts: list[FloatArray | None]) -> FloatArray | None:
+        known = [part for part in parts if part is not None]
+        return np.concatenate(known) if known else None
+
+    return CoilBlock(
+        np.concatenate([block.time for block in whole]),
+        np.concatenate([block.voltage for block in whole]),
+        column([block.hall for block in whole]),
+        column([block.current for block in whole]),
+    )

@@ -16,6 +16,8 @@ G. Moritz, Eddy currents in accelerator magnets, arXiv:1103.1800.
 """
 
 import json
+import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -23,7 +25,6 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError
-from femfit.model.hall import HallField
 
 _KIND = "field of current"
 _PLACES = ("zero", "medium", "full")
@@ -101,6 +102,14 @@ class FieldModel:
     def start(self) -> MagnetState:
         """After cycling to the largest current and back to zero."""
         return precycled(self.terms)
+
+    @property
+    def current_to_field(self) -> float:
+        """Largest current over the field that it adds, A/T; infinite where it adds none."""
+        top = self.terms.current_max_A
+        _, field = self.advance(self.start(), np.array([0.0, 1e9]), np.array([0.0, top]))
+        rise = float(field[1] - field[0])
+        return top / rise if rise != 0.0 else math.inf
 
     def advance(self, state: MagnetState, time: FloatArray, current: FloatArray) -> tuple[MagnetState, FloatArray]:
         """Field in T of a stretch of currents, shape (n,)."""
@@ -204,20 +213,19 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
 
 
 def field_model_of_sweep(
-    hall: HallField, distance: float, current_max: float, rms_T: float, degree: int = 3
+    curve: Callable[[FloatArray], FloatArray], current_min: float, current_max: float, rms: float, degree: int = 7
 ) -> FieldModel:
     """A field model from a swept one, which has no hysteresis and no eddy currents.
 
     Parameters
     ----------
-    hall : HallField
-        Field at the sensor over distance and current.
-    distance : float
-        At which the moving part is held, m.
-    current_max : float
-        Up to which the model is asked, A.
-    rms_T : float
-        What the model is believed to be off by: remanence and eddy currents of the real magnet included.
+    curve : callable
+        Field in T at the sensor (or flux linkage in Wb of the winding) of currents in A, the moving part held.
+    current_min, current_max : float
+        Between which the model holds, A.
+    rms : float
+        What the model is believed to be off by, in the curve's unit: remanence and eddy currents of the real magnet
+        included.
     degree : int
         Of the polynomial; a linear material needs 1.
 
@@ -227,10 +235,14 @@ def field_model_of_sweep(
         A polynomial alone.
     """
     terms = FieldTerms(current_max, degree)
-    points = np.polynomial.chebyshev.chebpts1(4 * (degree + 1))
-    field = hall.field(np.full(len(points), distance), 0.5 * current_max * (points + 1.0))
-    coefficients = np.asarray(np.polynomial.chebyshev.chebfit(points, field, degree), dtype=np.float64)
-    return FieldModel(terms, coefficients, rms_T)
+    nodes = np.polynomial.chebyshev.chebpts1(4 * (degree + 1))
+    current = current_min + 0.5 * (current_max - current_min) * (nodes + 1.0)
+    # On its own interval the fit is orthogonal; the terms' interval begins at 0.
+    own = np.polynomial.Chebyshev.fit(current, curve(current), degree, domain=[current_min, current_max])
+    moved = own.convert(domain=[0.0, current_max], kind=np.polynomial.Chebyshev)
+    coefficients = np.zeros(degree + 1)
+    coefficients[: len(moved.coef)] = moved.coef
+    return FieldModel(terms, coefficients, rms)
 
 
 def write_field_model(model: FieldModel, path: Path) -> None:

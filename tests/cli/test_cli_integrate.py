@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from femfit.estimate.integrate.experiment import ExperimentInputs, synthesise
+from femfit.model.json_file import write_model
 from support.command import femfit
 
 AREA = "0.059394"
@@ -114,6 +115,101 @@ def test_faults_are_printed_with_the_suspect(experiment, tmp_path):
     assert result.returncode == 0, result.stderr
     assert "wrong way round" in result.stdout
     assert "Suspect: the sign of the coil's voltage." in result.stdout
+
+
+def test_smoothing_lowers_the_error_and_keeps_the_systematics(record, experiment, tmp_path):
+    rms = {}
+    for name, more in (("filtered", ()), ("smoothed", ("--smooth",))):
+        result = integrate(
+            record, "--coil-area", AREA, "--reference-offset-sigma-T", 5e-5, "-o", tmp_path / "o.parquet", "--json",
+            tmp_path / "o.json", *more,
+        )  # fmt: skip
+        assert result.returncode == 0, result.stderr
+        assert ("smoothed" in result.stdout) == (name == "smoothed")
+        rows = pd.read_parquet(tmp_path / "o.parquet")
+        # At the record's begin the filter knows the offset voltage least.
+        early = rows["time_s"].between(1.0, 19.0).to_numpy()
+        rms[name] = np.sqrt(np.mean((rows["field_T"].to_numpy() - experiment.field)[early] ** 2))
+        # A probe's zero is no noise: neither filter nor smoother averages it away.
+        assert rows["field_sigma_T"].to_numpy()[early].min() > 4.9e-5
+        data = json.loads((tmp_path / "o.json").read_text())
+        assert data["end"]["parts"]["reference_offset"] == pytest.approx(5e-5, rel=0.02)
+    assert rms["smoothed"] < 0.7 * rms["filtered"]
+
+
+def test_smoothing_needs_a_kalman_filter(record, tmp_path):
+    result = integrate(record, "--coil-area", AREA, "--method", "ffa2", "--smooth", "-o", tmp_path / "o.csv")
+    assert result.returncode == 1
+    assert "Only a Kalman filter can be smoothed" in result.stderr
+
+
+def test_a_record_without_a_plateau_is_said_to_be_plainly_integrated(experiment, tmp_path):
+    rows = table(experiment).query("20.0 < time_s < 23.0")  # on the ramp
+    rows.to_csv(tmp_path / "ramp.csv", index=False)
+    options = (tmp_path / "ramp.csv", "--coil-area", AREA, "--method", "ffa2", "-o", tmp_path / "o.csv")
+    assert "ffa2 found no settled plateau" in integrate(*options).stdout
+    assert "ffa2 found no settled plateau" not in integrate(*options, "--still-A", 500, "--settling-s", 0).stdout
+
+
+DISTANCE = 0.022
+SENSING = 0.01
+"""m2."""
+
+
+@pytest.fixture(scope="module")
+def held_magnet(levitation_model, tmp_path_factory):
+    """Coil records with a body held: field at the Hall element, and flux linkage; the truth is 0.3 % off the model."""
+    folder = tmp_path_factory.mktemp("held")
+    write_model(levitation_model, folder / "model.json")
+    time = np.arange(0.0, 60.0, 5e-3)
+    current = 0.6 * (1.0 - np.cos(2.0 * np.pi * time / 12.0))
+    at = np.full(len(time), DISTANCE)
+    rng = np.random.default_rng(3)
+    truths = {
+        "field": 1.003 * levitation_model.sensor.field.field(at, current),
+        "flux_linkage": 1.003 * levitation_model.magnetics.flux_linkage(at, current),
+    }
+    for name, area in (("field", SENSING), ("flux_linkage", 1.0)):
+        # Each trapezoid of the voltage is the truth's step.
+        induced = 2.0 * np.diff(truths[name]) / 5e-3 * area
+        voltage = np.zeros(len(time))
+        for k, step in enumerate(induced):
+            voltage[k + 1] = step - voltage[k]
+        voltage += 7e-6 + 1e-6 * rng.normal(size=len(time))
+        rows = pd.DataFrame({"time_s": time, "coil_voltage_V": voltage, "current_A": current})
+        rows.to_csv(folder / f"{name}.csv", index=False)
+    return folder, truths
+
+
+@pytest.mark.parametrize(("name", "area"), [("field", ("--coil-area", SENSING)), ("flux_linkage", ())])
+def test_a_swept_model_takes_the_place_of_an_identified_field(name, area, held_magnet, tmp_path):
+    folder, truths = held_magnet
+    options = ("--method", "cs2-identified", "--model", folder / "model.json", "--distance-mm", 1e3 * DISTANCE)
+    result = integrate(folder / f"{name}.csv", *area, *options, "-o", tmp_path / "o.parquet")
+    assert result.returncode == 0, result.stderr
+    # Nothing is wrong with the record, whichever way the field at the element grows with the current.
+    assert "wrong way round" not in result.stdout
+    assert "extrapolates" not in result.stdout
+    rows = pd.read_parquet(tmp_path / "o.parquet")
+    value, sigma = (rows[column].to_numpy() for column in list(rows)[-3:-1])
+    error = value - truths[name]
+    late = rows["time_s"].to_numpy() > 20.0
+    # The model's 0.3 % is within its default of 1 %.
+    assert np.all(np.abs(error[late]) < 2.0 * sigma[late])
+    assert np.abs(error[late]).max() < 0.01 * np.ptp(truths[name]) + 0.003 * np.abs(truths[name]).max()
+
+
+def test_currents_beyond_the_model_are_said(held_magnet, tmp_path):
+    folder, _ = held_magnet
+    rows = pd.read_csv(folder / "field.csv").assign(current_A=lambda frame: 50.0 * frame["current_A"])
+    rows.to_csv(tmp_path / "r.csv", index=False)
+    options = ("--coil-area", SENSING, "--method", "cs2-identified", "--model", folder / "model.json")
+    result = integrate(tmp_path / "r.csv", *options, "--distance-mm", 1e3 * DISTANCE, "-o", tmp_path / "o.csv")
+    assert "outside of what the field model was made for" in result.stdout
+    assert "--model goes with" in integrate(tmp_path / "r.csv", *options, "-o", tmp_path / "o.csv").stderr
+    far = integrate(tmp_path / "r.csv", *options, "--distance-mm", 500, "-o", tmp_path / "o.csv")
+    assert far.returncode == 1
+    assert "where the model was fitted" in far.stderr
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ P. Arpaia et al., Sensors 22 (2022) 182, sections 2.1 and 2.3 to 2.5. Printed D 
 is a field already: D = 1.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -103,11 +103,12 @@ class KalmanIntegrator:
             state, after = self.advance(state, block[unknown:])
             return state, joined([before, after])
         last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
-        field = float(z[0]) if np.isnan(state.field) else state.field
-        return self._filter(state, field, last, steps, z, block.time)
+        if np.isnan(state.field):  # all of it comes from the reference
+            state = replace(state, field=float(z[0]), reference=float(z[0]), forgotten=0.0)
+        return self._filter(state, last, steps, z, block.time)
 
     def _filter(
-        self, state: KalmanState, field: float, last: LastSample, steps: Increments, z: FloatArray, time: FloatArray
+        self, state: KalmanState, last: LastSample, steps: Increments, z: FloatArray, time: FloatArray
     ) -> tuple[KalmanState, FieldBlock]:
         used = np.isfinite(z)
         readings = z if used.all() else np.where(used, z, 0.0)
@@ -116,14 +117,14 @@ class KalmanIntegrator:
         lanes = Lanes(len(z))
         variance, share = riccati_lanes(lanes.fold(steps.variance, 0.0), lanes.fold(information, 0.0), state.variance)
         pulled = (1.0 - share) * lanes.fold(readings, 0.0)
-        right, starts = [share * lanes.fold(steps.field, 0.0) + pulled], [field]
+        right, starts = [share * lanes.fold(steps.field, 0.0) + pulled], [state.field]
         if self.sensitivities:
             right += [pulled, np.zeros_like(share), share * lanes.fold(steps.dt / self.coil.area_m2, 0.0)]
             starts += [state.reference, state.forgotten, state.voltage_unit]
         results = [lanes.unfold(x) for x in affine_lanes(share, right, starts)]
         posterior = lanes.unfold(variance)
         x = results[0]
-        before = np.concatenate([[field], x[:-1]])
+        before = np.concatenate([[state.field], x[:-1]])
         predicted = before + steps.field
         innovation = z - predicted
         offset = self._offset(state, steps.dt, predicted - x)

@@ -60,6 +60,8 @@ class IntegrationOptions:
         Of ffa1, s.
     settling : float or None
         Of ffa2, s; None takes the paper's by ramp rate.
+    still_A : float
+        Of ffa2: a current that moves by less in a second is on a plateau.
     current_to_field : float
         g of cs2, A/T.
     field_model : FieldModel or None
@@ -74,6 +76,7 @@ class IntegrationOptions:
     initial_field: float | None = None
     zero_reading: float = 60.0
     settling: float | None = None
+    still_A: float = 0.1
     current_to_field: float = PAPER_CURRENT_TO_FIELD
     field_model: FieldModel | None = None
     systematics: Systematics = Systematics()  # noqa: RUF009  # frozen
@@ -111,7 +114,7 @@ def make_integrator(options: IntegrationOptions, first: CoilBlock) -> AnyIntegra
         rules: dict[str, OffsetRule] = {
             "trapezoid": NoOffset(),
             "ffa1": ZeroReading(options.zero_reading),
-            "ffa2": PlateauMean(settling=settling),
+            "ffa2": PlateauMean(settling=settling, still_A=options.still_A),
         }
         return FeedForwardIntegrator(options.coil, noise, dt, rules[options.method], options.initial_field or 0.0)
     initial = math.nan if options.initial_field is None else options.initial_field
@@ -170,7 +173,8 @@ def record_noise(options: IntegrationOptions, first: CoilBlock, dt: float) -> No
         return literal
     voltage = LinearSigma(white_sigma(first.voltage))
     if not options.of_hall:
-        return Noise(voltage, literal.reference, max(literal.initial_T, 3e-3))
+        known = 0.0 if options.field_model is None else 3.0 * options.field_model.rms_T
+        return Noise(voltage, literal.reference, max(literal.initial_T, 3e-3, known))
     if first.hall is None:
         raise TableError(f"{options.method} needs hall_T; instead received a record without it.")
     hall = white_sigma(first.hall)

@@ -96,7 +96,7 @@ class Correction:
     elapsed : float
         Since the correction before, s.
     predicted, predicted_covariance, mean, covariance : array
-        Field and offset (2,) and (2, 2), before and after.
+        Field and offset with their responses, (2, 4), and their covariance, (2, 2), before and after.
     """
 
     row: int
@@ -191,7 +191,7 @@ class OffsetFilter:
         if self.field_model is not None and state.magnet is not None:
             first = float(self.field_model.advance(state.magnet, time[:1], raw[:1])[1][0])
         mean = state.mean.copy()
-        mean[0, 0] = first
+        mean[0, :3] = first, first, 1.0  # all of it came from the reference
         return replace(state, mean=mean)
 
     def _predict(
@@ -236,7 +236,7 @@ class OffsetFilter:
         mean = F @ state.mean
         mean[0, 0] += p.integral
         mean[0, 3] += tau / area
-        predicted, covariance, magnet = mean[:, 0].copy(), prior, state.magnet
+        predicted, covariance, magnet = mean.copy(), prior, state.magnet
         if p.readings:
             magnet, z = self._reading(state, float(out.time[row]))
             back = (tau - p.at / p.readings) / area
@@ -255,7 +255,7 @@ class OffsetFilter:
         out.field[row], out.offset[row], out.variance[row] = mean[0, 0], mean[1, 0], covariance[0, 0]
         _write_responses(out, slice(row, row + 1), mean[0, 1:, None], np.zeros(1))
         if trace is not None:
-            trace.append(Correction(row, tau, predicted, prior, mean[:, 0].copy(), covariance))
+            trace.append(Correction(row, tau, predicted, prior, mean, covariance))
         return OffsetState(state.last, mean, covariance, Pending(), magnet)
 
     def _reading(self, state: OffsetState, time: float) -> tuple[MagnetState | None, float]:

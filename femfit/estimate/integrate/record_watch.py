@@ -30,6 +30,7 @@ BAND = 9.0
 
 _AVERAGED = 50  # innovations whose mean square is held against the band
 _CHUNK = 0.1  # seconds over which changes of coil and reference are compared
+_BEYOND = 0.01  # of its range of currents by which a field model may be exceeded
 _AGREE = 0.8  # squared correlation from which the two changes are the same thing
 
 
@@ -40,7 +41,8 @@ class Finding:
     Parameters
     ----------
     kind : str
-        ``gap``, ``clock``, ``clipped``, ``stuck``, ``saturated``, ``sign``, ``gain`` or ``innovations``.
+        ``gap``, ``clock``, ``clipped``, ``stuck``, ``saturated``, ``range``, ``sign``, ``gain``,
+        ``innovations`` or ``plateau``.
     sentence : str
         What, where, how often, and who is suspected.
     """
@@ -121,11 +123,14 @@ class RecordWatch:
         Nominal, s.
     current_to_field : float
         g in A/T, to compare with a current where there is no Hall probe.
+    currents : (float, float) or None
+        Between which a field model holds, A.
     """
 
     area: float
     sample_time: float
     current_to_field: float = 316.0
+    currents: tuple[float, float] | None = None
 
     def start(self) -> WatchState:
         """Nothing seen."""
@@ -143,6 +148,11 @@ class RecordWatch:
         _add(tallies, "gap", block.time[gap], lost)
         _add(tallies, "clock", block.time[late])
         _add(tallies, "clipped", block.time[_clipped(block.voltage)])
+        if block.current is not None and self.currents is not None:
+            low, high = self.currents
+            slack = _BEYOND * (high - low)
+            outside = (block.current < low - slack) | (block.current > high + slack)
+            _add(tallies, "range", block.time[outside])
         waiting = state.waiting if out is None else _watch_innovations(tallies, state.waiting, out)
         end = (float(block.time[-1]), float(block.voltage[-1]))
         state = replace(state, time=end[0], voltage=end[1], tallies=tallies, waiting=waiting)
@@ -254,7 +264,29 @@ _SENTENCES = {
     "the coil saw the field move: it saturated. Use a larger range, or leave these readings empty.",
     "stuck": "The Hall probe repeated one reading, first at {first} s, for {amount} s in all, while the coil saw the "
     "field move: it stuck. Leave these readings empty.",
+    "range": "{count} samples have a current outside of what the field model was made for, first at {first} s: it "
+    "extrapolates there. Sweep or identify up to these currents.",
 }
+
+
+def no_plateau(still_A: float) -> Finding:
+    """What is said where ffa2 found no plateau.
+
+    Parameters
+    ----------
+    still_A : float
+        Limit of a plateau's movement, A.
+
+    Returns
+    -------
+    Finding
+        Of kind ``plateau``.
+    """
+    return Finding(
+        "plateau",
+        f"ffa2 found no settled plateau, on which the current moves by less than {still_A:g} A in a second: nothing "
+        "was taken off, and this is the plain integral. Give --still-A, a shorter --settling-s, or another method.",
+    )
 
 
 def _add(tallies: dict[str, Tally], kind: str, times: FloatArray, amount: float = 0.0) -> None:
@@ -306,6 +338,7 @@ def _suspect(kinds: list[str], of_hall: bool) -> str:
         "gain": "the coil's area",
         "gap": "the gaps",
         "clock": "the clock",
+        "range": "the field model, which extrapolates",
     }
     for kind, name in names.items():
         if kind in kinds:

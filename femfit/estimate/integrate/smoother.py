@@ -8,17 +8,22 @@ References
 H. E. Rauch, F. Tung and C. T. Striebel, AIAA J. 3 (1965) 1445.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.coil_block import CoilBlock
+from femfit.core.coil_block import CoilBlock, joined_record
+from femfit.core.errors import TableError
+from femfit.estimate.integrate.feed_forward import FeedForwardIntegrator
 from femfit.estimate.integrate.field_block import FieldBlock
 from femfit.estimate.integrate.increments import increments
 from femfit.estimate.integrate.kalman import KalmanIntegrator
 from femfit.estimate.integrate.lanes import Lanes, affine_lanes
+from femfit.estimate.integrate.methods import AnyIntegrator
 from femfit.estimate.integrate.offset_filter import Correction, OffsetFilter
+from femfit.estimate.integrate.uncertainty import Responses
 
 
 def smooth(integrator: KalmanIntegrator | OffsetFilter, record: CoilBlock) -> FieldBlock:
@@ -34,12 +39,38 @@ def smooth(integrator: KalmanIntegrator | OffsetFilter, record: CoilBlock) -> Fi
     Returns
     -------
     FieldBlock
-        Smoothed field and variance, and of the offset state the smoothed offset. Innovations are the filter's;
-        responses to systematics are left out.
+        Smoothed field, variance and, where the integrator carries them, responses to systematics; of the offset state
+        the smoothed offset. Innovations are the filter's.
     """
     if isinstance(integrator, KalmanIntegrator):
         return _smooth_one_state(integrator, record)
     return _smooth_two_states(integrator, record)
+
+
+def smooth_blocks(integrator: AnyIntegrator, blocks: Iterable[CoilBlock]) -> Iterator[tuple[CoilBlock, FieldBlock]]:
+    """Smooth a record that comes in blocks, as one block.
+
+    Parameters
+    ----------
+    integrator : KalmanIntegrator or OffsetFilter
+        As for :func:`smooth`.
+    blocks : iterable of CoilBlock
+        In order.
+
+    Yields
+    ------
+    coil block, field block
+        The whole record, once.
+
+    Raises
+    ------
+    TableError
+        If the integrator is no Kalman filter.
+    """
+    if isinstance(integrator, FeedForwardIntegrator):
+        raise TableError("Only a Kalman filter can be smoothed; choose cs1, cs2, cs1-offset or cs2-identified.")
+    record = joined_record(blocks)
+    yield record, smooth(integrator, record)
 
 
 def _smooth_one_state(integrator: KalmanIntegrator, record: CoilBlock) -> FieldBlock:
@@ -51,9 +82,20 @@ def _smooth_one_state(integrator: KalmanIntegrator, record: CoilBlock) -> FieldB
     predicted_variance = P[:-1] + steps.variance[1:]
     gain = P[:-1] / predicted_variance
     back = slice(None, None, -1)
-    field = _backwards(gain[back], (x[:-1] - gain * (x[:-1] + steps.field[1:]))[back], float(x[-1]))
+
+    def smoothed(values: FloatArray, increment: FloatArray) -> FloatArray:
+        return _backwards(gain[back], (values[:-1] - gain * (values[:-1] + increment[1:]))[back], float(values[-1]))
+
+    field = smoothed(x, steps.field)
     variance = _backwards((gain**2)[back], (P[:-1] - gain**2 * predicted_variance)[back], float(P[-1]))
-    return replace(out, field=field, variance=variance, responses=None)
+    responses = None
+    if out.responses is not None:
+        still = np.zeros(len(x))
+        reference, unit = (smoothed(r, still) for r in (out.responses.reference, out.responses.reference_unit))
+        voltage = smoothed(out.responses.voltage_unit, steps.dt / integrator.coil.area_m2)
+        known = 0.0 if np.isnan(integrator.initial_field) else integrator.initial_field
+        responses = Responses(field - reference - (1.0 - unit) * known, reference, unit, voltage)
+    return replace(out, field=field, variance=variance, responses=responses)
 
 
 def _backwards(a: FloatArray, b: FloatArray, last: float) -> FloatArray:
@@ -70,31 +112,40 @@ def _smooth_two_states(integrator: OffsetFilter, record: CoilBlock) -> FieldBloc
     start = integrator.start()
     _, out = integrator.advance(start, record, trace)
     if not trace:
-        return replace(out, responses=None)
-    means, variances = _smoothed_corrections(trace, integrator.coil.area_m2)
+        return out
+    area = integrator.coil.area_m2
+    means, variances = _smoothed_corrections(trace, area)
     _, steps = increments(start.last, record, integrator.coil, integrator.noise, integrator.sample_time)
-    field, offset, variance = out.field.copy(), out.offset.copy(), out.variance.copy()
-    time, integral = record.time, np.cumsum(steps.field)
+    time = record.time
+    # What moves the columns of the mean between corrections: the coil, nothing, nothing, and a volt of offset.
+    moved = np.zeros((len(time), 4))
+    moved[:, 0], moved[:, 3] = np.cumsum(steps.field), (time - time[0]) / area
+    values, offset, variance = np.full((len(time), 4), np.nan), out.offset.copy(), out.variance.copy()
     for place in range(len(trace) - 1):
         begin, end = trace[place].row, trace[place + 1].row
         rows = slice(begin, end + 1)
-        since = time[rows] - time[begin]
-        path = means[place, 0] + integral[rows] - integral[begin] - means[place, 1] * since / integrator.coil.area_m2
+        since = (time[rows] - time[begin])[:, None]
+        path = means[place, 0] + moved[rows] - moved[begin] - means[place, 1] * since / area
         # What the walk of the offset moved is spread over the interval, so that the path meets the next correction.
         share = since / since[-1]
-        field[rows] = path + (means[place + 1, 0] - path[-1]) * share
-        offset[rows] = means[place, 1] + (means[place + 1, 1] - means[place, 1]) * share
-        variance[rows] = variances[place] + (variances[place + 1] - variances[place]) * share
-    first = slice(int(np.flatnonzero(np.isfinite(field))[0]), trace[0].row)
-    late = time[first] - time[trace[0].row]
-    field[first] = means[0, 0] + integral[first] - integral[trace[0].row] - means[0, 1] * late / integrator.coil.area_m2
-    offset[first], variance[first] = means[0, 1], variances[0]
-    return replace(out, field=field, variance=variance, offset=offset, responses=None)
+        values[rows] = path + (means[place + 1, 0] - path[-1]) * share
+        offset[rows] = means[place, 1, 0] + (means[place + 1, 1, 0] - means[place, 1, 0]) * share[:, 0]
+        variance[rows] = variances[place] + (variances[place + 1] - variances[place]) * share[:, 0]
+    known = int(np.flatnonzero(np.isfinite(out.field))[0])
+    for part, row, mean in (
+        (slice(known, trace[0].row + 1), trace[0].row, means[0]),
+        (slice(trace[-1].row, None), trace[-1].row, means[-1]),
+    ):
+        values[part] = mean[0] + moved[part] - moved[row] - mean[1] * (time[part] - time[row])[:, None] / area
+    offset[known : trace[0].row], variance[known : trace[0].row] = means[0, 1, 0], variances[0]
+    field, reference, unit, voltage = np.ascontiguousarray(values.T)
+    responses = Responses(field - reference, reference, unit, voltage)
+    return replace(out, field=field, variance=variance, offset=offset, responses=responses)
 
 
 def _smoothed_corrections(trace: list[Correction], area: float) -> tuple[FloatArray, FloatArray]:
-    """Smoothed field and offset (n, 2) and the field's variance (n,) at the corrections."""
-    means, variances = np.empty((len(trace), 2)), np.empty(len(trace))
+    """Smoothed field and offset with their responses (n, 2, 4), and the field's variance (n,), at the corrections."""
+    means, variances = np.empty((len(trace), 2, 4)), np.empty(len(trace))
     mean, covariance = trace[-1].mean, trace[-1].covariance
     means[-1], variances[-1] = mean, covariance[0, 0]
     for place in range(len(trace) - 2, -1, -1):

@@ -79,3 +79,22 @@ def test_a_record_shorter_than_a_correction_is_only_filtered():
     np.testing.assert_array_equal(
         smooth(integrator, record).field, integrator.advance(integrator.start(), record)[1].field
     )
+
+
+@pytest.mark.parametrize("two_states", [False, True], ids=["cs1", "cs1-offset"])
+@pytest.mark.parametrize(("name", "change"), [("reference", 1e-3), ("reference_unit", 1e-4), ("voltage_unit", 1e-6)])
+def test_a_smoothed_fields_responses_are_what_a_systematic_error_does_to_it(name, change, two_states):
+    record, _ = made(3000)
+    wrong = {
+        "reference": replace(record, hall=record.hall * (1.0 + change)),
+        "reference_unit": replace(record, hall=record.hall + change),
+        "voltage_unit": replace(record, voltage=record.voltage + change),
+    }[name]
+    integrator = KalmanIntegrator(PAPER_COIL, NOISE, DT, sensitivities=True)
+    if two_states:
+        integrator = OffsetFilter(PAPER_COIL, NOISE, DT)
+    smoothed = smooth(integrator, record)
+    moved = (smooth(integrator, wrong).field - smoothed.field) / change
+    expected = getattr(smoothed.responses, name)
+    # Both are linear in the record; differences of 1 T over the change keep ten digits.
+    np.testing.assert_allclose(moved, expected, rtol=1e-6, atol=1e-9 * max(1.0, abs(expected).max()))
