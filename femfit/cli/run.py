@@ -70,7 +70,8 @@ def run(
             ranked = _fit(table, "all", directory / "model_law.json")
         if ranked.ranking is not None:
             best = ranked.ranking.recommended
-            steps.say(f"{best.law.name} is recommended, {100 * best.held_out_rms:.2f} % of the {ranked.ranking.of}")
+            verdict = "is recommended" if ranked.ranking.reached else "is the best and not good enough"
+            steps.say(f"{best.law.name} {verdict}, {100 * best.held_out_rms:.2f} % of the {ranked.ranking.of}")
         with steps.timed("export"):
             exported = _export(reference.model, directory / "estimator")
         steps.say(exported)
