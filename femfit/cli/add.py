@@ -28,7 +28,8 @@ def add(
     effect : str
         Name in the catalogue, as femfit diagnose gives it.
     data : Path
-        Bench table, CSV or Parquet, with its sidecar .toml beside it where noise is declared.
+        Bench table, or record over time (with a column time_s), CSV or Parquet, with its sidecar .toml beside it where
+        noise is declared.
     output : Path
         New model file, which simulates, filters and exports like any other.
     others : tuple of str
@@ -48,17 +49,16 @@ def add(
     from dataclasses import replace
 
     from femfit.cli.output import status, write_json
-    from femfit.core.measurement_file import read_bench_table
     from femfit.diagnose.add import AddOptions, add_effects
     from femfit.diagnose.add_text import add_lines
-    from femfit.diagnose.plausible import plausible_table
+    from femfit.diagnose.measurement import read_measurement
     from femfit.model.json_file import read_model, write_model
 
     options = AddOptions(base, coil_temperature_C, magnet_temperature_C)
     with status("Reading") as say:
         actuator = read_model(model)
-        table = plausible_table(actuator, read_bench_table(data))
-        result = add_effects(actuator, table, (effect, *others), options, say)
+        measured = read_measurement(data, actuator)
+        result = add_effects(actuator, measured, (effect, *others), options, say)
     record = result.to_dict() | {"data": data.name}
     provenance = dict(result.model.provenance)
     provenance["added"] = [*provenance.get("added", []), record]
@@ -67,11 +67,11 @@ def add(
     write_json(json, record)
     print("\n".join([*add_lines(result), f"written: {output}"]))
     if report is not None:
-        from femfit.cli.diagnosis_report import write_bench_report
+        from femfit.cli.diagnosis_report import write_report
         from femfit.diagnose.diagnose import DiagnosisOptions, examine
-        from femfit.diagnose.observations import bench_observations
+        from femfit.diagnose.measurement import measurement_observations
 
         with status("Diagnosing the model as it was") as say:
-            examination = examine(bench_observations(actuator, table), DiagnosisOptions(bootstrap=0), say)
-            write_bench_report(report, (model, actuator), (data, table), examination, result, say)
+            examination = examine(measurement_observations(actuator, measured), DiagnosisOptions(bootstrap=0), say)
+            write_report(report, (model, actuator), (data, measured), examination, result, say)
         print(f"written: {report}")

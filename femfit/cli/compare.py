@@ -18,7 +18,8 @@ def compare(
         Model file (co-energy reference or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
         fitted on the fly.
     data : Path
-        Bench table, CSV or Parquet; a .toml beside it may declare the noise.
+        Bench table, or record over time (with a column time_s), CSV or Parquet; a .toml beside it may declare the
+        noise.
     reference : Path
         Co-energy model or sweep table that a law was fitted to: tells where the law's own shape is wrong.
     pictures : Path
@@ -27,15 +28,13 @@ def compare(
         File for the result as JSON, with the maps.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.measurement_file import read_bench_table
     from femfit.diagnose.compare import compare_observations
     from femfit.diagnose.compare_text import comparison_lines
-    from femfit.diagnose.observations import bench_observations
-    from femfit.diagnose.plausible import plausible_table
+    from femfit.diagnose.measurement import measurement_observations, read_measurement
 
     with status("Reading") as say:
         actuator, base = _model(model), None if reference is None else _model(reference)
-        observations = bench_observations(actuator, plausible_table(actuator, read_bench_table(data)))
+        observations = measurement_observations(actuator, read_measurement(data, actuator))
         say("Comparing")
         comparison = compare_observations(observations, actuator, base)
     written = []

@@ -23,7 +23,8 @@ def diagnose(
     model : Path
         Model file; best the co-energy reference (femfit fit TABLE).
     data : Path
-        Bench table, CSV or Parquet, with its sidecar .toml beside it where noise is declared.
+        Bench table, or record over time (a column time_s; distance and current, and what else was recorded), CSV or
+        Parquet, with its sidecar .toml beside it where noise is declared.
     exclude : tuple of str
         Effects that are not considered; repeat for more.
     bootstrap : int
@@ -36,23 +37,21 @@ def diagnose(
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.measurement_file import read_bench_table
     from femfit.diagnose.diagnose import DiagnosisOptions, examine
-    from femfit.diagnose.observations import bench_observations
-    from femfit.diagnose.plausible import plausible_table
+    from femfit.diagnose.measurement import measurement_observations, read_measurement
     from femfit.diagnose.text import diagnosis_lines
     from femfit.model.json_file import read_model
 
     options = DiagnosisOptions(exclude=exclude, bootstrap=bootstrap, seed=seed)
     with status("Reading") as say:
         actuator = read_model(model)
-        table = plausible_table(actuator, read_bench_table(data))
-        observations = bench_observations(actuator, table)
+        measured = read_measurement(data, actuator)
+        observations = measurement_observations(actuator, measured)
         examination = examine(observations, options, say)
         if report is not None:
-            from femfit.cli.diagnosis_report import write_bench_report
+            from femfit.cli.diagnosis_report import write_report
 
-            write_bench_report(report, (model, actuator), (data, table), examination, say=say)
+            write_report(report, (model, actuator), (data, measured), examination, say=say)
     write_json(json, examination.diagnosis.to_dict())
     print("\n".join(diagnosis_lines(examination.diagnosis)))
     if report is not None:

@@ -5,21 +5,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from femfit.core.measurement import BenchTable
     from femfit.diagnose.add_result import AddResult
     from femfit.diagnose.diagnose import Examination
+    from femfit.diagnose.measurement import Measurement
     from femfit.model.actuator_model import ActuatorModel
 
 
-def write_bench_report(
+def write_report(
     path: Path,
     model: "tuple[Path, ActuatorModel]",
-    data: "tuple[Path, BenchTable]",
+    data: "tuple[Path, Measurement]",
     examination: "Examination",
     added: "AddResult | None" = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Write the report of a bench table's diagnosis.
+    """Write the report of a diagnosis.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def write_bench_report(
         Of the HTML file.
     model : (Path, ActuatorModel)
         File and what was read from it.
-    data : (Path, BenchTable)
+    data : (Path, BenchTable or TimeSeries)
         File and what was read from it.
     examination : Examination
         Of the two.
@@ -38,23 +38,25 @@ def write_bench_report(
     """
     from hashlib import sha256
 
+    from femfit.core.measurement import BenchTable
     from femfit.diagnose.diagnose import considered_effects
-    from femfit.diagnose.observations import bench_observations
+    from femfit.diagnose.measurement import measurement_observations
     from femfit.diagnose.suggest import suggest_measurements
     from femfit.report.diagnosis_content import content_of
     from femfit.report.diagnosis_html import write_diagnosis_report
 
     suggestions = []
-    if examination.evidence is not None and len(examination.explanations) > 1:
+    evidence, several = examination.evidence, len(examination.explanations) > 1
+    if evidence is not None and several and isinstance(data[1], BenchTable):
         say("Trying measurements")
         suggestions = suggest_measurements(
-            model[1], data[1], examination.evidence.noise, examination.explanations, considered_effects()
+            model[1], data[1], evidence.noise, examination.explanations, considered_effects()
         )
     say("Writing the report")
     content = content_of(
         model[1],
         data[1],
-        bench_observations(model[1], data[1]),
+        measurement_observations(model[1], data[1]),
         examination,
         suggestions=suggestions,
         added=added,

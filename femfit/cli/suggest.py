@@ -13,7 +13,7 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
     model : Path
         Model file.
     data : Path
-        Bench table that was diagnosed.
+        Bench table, or record over time, that was diagnosed.
     plan : Path
         Planned bench table: settings, and a column (its cells may be empty) for each channel to be read. Says what such
         a campaign could never tell apart.
@@ -21,13 +21,13 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
+    from femfit.core.measurement import BenchTable
     from femfit.core.measurement_file import read_bench_table
     from femfit.diagnose.diagnose import DiagnosisOptions, considered_effects, examine
-    from femfit.diagnose.observations import bench_observations
+    from femfit.diagnose.measurement import measurement_observations, read_measurement
     from femfit.diagnose.plan import examine_plan
-    from femfit.diagnose.plausible import plausible_table
     from femfit.diagnose.suggest import suggest_measurements
-    from femfit.diagnose.suggest_text import plan_lines, suggestion_lines
+    from femfit.diagnose.suggest_text import isolating_lines, plan_lines, suggestion_lines
     from femfit.model.json_file import read_model
 
     actuator = read_model(model)
@@ -38,17 +38,20 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
         return
     if data is None or plan is not None:
         raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
-    table = plausible_table(actuator, read_bench_table(data))
+    measured = read_measurement(data, actuator)
     with status("Diagnosing") as say:
-        examination = examine(bench_observations(actuator, table), DiagnosisOptions(bootstrap=0), say)
+        examination = examine(measurement_observations(actuator, measured), DiagnosisOptions(bootstrap=0), say)
         explanations = examination.explanations
         advice = []
-        if examination.evidence is not None and len(explanations) > 1:
+        if isinstance(measured, BenchTable) and examination.evidence is not None and len(explanations) > 1:
             say("Trying measurements")
             noise = examination.evidence.noise
-            advice = suggest_measurements(actuator, table, noise, explanations, considered_effects())
+            advice = suggest_measurements(actuator, measured, noise, explanations, considered_effects())
     names = [" + ".join(fit.names) for fit in explanations]
     write_json(json, {"explanations": names, "suggestions": [one.to_dict() for one in advice]})
     if names:
         print(f"The data leave: {'; '.join(names)}.")
-    print("\n".join(suggestion_lines(advice, len(explanations))))
+    if isinstance(measured, BenchTable):
+        print("\n".join(suggestion_lines(advice, len(explanations))))
+    else:
+        print("\n".join(isolating_lines(explanations)))

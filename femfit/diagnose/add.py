@@ -12,14 +12,14 @@ from typing import Literal
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.measurement import BenchTable
 from femfit.diagnose.add_result import AddResult, Step
 from femfit.diagnose.add_size import effect_sizes, suspicious_values
 from femfit.diagnose.add_start import restart, starting_point
 from femfit.diagnose.columns import why_untestable
 from femfit.diagnose.gate import pattern_space
+from femfit.diagnose.measurement import Measurement, measurement_observations
 from femfit.diagnose.noise import estimate_noise
-from femfit.diagnose.observations import Observations, bench_observations
+from femfit.diagnose.observations import Observations
 from femfit.diagnose.refit import Refit, Start, refit
 from femfit.diagnose.unseen import UnseenError, beside_random, channel_rms, floor_as_read, unseen_error
 from femfit.diagnose.whitening import NoiseModel, Whitening, chains_of
@@ -73,7 +73,7 @@ class _Fitted:
 
 def add_effects(
     model: ActuatorModel,
-    data: BenchTable | Observe,
+    data: Measurement | Observe,
     names: Sequence[str],
     options: AddOptions | None = None,
     progress: Callable[[str], None] | None = None,
@@ -84,8 +84,8 @@ def add_effects(
     ----------
     model : ActuatorModel
         Effects that it has already are refitted with the new ones where the data can show them.
-    data : BenchTable or callable
-        A bench table as read; or a function that places any other measurement beside a model.
+    data : BenchTable or TimeSeries or callable
+        As read; or a function that places any other measurement beside a model.
     names : sequence of str
         Effects of the catalogue in the order of adding; one that the model has already is refitted.
     options : AddOptions or None
@@ -106,7 +106,7 @@ def add_effects(
         If the data cannot show an effect, or do not tell their noise.
     """
     options, say = options or AddOptions(), progress or (lambda _: None)
-    observe = (lambda m: bench_observations(m, data)) if isinstance(data, BenchTable) else data
+    observe = data if callable(data) else (lambda m: measurement_observations(m, data))
     kept, given, new = _split(model, names, observe)
     campaign = _campaign(observe(with_effects(model, kept)))
     observations, noise, whitening = campaign.observations, campaign.noise, campaign.whitening

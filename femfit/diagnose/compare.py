@@ -67,7 +67,7 @@ class ChannelMisfit:
     noise_floor : float or None
         Standard deviation of one reading; None where nothing tells it.
     noise_source : str
-        ``repeats``, ``declared``, or empty.
+        ``repeats``, ``declared``, ``samples`` of a time series, or empty.
     noise_readings : float or None
         Repeats that the floor comes from.
     model_misfit : float

@@ -42,7 +42,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
 def _channel(one: ChannelMisfit) -> str:
     text = f"{CHANNEL_WORDS[one.channel]}: rms misfit {amount(one.rms, one.channel)} in {one.readings} readings"
     if one.noise_floor is not None:
-        source = "declared" if one.noise_readings is None else f"{one.noise_readings:.0f} repeats"
+        source = one.noise_source if one.noise_readings is None else f"{one.noise_readings:.0f} repeats"
         text += (
             f", {one.rms / one.noise_floor:.2f} times the noise of {amount(one.noise_floor, one.channel)} ({source})"
         )

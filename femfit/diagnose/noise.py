@@ -84,7 +84,7 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
         here = observations.channel == c
         square, dof = pure_error(residual[here], cells[here], nuisance[here])
         if name in observations.declared_noise:
-            sigma[c], degrees[c], source[name] = observations.declared_noise[name], np.inf, "declared"
+            sigma[c], degrees[c], source[name] = observations.declared_noise[name], np.inf, observations.noise_source
         if dof >= (4 * _LEAST_REPEATS if name in source else _LEAST_REPEATS) and square > 0.0:
             sigma[c], degrees[c], source[name] = np.sqrt(square / dof), dof, "repeats"
     return sigma, degrees, source

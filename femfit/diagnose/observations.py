@@ -57,6 +57,8 @@ class Observations:
         What was left out, one plain sentence each.
     present : tuple of str
         Effects that the model has already.
+    noise_source : str
+        What declares the noise: ``declared``, a sidecar; ``samples``, those within each window.
     """
 
     channels: tuple[str, ...]
@@ -73,6 +75,7 @@ class Observations:
     tolerance: FloatArray
     findings: tuple[str, ...] = ()
     present: tuple[str, ...] = ()
+    noise_source: str = "declared"
 
     @cached_property
     def base(self) -> FloatArray:

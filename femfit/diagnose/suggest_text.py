@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from femfit.diagnose.plan import PlanReport
+from femfit.diagnose.refit import Refit
 from femfit.diagnose.suggest import Suggestion
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
@@ -44,6 +45,26 @@ def suggestion_lines(suggestions: Sequence[Suggestion], explanations: int) -> li
             left = "; ".join(_listed(group, "or") for group in _chained(one.remains))
             lines.append(f"   It would leave open: {left}.")
     return lines
+
+
+def isolating_lines(explanations: Sequence[Refit]) -> list[str]:
+    """What isolates each effect that a record of motion leaves, where no added readings can be tried.
+
+    Parameters
+    ----------
+    explanations : sequence of Refit
+        That the data leave.
+
+    Returns
+    -------
+    list of str
+        A line an effect.
+    """
+    names = list(dict.fromkeys(name for fit in explanations for name in fit.names))
+    if len(explanations) < 2:
+        return ["There is nothing to separate: the data leave one explanation or none."]
+    effects = all_effects()
+    return ["What isolates each of them:", *(f"{name}: {effects[name].experiment}" for name in names)]
 
 
 def _gathered(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, list[str]]]:

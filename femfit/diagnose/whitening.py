@@ -82,7 +82,7 @@ class NoiseModel:
     repeats, degrees_of_freedom : array, shape (channels,)
         Of ``sigma``, counted in readings and in independent ones; infinite where it was declared.
     source : mapping of str to str
-        Per channel ``repeats``, ``declared`` or ``smooth``.
+        Per channel ``repeats``, ``declared`` or ``samples``.
     test_mount_m, test_run : float and array
         The same standard deviations as tests use them: widened for having been estimated from few mounts and runs.
     """

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from femfit.core.arrays import FloatArray
-from femfit.core.measurement import BenchTable
 from femfit.diagnose.add_result import AddResult
 from femfit.diagnose.diagnose import Examination
 from femfit.diagnose.diagnosis import Diagnosis
-from femfit.diagnose.observations import Observations, bench_observations
+from femfit.diagnose.measurement import Measurement, measurement_observations
+from femfit.diagnose.observations import Observations
 from femfit.diagnose.suggest import Suggestion
 from femfit.model.actuator_model import ActuatorModel
 
@@ -56,6 +56,11 @@ class DiagnosisContent:
         return self.examination.diagnosis
 
     @property
+    def recorded_motion(self) -> bool:
+        """Whether readings are windows of a time series."""
+        return "velocity_m_s" in self.observations.covariates
+
+    @property
     def sigma(self) -> dict[str, float]:
         """Noise of a single reading, for the channels where it is known."""
         return dict(self.diagnosis.noise_floor)
@@ -63,7 +68,7 @@ class DiagnosisContent:
 
 def content_of(
     model: ActuatorModel,
-    table: BenchTable,
+    data: Measurement,
     observations: Observations,
     examination: Examination,
     *,
@@ -71,16 +76,16 @@ def content_of(
     added: AddResult | None = None,
     hashes: tuple[tuple[str, str], ...] = (),
 ) -> DiagnosisContent:
-    """The content of a bench table's diagnosis.
+    """The content of a measurement's diagnosis.
 
     Parameters
     ----------
     model : ActuatorModel
         That was compared.
-    table : BenchTable
+    data : BenchTable or TimeSeries
         As read.
     observations : Observations
-        Of model and table.
+        Of model and data.
     examination : Examination
         Of the observations.
     suggestions : sequence of Suggestion
@@ -97,7 +102,7 @@ def content_of(
     """
     after = None
     if added is not None:
-        after = bench_observations(added.model, table).residual
+        after = measurement_observations(added.model, data).residual
     elif examination.explanations:
         after = observations.value - observations.predict(examination.explanations[0].effects)
     return DiagnosisContent(
@@ -107,8 +112,8 @@ def content_of(
         suggestions=suggestions,
         added=added,
         after=after,
-        source=table.source,
-        test_object=table.test_object,
-        notes=table.notes,
+        source=data.source,
+        test_object=data.test_object,
+        notes=data.notes,
         hashes=hashes,
     )

@@ -193,6 +193,8 @@ COVARIATE_LABELS = {
     "elapsed": "order of the readings",
     "branch": "branch of the current",
     "run": "run",
+    "velocity_m_s": "speed of the distance (m/s)",
+    "current_rate_A_s": "rate of the current (A/s)",
     "distance_m": "distance (m)",
     "current_A": "current (A)",
 }

@@ -1,5 +1,7 @@
 """The diagnosis report's sections on what would explain the misfit, what else could, and what to measure next."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from markupsafe import Markup
 
@@ -229,17 +231,22 @@ def next_section(content: DiagnosisContent) -> Section | None:
             Markup("What would split the class, the cheapest for what it splits first:"),
             _suggestions(content),
         ]
+    elif content.recorded_motion and diagnosis.missing:
+        names = dict.fromkeys(name for one in diagnosis.missing for name in one.members)
+        blocks.append(text("What isolates each of them:{}", _isolating(names)))
     elif any(len(one.members) > 1 for one in diagnosis.missing):
         blocks.append(Markup("No measurement that femfit knows would split this class at the sizes found here."))
     else:
-        effects = all_effects()
-        items = Markup("").join(
-            text("<li><strong>{}</strong>: {}</li>", one.name, effects[one.name].experiment)
-            for one in diagnosis.missing
-            if one.name in effects
-        )
-        blocks.append(text("These data decide by themselves. An independent check:<ul>{}</ul>", items))
+        names = dict.fromkeys(one.name for one in diagnosis.missing)
+        blocks.append(text("These data decide by themselves. An independent check:{}", _isolating(names)))
     return Section("next", "What to measure next", tuple(blocks))
+
+
+def _isolating(names: Iterable[str]) -> Markup:
+    """The experiment that isolates each effect."""
+    effects = all_effects()
+    items = (text("<li><strong>{}</strong>: {}</li>", name, effects[name].experiment) for name in names)
+    return text("<ul>{}</ul>", Markup("").join(items))
 
 
 def _nearest(content: DiagnosisContent) -> Markup:

@@ -26,15 +26,16 @@ def measured_section(content: DiagnosisContent) -> Section:
         With a picture of the settings.
     """
     observations = content.observations
-    rows = observations.covariates
+    rows, moving = observations.covariates, content.recorded_motion
     blocks: list[Block] = [
         text(
-            "{}{} readings of {} settings in {} and {}, between {} and {} mm and {} and {} A.",
+            "{}{} readings of {} {} in {}{}, between {} and {} mm and {} and {} A.",
             text("{}: ", content.test_object) if content.test_object else "",
             f"{len(observations.value):,}",
             f"{len(rows):,}",
+            "windows of a recorded motion" if moving else "settings",
             _counted(len(np.unique(rows["run"])), "run"),
-            _counted(len(np.unique(rows["mount"])), "mount"),
+            "" if moving else f" and {_counted(len(np.unique(rows['mount'])), 'mount')}",
             plain(1e3 * float(rows["distance_m"].min()), 4),
             plain(1e3 * float(rows["distance_m"].max()), 4),
             plain(float(rows["current_A"].min()), 3),
@@ -71,9 +72,9 @@ def _noise(content: DiagnosisContent) -> Block:
     rows = tuple(_noise_row(content, noise, c) for c in range(len(noise.channels)))
     return DataTable(
         text(
-            "Noise of a single reading. Put back by hand, the body comes back to within {} (standard deviation of a "
-            "re-mount); runs are offset and readings follow each other as the last columns say. None of this is taken "
-            "for physics.",
+            "Noise of a single reading. {} to within {} (standard deviation); runs are offset and readings follow each "
+            "other as the last columns say. None of this is taken for physics.",
+            "The recorded distance is right" if content.recorded_motion else "Put back by hand, the body comes back",
             quantity(noise.mount_m, "m", 2),
         ),
         ("channel", "readings", "noise σ", "known from", "of the largest reading", "offset of a run", "correlation"),

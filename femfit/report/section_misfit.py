@@ -10,7 +10,10 @@ from femfit.report.measured_figures import covariate_figure, residual_maps_figur
 from femfit.report.numbers import NOTHING, quantity, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
 
-SCALAR = ("coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run")
+SCALAR = (
+    "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "velocity_m_s",
+    "current_rate_A_s",
+)  # fmt: skip
 """Covariates that a map over distance and current does not show."""
 
 

@@ -143,7 +143,13 @@ def _voltage_balance(
         (circuit.resistance_ohm * mean + carried(slope, field.inductance), noise["current_A"]),
         (carried(slope, field.force_i), noise["distance_m"]),
     )
-    predicted = circuit.resistance_ohm * (mean @ current) + slope @ field.flux
+    here, inside = np.flatnonzero(samples.usable), field.inductance > 0.0
+    # Between samples the current settles towards the held command, by which a trapezoid over it is h^2 i'' / 12 short
+    step = np.median(np.diff(samples.time[here])) if len(here) > 1 else 0.0
+    settling = (
+        (circuit.resistance_ohm * step) ** 2 / 12.0 / np.median(field.inductance[inside]) if inside.any() else 0.0
+    )
+    predicted = circuit.resistance_ohm * (mean @ current) + slope @ (field.flux + settling * current)
     return MeasuredChannel(
         VOLTAGE_BALANCE,
         driven @ np.nan_to_num(volts),

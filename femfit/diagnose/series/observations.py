@@ -142,6 +142,7 @@ def _assembled(
         tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
         findings=findings,
         present=tuple(added.effect.name for added in own),
+        noise_source="samples",
     )
 
 
