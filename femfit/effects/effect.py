@@ -100,8 +100,9 @@ class Memory:
         rate for each of its signs.
     lag : callable or None
         (conditions, p) -> mapping of name to (c in A, t in A/Wb) of states that act as W'(d, i) -> V - sum_k t_k z_k
-        (dV/di)^2 / 2 with V = W'(d, i - sum_k c_k z_k); None where they act otherwise. What ``coenergy`` does is said
-        once more, so that the change of the flux linkage with the states is known without differences.
+        (dV/di)^2 / 2 with V = W'(d, i - sum_k c_k z_k); no callable, or None, where they act otherwise. What
+        ``coenergy`` does is said once more, so that the change of the flux linkage with the states is known without
+        differences.
     """
 
     names: tuple[str, ...]
@@ -112,7 +113,7 @@ class Memory:
         [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
         Mapping[str, FloatArray],
     ]
-    lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]]] | None = None
+    lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]] | None] | None = None
 
 
 Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]

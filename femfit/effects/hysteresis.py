@@ -3,8 +3,8 @@
 The core acts as if the current were i - sum_r w_r z_r with states that saturate as the current moves on (Dahl;
 Coleman and Hodgdon): dz_r/di = (1 - sign(di) z_r) / r, for three radii r. On a slow cycle between two turning points
 z_r has a closed form, which a bench reading takes; where the branch is unknown, z = 0. Weights of either sign together
-make loops that are narrow at their tips, as Rayleigh's. A loop whose width changes along the current has a part that
-goes with the flux: W' -> W' - (w_t z lambda^2) / 2.
+make loops that are narrow at their tips, as Rayleigh's. A loop whose width changes along the current has parts that go
+with the flux: W' -> W' - z (w_1 lambda^2 / 2 + w_2 lambda^3 / 3). A core that saturates both ways lags most in between.
 
 References
 ----------
@@ -23,7 +23,7 @@ from femfit.effects.jet import CoenergyJet, Jet
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
 
-_TAPERED = "medium"
+_TAPERED = "large"
 
 
 def _states(i: FloatArray, at: Conditions) -> Mapping[str, FloatArray]:
@@ -59,7 +59,9 @@ def _rate(
     }
 
 
-def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
+def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]] | None:
+    if p["bulge"]:
+        return None
     scale = at.nominal.current_scale
     taper = p["taper"] * scale / at.nominal.flux_linkage_Wb
     return {f"hysteresis_{name}": (scale * p[f"width_{name}"], taper if name == _TAPERED else 0.0) for name in _RADII}
@@ -71,7 +73,7 @@ def _coenergy(
     remembered = all(f"hysteresis_{name}" in at.memory for name in _RADII)
     states = {name: like(value, i) for name, value in at.memory.items()} if remembered else _states(i, at)
     lag = at.nominal.current_scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
-    tapered = p["taper"] != 0.0
+    tapered = p["taper"] != 0.0 or p["bulge"] != 0.0
     energy = base(d, i - lag, n_d, n_i + tapered)
     coefficients = energy.truncated(n_d, n_i).coefficients.copy()
     if p["hall_share"] != 1.0:
@@ -80,8 +82,10 @@ def _coenergy(
         return Jet(coefficients)
     linkage = energy.along_current().coefficients.copy()
     linkage[1] *= p["hall_share"]
-    taper = p["taper"] * states[f"hysteresis_{_TAPERED}"] * at.nominal.current_scale / at.nominal.flux_linkage_Wb
-    return Jet(coefficients) - (0.5 * taper) * (Jet(linkage) * Jet(linkage))
+    flux = Jet(linkage)
+    square, lagging = flux * flux, states[f"hysteresis_{_TAPERED}"] * at.nominal.current_scale
+    taper, bulge = (p[name] / at.nominal.flux_linkage_Wb**k * lagging for k, name in ((1, "taper"), (2, "bulge")))
+    return Jet(coefficients) - (taper / 2.0) * square - (bulge / 3.0) * (square * flux)
 
 
 HYSTERESIS = Effect(
@@ -113,6 +117,15 @@ HYSTERESIS = Effect(
             of="current_scale",
         ),
         EffectParameter(
+            name="bulge",
+            unit="",
+            lower=-0.2,
+            upper=0.2,
+            sane=(-0.08, 0.08),
+            description="The same for flux of either sign; negative where the loop is widest without flux.",
+            of="current_scale",
+        ),
+        EffectParameter(
             name="hall_share",
             unit="",
             lower=-1.0,
@@ -129,7 +142,7 @@ HYSTERESIS = Effect(
     coenergy=_coenergy,
     memory=Memory(
         names=tuple(f"hysteresis_{name}" for name in _RADII),
-        amplitudes=(*(f"width_{name}" for name in _RADII), "taper"),
+        amplitudes=(*(f"width_{name}" for name in _RADII), "taper", "bulge"),
         spread=0.5,
         rest=_rest,
         rate=_rate,

@@ -87,9 +87,9 @@ class EffectDynamics:
         found, tapering = dict.fromkeys(self.names, (0.0, 0.0)), 0
         for added in self.later:
             memory = added.memory
-            if memory is None or memory.lag is None:
+            own = memory.lag(self.at, added.parameters) if memory is not None and memory.lag is not None else None
+            if own is None:
                 return None
-            own = memory.lag(self.at, added.parameters)
             tapering += any(taper for _, taper in own.values())
             found |= own
         return np.array(list(found.values())).reshape(-1, 2).T if tapering <= 1 else None
