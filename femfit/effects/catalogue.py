@@ -1,8 +1,8 @@
 """The catalogue of effects: one tuple; third parties add theirs by the entry point ``femfit.effects``."""
 
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 
-from femfit.core.errors import ModelFileError
+from femfit.core.entry_catalogue import EntryCatalogue
 from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.effects.coil_temperature import COIL_TEMPERATURE
 from femfit.effects.constant_force import CONSTANT_FORCE
@@ -72,6 +72,8 @@ BUILT_IN: tuple[Effect, ...] = (
 GROUP = "femfit.effects"
 """Entry points of other packages' effects, each named as its effect."""
 
+_CATALOGUE = EntryCatalogue(Effect, "Effect", BUILT_IN, BASE_AMPLITUDES)
+
 
 def all_effects() -> dict[str, Effect]:
     """Every effect by its name: those of femfit, then those of installed packages.
@@ -86,10 +88,7 @@ def all_effects() -> dict[str, Effect]:
     ModelFileError
         If an installed package's effect cannot be loaded.
     """
-    effects = {effect.name: effect for effect in BUILT_IN}
-    for entry in entry_points(group=GROUP):
-        effects.setdefault(entry.name, _loaded(entry))
-    return effects
+    return _CATALOGUE.all(entry_points(group=GROUP))
 
 
 def effect_by_name(name: str) -> Effect:
@@ -110,28 +109,4 @@ def effect_by_name(name: str) -> Effect:
     ModelFileError
         If no effect has this name, or its package cannot be loaded.
     """
-    for effect in (*BUILT_IN, *BASE_AMPLITUDES):
-        if effect.name == name:
-            return effect
-    for entry in entry_points(group=GROUP, name=name):
-        return _loaded(entry)
-    known = [effect.name for effect in BUILT_IN] + [entry.name for entry in entry_points(group=GROUP)]
-    raise ModelFileError(
-        f"Effect must be one of {', '.join(known)}; instead received {name!r}. If another package gives it, install "
-        "that package."
-    )
-
-
-def _loaded(entry: EntryPoint) -> Effect:
-    try:
-        effect = entry.load()
-    except (ImportError, AttributeError) as error:
-        raise ModelFileError(
-            f"Effect {entry.name!r} ({entry.value}) cannot be loaded: {error}. Repair or remove its package."
-        ) from error
-    if not isinstance(effect, Effect) or effect.name != entry.name:
-        raise ModelFileError(
-            f"Entry point {entry.name!r} ({entry.value}) must give an Effect of that name; it does not. Repair or "
-            "remove its package."
-        )
-    return effect
+    return _CATALOGUE.find(name, lambda: entry_points(group=GROUP))

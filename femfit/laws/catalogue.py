@@ -1,8 +1,8 @@
 """The catalogue of force laws: one tuple; third parties add theirs by the entry point ``femfit.laws``."""
 
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 
-from femfit.core.errors import ModelFileError
+from femfit.core.entry_catalogue import EntryCatalogue
 from femfit.laws.dipole_disk import DIPOLE_DISK
 from femfit.laws.dipole_loop import DIPOLE_LOOP
 from femfit.laws.exponential_harmonics import EXPONENTIAL_HARMONICS
@@ -35,6 +35,8 @@ BUILT_IN: tuple[ForceLaw, ...] = (
 GROUP = "femfit.laws"
 """Entry points of other packages' laws, each named as its law."""
 
+_CATALOGUE = EntryCatalogue(ForceLaw, "Force law", BUILT_IN)
+
 
 def all_laws() -> dict[str, ForceLaw]:
     """Every law by its name: those of femfit, then those of installed packages.
@@ -49,10 +51,7 @@ def all_laws() -> dict[str, ForceLaw]:
     ModelFileError
         If an installed package's law cannot be loaded.
     """
-    laws = {law.name: law for law in BUILT_IN}
-    for entry in entry_points(group=GROUP):
-        laws.setdefault(entry.name, _loaded(entry))
-    return laws
+    return _CATALOGUE.all(entry_points(group=GROUP))
 
 
 def law_by_name(name: str) -> ForceLaw:
@@ -73,28 +72,4 @@ def law_by_name(name: str) -> ForceLaw:
     ModelFileError
         If no law has this name, or its package cannot be loaded.
     """
-    for law in BUILT_IN:
-        if law.name == name:
-            return law
-    for entry in entry_points(group=GROUP, name=name):
-        return _loaded(entry)
-    known = [law.name for law in BUILT_IN] + [entry.name for entry in entry_points(group=GROUP)]
-    raise ModelFileError(
-        f"Force law must be one of {', '.join(known)}; instead received {name!r}. If another package gives it, install "
-        "that package."
-    )
-
-
-def _loaded(entry: EntryPoint) -> ForceLaw:
-    try:
-        law = entry.load()
-    except (ImportError, AttributeError) as error:
-        raise ModelFileError(
-            f"Force law {entry.name!r} ({entry.value}) cannot be loaded: {error}. Repair or remove its package."
-        ) from error
-    if not isinstance(law, ForceLaw) or law.name != entry.name:
-        raise ModelFileError(
-            f"Entry point {entry.name!r} ({entry.value}) must give a ForceLaw of that name; it does not. Repair or "
-            "remove its package."
-        )
-    return law
+    return _CATALOGUE.find(name, lambda: entry_points(group=GROUP))
