@@ -39,7 +39,7 @@ class PlateauOptions:
     settling : float
         Seconds that are left out after each change.
     still_A, still_m : float
-        A sample that moved by less since the one before is on a plateau.
+        A sample that moved by less since the one before is on a plateau, whose quarters may not differ by more either.
     """
 
     method: OffsetMethod = "plateaus"
@@ -99,7 +99,7 @@ def plateau_flux(
     Raises
     ------
     TableError
-        If the clock does not rise, a cell is missing, or there are fewer than two plateaus.
+        If the clock does not rise, a cell is missing, a plateau creeps, or there are fewer than two.
     """
     if not all(np.isfinite(column).all() for column in (time, voltage, current, distance)):
         raise TableError("A bench record must have a time, voltage, current and distance in each row; fill or cut it.")
@@ -200,8 +200,22 @@ def _plateaus(
         end = b if b == len(time) else b - 1
         if end - begin >= _LEAST:
             spans.append((begin, end))
+            _require_still(time[begin:end], current[begin:end], options.still_A, "A")
+            _require_still(time[begin:end], distance[begin:end], options.still_m, "m")
     pairs = np.array(spans, dtype=np.int64).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
+
+
+def _require_still(time: FloatArray, values: FloatArray, still: float, unit: str) -> None:
+    """Refuse a ramp that is too slow to show between two neighbouring samples."""
+    quarter = max(1, len(values) // 4)
+    crept = abs(float(values[-quarter:].mean() - values[:quarter].mean()))
+    if crept > still:
+        raise TableError(
+            f"From {time[0]:g} to {time[-1]:g} s no sample moves by more than {still:g} {unit}, but all of them by "
+            f"{crept:.3g} {unit}. Lower the limit below a slow ramp's step, or thin the record; if this is a plateau, "
+            "raise it."
+        )
 
 
 def _branch(level: FloatArray, still: float) -> FloatArray:

@@ -76,6 +76,18 @@ def test_the_branch_is_the_last_change_of_current_and_settling_shortens_plateaus
     assert list(found.last - found.first) == [79, 59, 59, 59, 60]
 
 
+def test_a_ramp_slower_than_the_limit_from_sample_to_sample_is_not_taken_for_a_plateau():
+    ramp = np.linspace(0.0, 1.0, 2001)[1:-1]  # 0.5 mA a sample
+    current = np.concatenate([np.zeros(80), ramp, np.ones(80), np.full(80, 2.0)])
+    time, distance = np.arange(len(current)) / RATE, np.full(len(current), 0.02)
+    with pytest.raises(TableError, match="slow ramp"):
+        plateau_flux(time, np.gradient(current, time), current, distance, PlateauOptions())
+    finer = PlateauOptions(still_A=1e-4)
+    np.testing.assert_allclose(
+        plateau_flux(time, np.gradient(current, time), current, distance, finer).flux, [0.0, 1.0, 2.0], atol=1e-9
+    )
+
+
 def test_a_clock_that_steps_back_and_a_missing_cell_are_refused():
     back = TIME.copy()
     back[200] = back[199]
