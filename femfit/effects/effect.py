@@ -99,10 +99,10 @@ class Memory:
         (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative; linear in the current's
         rate for each of its signs.
     lag : callable or None
-        (conditions, p) -> mapping of name to (c in A, t in A/Wb) of states that act as W'(d, i) -> V - sum_k t_k z_k
-        (dV/di)^2 / 2 with V = W'(d, i - sum_k c_k z_k); no callable, or None, where they act otherwise. What
-        ``coenergy`` does is said once more, so that the change of the flux linkage with the states is known without
-        differences.
+        (conditions, p) -> mapping of name to (c in A, t in A/Wb, b in A/Wb^2) of states that act as
+        W'(d, i) -> V - sum_k z_k (t_k lambda^2 / 2 + b_k lambda^3 / 3) with V = W'(d, i - sum_k c_k z_k) and
+        lambda = dV/di; None where they act otherwise. What ``coenergy`` does is said once more, so that the change of
+        the flux linkage with the states is known without differences.
     """
 
     names: tuple[str, ...]
@@ -113,7 +113,7 @@ class Memory:
         [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
         Mapping[str, FloatArray],
     ]
-    lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]] | None] | None = None
+    lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float, float]]] | None = None
 
 
 Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]

@@ -59,12 +59,10 @@ def _rate(
     }
 
 
-def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]] | None:
-    if p["bulge"]:
-        return None
-    scale = at.nominal.current_scale
-    taper = p["taper"] * scale / at.nominal.flux_linkage_Wb
-    return {f"hysteresis_{name}": (scale * p[f"width_{name}"], taper if name == _TAPERED else 0.0) for name in _RADII}
+def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float, float]]:
+    scale, flux = at.nominal.current_scale, at.nominal.flux_linkage_Wb
+    growth = {_TAPERED: (scale * p["taper"] / flux, scale * p["bulge"] / flux**2)}
+    return {f"hysteresis_{name}": (scale * p[f"width_{name}"], *growth.get(name, (0.0, 0.0))) for name in _RADII}
 
 
 def _coenergy(

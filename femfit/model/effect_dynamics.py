@@ -23,6 +23,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Memory
 from femfit.effects.jet import CoenergyJet, Jet
 from femfit.model.coenergy_jet import changed_jet
+from femfit.model.magnetics import MagneticState
 
 _PROBE = 1e-3
 """Step of a difference in a state, which is of the order of one."""
@@ -83,16 +84,16 @@ class EffectDynamics:
 
     @cached_property
     def lags(self) -> FloatArray | None:
-        """C and t of every state as in :class:`Memory`, shape (2, len(names)); None where one acts otherwise."""
-        found, tapering = dict.fromkeys(self.names, (0.0, 0.0)), 0
+        """C, t and b of every state as in :class:`Memory`, shape (3, len(names)); None where one acts otherwise."""
+        found, growing = dict.fromkeys(self.names, (0.0, 0.0, 0.0)), 0
         for added in self.later:
             memory = added.memory
-            own = memory.lag(self.at, added.parameters) if memory is not None and memory.lag is not None else None
-            if own is None:
+            if memory is None or memory.lag is None:
                 return None
-            tapering += any(taper for _, taper in own.values())
+            own = memory.lag(self.at, added.parameters)
+            growing += any(taper or bulge for _, taper, bulge in own.values())
             found |= own
-        return np.array(list(found.values())).reshape(-1, 2).T if tapering <= 1 else None
+        return np.array(list(found.values())).reshape(-1, 3).T if growing <= 1 else None
 
     def derivative(
         self,
@@ -124,17 +125,17 @@ class EffectDynamics:
         d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         volts = np.broadcast_to(voltage, state.shape[:-1]).ravel()
         memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
-        series, slopes = self._magnetics(memory, d, i)
-        motional = -series.derivative(1, 1) * v
+        magnetic, slopes = self._magnetics(memory, d, i)
+        motional = magnetic.motional_constant * v
         at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional)
-        force, resistance = -series.derivative(1, 0), np.full_like(i, self.resistance_ohm)
+        force, resistance = magnetic.force, np.full_like(i, self.resistance_ohm)
         for added in self.effects:
             if added.effect.force is not None:
                 force = force + added.effect.force(d, i, at, added.parameters)
             if added.effect.circuit is not None:
                 resistance, volts = added.effect.circuit(resistance, volts, i, at, added.parameters)
         rest = volts - resistance * i + motional
-        inductance = series.derivative(0, 2)
+        inductance = magnetic.inductance
         rates = np.zeros((len(self.names), len(flat)))
         if self.names:
             still = self._rates(memory, d, v, i, np.zeros_like(i), at)
@@ -164,23 +165,32 @@ class EffectDynamics:
             rates.update(own.rate(memory, d, v, i, current_rate, at, added.parameters))
         return np.stack([rates[name] for name in self.names])
 
-    def _magnetics(self, memory: Mapping[str, FloatArray], d: FloatArray, i: FloatArray) -> tuple[Jet, FloatArray]:
-        """The co-energy, and the flux linkage's derivative in each state, shape (len(names), n)."""
+    def _magnetics(
+        self, memory: Mapping[str, FloatArray], d: FloatArray, i: FloatArray
+    ) -> tuple[MagneticState, FloatArray]:
+        """Force, motional constant and inductance, and the flux linkage's derivative in each state, (len(names), n)."""
         if not self.names:
-            return self.motion_jet(d, i, 1, 2), np.zeros((0, len(i)))
+            return _state(self.motion_jet(d, i, 1, 2)), np.zeros((0, len(i)))
         states = np.stack(list(memory.values()))
         if self.lags is None:
             changed = changed_jet(self.motion_jet, self.later, replace(self.at, memory=memory))
-            return changed(d, i, 1, 2), self._flux_differences(states, d, i)
-        lag, taper = self.lags
-        if not taper.any():
-            series = self.motion_jet(d, i - lag @ states, 1, 2)
-            return series, -lag[:, None] * series.derivative(0, 2)
-        seen = self.motion_jet(d, i - lag @ states, 1, 3)
-        linkage = seen.along_current()
-        series = seen.truncated(1, 2) - (0.5 * (taper @ states)) * (linkage * linkage)
-        lost = linkage.value * linkage.derivative(0, 1)
-        return series, -lag[:, None] * series.derivative(0, 2) - taper[:, None] * lost
+            return _state(changed(d, i, 1, 2)), self._flux_differences(states, d, i)
+        lag, *growth = self.lags
+        if not np.any(growth):
+            seen = _state(self.motion_jet(d, i - lag @ states, 1, 2))
+            return seen, -lag[:, None] * seen.inductance
+        series = self.motion_jet(d, i - lag @ states, 1, 3)
+        seen, linkage = _state(series), series.derivative(0, 1)
+        taper, bulge = growth
+        # W' = V - g(lambda): its derivatives by the chain rule
+        first = taper @ states * linkage + bulge @ states * linkage**2
+        second = taper @ states + 2.0 * (bulge @ states) * linkage
+        kept = 1.0 - second * seen.inductance
+        force = seen.force - first * seen.motional_constant
+        motional = seen.motional_constant * kept + first * series.derivative(1, 2)
+        inductance = seen.inductance * kept - first * series.derivative(0, 3)
+        own = (taper[:, None] + bulge[:, None] * linkage) * linkage * seen.inductance
+        return MagneticState(force, motional, inductance), -lag[:, None] * inductance - own
 
     def _flux_differences(self, states: FloatArray, d: FloatArray, i: FloatArray) -> FloatArray:
         """The flux linkage's derivative in each state by central differences, all of them at once."""
@@ -242,6 +252,10 @@ class EffectDynamics:
             if added.effect.readings is not None:
                 values = added.effect.readings(values, distance, current, at, added.parameters)
         return values["hall_V"]
+
+
+def _state(series: Jet) -> MagneticState:
+    return MagneticState(-series.derivative(1, 0), -series.derivative(1, 1), series.derivative(0, 2))
 
 
 def seen_point(
