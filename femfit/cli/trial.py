@@ -1,11 +1,11 @@
 """``femfit trial``: how often the diagnosis is right on campaigns with a hidden effect."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter, validators
 
-DRAWINGS = ("emaws-rig", "plunger-solenoid", "biased-electromagnet")
+DRAWINGS = {"bench": ("emaws-rig", "plunger-solenoid", "biased-electromagnet"), "series": ("emaws-rig",)}
 
 
 def trial(
@@ -15,6 +15,7 @@ def trial(
     seed: int = 1,
     workers: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 2,
     drawing: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
+    kind: Literal["bench", "series"] = "bench",
     baselines: bool = True,
     json: Path | None = None,
 ) -> None:
@@ -34,7 +35,9 @@ def trial(
     workers : int
         Processes.
     drawing : tuple of Path
-        Actuator files, repeat for more; those of geometry/ by default.
+        Actuator files, repeat for more; some of geometry/ by default.
+    kind : str
+        Static bench tables, or closed-loop records of a levitated body.
     baselines : bool
         Try the baselines on the same files; they need scikit-learn (pip install femfit[trial]).
     json : Path
@@ -44,8 +47,8 @@ def trial(
     from femfit.trial.run import TrialOptions, make_trial, run_trial, write_cases_csv
     from femfit.trial.table import by_effect, trial_table
 
-    drawings = drawing or tuple(Path("geometry") / f"{name}.toml" for name in DRAWINGS)
-    options = TrialOptions(cases=cases, seed=seed, workers=workers, baselines=baselines)
+    drawings = drawing or tuple(Path("geometry") / f"{name}.toml" for name in DRAWINGS[kind])
+    options = TrialOptions(cases=cases, seed=seed, workers=workers, baselines=baselines, kind=kind)
     with status("Solving") as say:
         commitments = make_trial(drawings, output, options, say)
     print(f"{len(commitments)} cases in {output}; {output / 'manifest.json'} commits to their keys", flush=True)

@@ -16,7 +16,7 @@ from femfit.core.arrays import FloatArray
 from femfit.diagnose.columns import effect_columns, why_untestable
 from femfit.diagnose.diagnose import considered_effects
 from femfit.diagnose.noise import estimate_noise
-from femfit.diagnose.observations import Observations, bench_observations
+from femfit.diagnose.observations import Observations
 from femfit.trial.engine import CaseFiles
 
 SOMETHING = "something"
@@ -48,7 +48,7 @@ def baseline_names(files: CaseFiles) -> dict[str, list[str]]:
     dict of str to list of str
         ``lasso_bic``, ``stepwise_aicc`` and ``gaussian_process`` (which can only say that there is something).
     """
-    observations = bench_observations(files.model, files.data)
+    observations = files.observations
     noise = estimate_noise(observations)
     if noise is None:
         return {"lasso_bic": [], "stepwise_aicc": [], "gaussian_process": []}

@@ -11,9 +11,11 @@ import pandas as pd
 from femfit.core.errors import FemfitError
 from femfit.core.measurement import BenchTable
 from femfit.core.measurement_file import read_bench_table
+from femfit.core.time_series_file import is_time_series, read_time_series
 from femfit.diagnose.add import add_effects
-from femfit.diagnose.diagnose import DiagnosisOptions, diagnose_bench
-from femfit.diagnose.observations import bench_observations
+from femfit.diagnose.diagnose import DiagnosisOptions, diagnose
+from femfit.diagnose.measurement import Measurement, measurement_observations
+from femfit.diagnose.observations import Observations, bench_observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 
@@ -26,13 +28,22 @@ class CaseFiles:
     ----------
     model : ActuatorModel
         Of the drawing.
-    data, unseen : BenchTable
+    data, unseen : BenchTable or TimeSeries
         The campaign, and a further run.
     """
 
     model: ActuatorModel
-    data: BenchTable
-    unseen: BenchTable
+    data: Measurement
+    unseen: Measurement
+
+    @property
+    def observations(self) -> Observations:
+        """The campaign beside the model."""
+        return measurement_observations(self.model, self.data)
+
+
+def _read(path: Path) -> Measurement:
+    return read_time_series(path) if is_time_series(path) else read_bench_table(path)
 
 
 def read_case(directory: Path) -> CaseFiles:
@@ -50,8 +61,8 @@ def read_case(directory: Path) -> CaseFiles:
     """
     return CaseFiles(
         read_model(directory / "model.json"),
-        read_bench_table(directory / "data.csv"),
-        read_bench_table(directory / "unseen.csv"),
+        _read(directory / "data.csv"),
+        _read(directory / "unseen.csv"),
     )
 
 
@@ -72,7 +83,7 @@ def diagnose_case(files: CaseFiles, exclude: tuple[str, ...] = ()) -> dict[str, 
     """
     start = perf_counter()
     try:
-        result = diagnose_bench(files.model, files.data, DiagnosisOptions(exclude=exclude, bootstrap=0)).to_dict()
+        result = diagnose(files.observations, DiagnosisOptions(exclude=exclude, bootstrap=0)).to_dict()
     except FemfitError as error:
         result = {"verdict": "error", "missing": [], "where": {"channel": "", "covariates": []}, "message": str(error)}
     return {**result, "seconds": perf_counter() - start}
@@ -91,8 +102,11 @@ def unseen_rms(files: CaseFiles, names: tuple[str, ...]) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Root mean square per channel, re-mounts included.
+        Root mean square per channel, re-mounts included; empty for a time series, whose balances have no floor of their
+        own.
     """
+    if not isinstance(files.data, BenchTable):
+        return {}
     model = add_effects(files.model, files.data, names).model if names else files.model
     both = pd.concat([files.data.rows, files.unseen.rows], ignore_index=True)
     observations = bench_observations(model, replace(files.data, rows=both))

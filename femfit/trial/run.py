@@ -8,16 +8,18 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from femfit.actuator.load import read_actuator
-from femfit.core.errors import FemfitError
+from femfit.core.errors import DomainError, FemfitError
 from femfit.trial.campaign.case import make_case
 from femfit.trial.campaign.files import read_key, write_case, write_manifest
 from femfit.trial.campaign.orders import draw_orders
+from femfit.trial.campaign.series_case import make_series_case, sizing_record
 from femfit.trial.judge import Judgement, judge
 from femfit.trial.truth.bench_effects import possible_effects, twins_of
 from femfit.trial.truth.families import load_truth
+from femfit.trial.truth.series_effects import SERIES_EFFECTS
 
 Progress = Callable[[str], None]
 
@@ -38,6 +40,8 @@ class TrialOptions:
         Whether single effects are diagnosed again with the effect out of the catalogue.
     families : tuple of str or None
         Field solutions that the truths may use; all where None.
+    kind : {"bench", "series"}
+        Static bench tables, or closed-loop records of a levitated body.
     """
 
     cases: int = 300
@@ -46,6 +50,7 @@ class TrialOptions:
     baselines: bool = True
     withhold: bool = True
     families: tuple[str, ...] | None = None
+    kind: Literal["bench", "series"] = "bench"
 
 
 def make_trial(
@@ -71,24 +76,36 @@ def make_trial(
     """
     from femfit.fem.sweep import run_sweep  # noqa: PLC0415  the solver loads only where tables are made
     from femfit.fit.build import fit_model  # noqa: PLC0415
-    from femfit.model.json_file import write_model  # noqa: PLC0415
+    from femfit.model.json_file import read_model, write_model  # noqa: PLC0415
 
     say = progress or (lambda _: None)
     tables = directory / "tables"
+    series = options.kind == "series"
+    families = () if series else options.families
     truths, models = {}, {}
     for drawing in drawings:
         actuator = read_actuator(drawing)
         say(f"Solving {actuator.name}")
-        truths[actuator.name] = load_truth(actuator, tables, options.families, options.workers)
+        truths[actuator.name] = load_truth(actuator, tables, families, options.workers)
         models[actuator.name] = tables / f"{actuator.name}.json"
         if not models[actuator.name].exists():
             sweep = run_sweep(actuator, tables / f"sweep-{actuator.name}", workers=options.workers)
             write_model(fit_model(sweep).model, models[actuator.name])
-    possible = {name: possible_effects(truth) for name, truth in truths.items()}
+    possible = {name: list(SERIES_EFFECTS) if series else possible_effects(truth) for name, truth in truths.items()}
+    loaded = {name: read_model(path) for name, path in models.items()}
+    sized = {name: sizing_record(truths[name], loaded[name]) for name in truths} if series else {}
     commitments = {}
     for order in draw_orders(possible, options.cases, options.seed):
         say(f"Measuring {order.number} of {options.cases}")
-        case = make_case(truths[order.actuator], order)
+        truth = truths[order.actuator]
+        try:
+            if series:
+                case = make_series_case(truth, loaded[order.actuator], order, sized[order.actuator])
+            else:
+                case = make_case(truth, order)
+        except DomainError as error:  # this actuator cannot show so much of it: one case fewer
+            say(str(error))
+            continue
         commitments[order.number] = write_case(case, models[order.actuator], directory)
     write_manifest(directory, options.seed, commitments)
     return commitments
