@@ -86,7 +86,7 @@ def integrate(
         which a sweep does not know, included; default 1 % of its largest.
     smooth : bool
         Let the whole record speak for every sample, offline: a Kalman smoother after the filter. Needs all of the
-        record in memory.
+        record in memory, 0.3 GB for a million samples.
     coil_area_sigma : float
         Standard uncertainty of the area in m2.
     reference_gain_sigma : float
