@@ -22,14 +22,16 @@ def fit(
     actuator: Path | None = None,
     mass_g: float | None = None,
     resistance_ohm: float | None = None,
+    supply_V: Annotated[str | None, Parameter(name="--supply-V")] = None,
     json: Path | None = None,
 ) -> None:
-    """Fit a model to a sweep table and write it.
+    """Fit a model to a sweep table, or to measured inductances, and write it.
 
     Parameters
     ----------
     table : Path
-        Sweep table, or the directory that holds it.
+        Sweep table, or the directory that holds it; or a table of measured inductances without forces (distance_mm,
+        current_A, inductance_mH), to which --model fits a law.
     model : str
         coenergy, the name of a force law, or all: rank every law and write the recommended one.
     where : tuple of str
@@ -56,18 +58,24 @@ def fit(
         Mass of the moving part.
     resistance_ohm : float
         Resistance of the winding.
+    supply_V : str
+        Lowest and highest voltage of the driver, for example 0:12; of a table of inductances.
     json : Path
         File for the result as JSON.
     """
     from femfit.actuator.load import read_actuator
     from femfit.actuator.summary import sweep_manifest_entry
     from femfit.cli.output import write_json
+    from femfit.core.inductance_table import is_inductance_table
     from femfit.core.sweep_table import read_sweep_table
     from femfit.core.variant_choice import choose_variant
     from femfit.fit.build import FitOptions, fit_model
     from femfit.fit.text import fit_lines
     from femfit.model.json_file import write_model
 
+    if is_inductance_table(table):
+        _fit_inductances(table, output, model, (mass_g, resistance_ohm, _range(supply_V)), json)
+        return
     options = FitOptions(
         model=model,
         bounds=bounds,
@@ -87,6 +95,50 @@ def fit(
     write_json(json, {**result.data, "model_file": str(target)})
     print("\n".join(fit_lines(result)))
     print(f"written: {target}")
+
+
+def _fit_inductances(
+    table: Path,
+    output: Path | None,
+    law: str,
+    parts: tuple[float | None, float | None, tuple[float, float] | None],
+    json: Path | None,
+) -> None:
+    from femfit.cli.output import write_json
+    from femfit.core.errors import FitError
+    from femfit.core.inductance_table import read_inductance_table
+    from femfit.fit.inductance import InductanceOptions, fit_inductance, inductance_lines
+    from femfit.model.json_file import write_model
+
+    if law in {"coenergy", "all"}:
+        raise FitError(
+            f"Inductances without forces give a law; --model must name one, for example two-exponentials, "
+            f"instead of {law}."
+        )
+    mass_g, resistance, supply = parts
+    mass = None if mass_g is None else 1e-3 * mass_g
+    result = fit_inductance(read_inductance_table(table), InductanceOptions(law, mass, resistance, supply))
+    target = output or table.with_name(f"model_{law}.json")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_model(result.model, target)
+    write_json(json, {**result.to_dict(), "model_file": str(target)})
+    print("\n".join(inductance_lines(result)))
+    print(f"written: {target}")
+
+
+def _range(text: str | None) -> tuple[float, float] | None:
+    from femfit.core.errors import FitError
+
+    if text is None:
+        return None
+    low, _, high = text.partition(":")
+    try:
+        limits = float(low), float(high)
+    except ValueError:
+        limits = math.nan, math.nan
+    if not limits[0] < limits[1]:
+        raise FitError(f"--supply-V must read LOW:HIGH, for example 0:12; instead received {text!r}.")
+    return limits
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from femfit.core.header import parse_header
 from femfit.core.measurement import CHANNELS, SETTINGS
 from femfit.core.units import unit_factor
 
-_UNIT = {"m": "m", "A": "A", "C": "degC", "N": "N", "Wb": "Wb", "V": "V", "s": "s"}
+_UNIT = {"m": "m", "A": "A", "C": "degC", "N": "N", "Wb": "Wb", "H": "H", "V": "V", "s": "s"}
 
 BENCH_COLUMNS = (*SETTINGS, *CHANNELS)
 """Of a bench table."""

@@ -1,0 +1,82 @@
+"""Measured inductances become a model whose force is the one that their slope makes."""
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import FitError, TableError
+from femfit.core.inductance_table import InductanceTable, is_inductance_table, read_inductance_table
+from femfit.fit.inductance import InductanceOptions, fit_inductance
+from femfit.model.json_file import read_model
+from support.command import femfit
+
+D = np.linspace(1e-3, 20e-3, 14)
+OPTIONS = InductanceOptions("two-exponentials", 0.06, 4.0, (0.0, 12.0))
+
+
+def inductance(distance):
+    return 0.1 + 0.03 * np.exp(-distance / 3e-3) + 0.02 * np.exp(-distance / 12e-3)
+
+
+def force(distance, current):
+    """Half the squared current times the inductance's fall."""
+    fall = 10.0 * np.exp(-distance / 3e-3) + 0.02 / 12e-3 * np.exp(-distance / 12e-3)
+    return 0.5 * current**2 * fall
+
+
+def table(noise_H=0.0):
+    d, i = (part.ravel() for part in np.meshgrid(D, [0.5, 1.0, 2.0]))
+    generator = np.random.default_rng(4)
+    return InductanceTable(d, i, inductance(d) + noise_H * generator.standard_normal(len(d)))
+
+
+def test_the_force_of_an_exact_table_is_found_without_any_force():
+    fit = fit_inductance(table(), OPTIONS)
+    # The search of the two lengths stops at 1e-8 of its cost
+    np.testing.assert_allclose(fit.model.magnetics.force(D, np.full_like(D, 1.5)), force(D, 1.5), rtol=1e-3)
+    np.testing.assert_allclose(
+        fit.model.magnetics.flux_linkage(D, np.full_like(D, 1.5)), 1.5 * inductance(D), rtol=1e-5
+    )
+    assert fit.notes == ()
+    assert fit.model.require_circuit().voltage_max_V == 12.0
+
+
+def test_noise_of_one_per_cent_never_makes_the_force_repel():
+    fit = fit_inductance(table(1e-3), OPTIONS)
+    found = fit.model.magnetics.force(D, np.ones_like(D))
+    assert np.all(found > 0.0)
+    # 42 rows of 1 mH tell a fall of 50 mH over 20 mm; its slope in the middle of the range to about 10 %
+    middle = slice(4, 10)
+    np.testing.assert_allclose(found[middle], force(D, 1.0)[middle], rtol=0.3)
+
+
+def test_too_few_distances_are_refused():
+    short = InductanceTable(D[:4], np.ones(4), inductance(D[:4]))
+    with pytest.raises(FitError, match="needs as many distances"):
+        fit_inductance(short, OPTIONS)
+
+
+def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
+    rows = table()
+    lines = [f"{1e3 * d},{i},{1e3 * h}" for d, i, h in zip(rows.distance, rows.current, rows.inductance, strict=True)]
+    path = tmp_path / "steps.csv"
+    path.write_text("\n".join(["distance_mm,current_A,inductance_mH", *lines]) + "\n")
+    assert is_inductance_table(path)
+    done = femfit(
+        "fit", path, "--model", "two-exponentials", "--mass-g", 60, "--resistance-ohm", 4, "--supply-V", "0:12",
+        "-o", tmp_path / "model.json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    model = read_model(tmp_path / "model.json")
+    assert model.magnetics.force(np.array([5e-3]), np.ones(1)) == pytest.approx(force(5e-3, 1.0), rel=1e-3)
+    refused = femfit("fit", path)
+    assert refused.returncode == 1
+    assert "--model must name one" in refused.stderr
+
+
+def test_a_table_with_forces_is_no_table_of_inductances(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("distance_mm,current_A,inductance_mH,force_N\n1,1,100,0.5\n")
+    assert not is_inductance_table(path)
+    path.write_text("distance_mm,inductance_mH\n1,100\n")
+    with pytest.raises(TableError, match="lacks current_A"):
+        read_inductance_table(path)
