@@ -28,6 +28,9 @@ from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
 COENERGY = "coenergy"
 ALL = "all"
 
+_COARSE = 0.01
+"""Misfit of the co-energy to its own sweep that the user is warned of."""
+
 
 @dataclass(frozen=True)
 class FitOptions:
@@ -168,6 +171,7 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
         magnetics = coenergy.magnetics
     misfits.insert(0, misfit_to_rows(magnetics, rows, hall.rms_T if hall else None))
     parts = _parts(entry, rows, hall, options)
+    notes = (*parts.notes, *_coarse(coenergy, rows))
     data = {
         "model": options.model,
         "stages": options.stages,
@@ -179,7 +183,7 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
         "ranking": ranking_data(ranking) if ranking else None,
         "hall": hall_data(hall) if hall else None,
         "linearity": linearity_data(linearity) if linearity else None,
-        "notes": list(parts.notes),
+        "notes": list(notes),
     }
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
@@ -200,7 +204,20 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
             "versions": _versions(),
         },
     )
-    return FitResult(model, coenergy, law, ranking, hall, linearity, tuple(misfits), rows, parts.notes, data)
+    return FitResult(model, coenergy, law, ranking, hall, linearity, tuple(misfits), rows, notes, data)
+
+
+def _coarse(coenergy: CoenergyFit | None, rows: FitRows) -> tuple[str, ...]:
+    """A warning where the co-energy misses the sweep that it was fitted to."""
+    misfit = None if coenergy is None else misfit_to_rows(coenergy.magnetics, rows)
+    if misfit is None or misfit.force_rms_relative < _COARSE:
+        return ()
+    note = (
+        f"The co-energy misses the sweep's force by {100.0 * misfit.force_rms_relative:.2g} % rms, which a diagnosis "
+        f"would inherit. The force turns faster than {len(rows.currents)} currents and {len(rows.distances)} distances "
+        "tell; sweep more of both, above all where it saturates and at the smallest distances."
+    )
+    return (note,)
 
 
 def _law(rows: FitRows, options: FitOptions) -> tuple[LawFit | None, Ranking | None]:

@@ -44,6 +44,18 @@ def test_a_full_table_gives_a_complete_model(coenergy):
     assert coenergy.notes == ()
 
 
+def test_a_coenergy_that_the_sweep_does_not_determine_says_so():
+    # Beyond a knee the force grows no further: six currents cannot tell where the knee stands
+    def force(d, i):
+        return 2e-3 / d * np.minimum(i / 0.5, 2e-2 / d) ** 2
+
+    fit = fit_model(
+        force_table(force, actuator=ACTUATOR, currents=np.linspace(0.0, 3.0, 6)), FitOptions(inductance_H=0.01)
+    )
+    assert fit.model.misfit.force_rms_relative > 0.01
+    assert any("sweep more" in note for note in fit.notes)
+
+
 def test_the_coenergy_is_within_a_tenth_of_a_percent_of_its_sweep(coenergy):
     misfit = coenergy.model.misfit
     assert misfit.against == "sweep"
