@@ -23,7 +23,7 @@ from femfit.effects.jet import CoenergyJet, Jet
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
 
-_TAPERED = "large"
+_TAPERED = "medium"
 
 
 def _states(i: FloatArray, at: Conditions) -> Mapping[str, FloatArray]:
