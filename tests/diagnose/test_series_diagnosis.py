@@ -8,8 +8,11 @@ import pytest
 from femfit.core.errors import TableError
 from femfit.core.time_series_file import read_time_series
 from femfit.diagnose.diagnose import DiagnosisOptions
+from femfit.diagnose.gate import pattern_space
+from femfit.diagnose.noise import estimate_noise
 from femfit.diagnose.series.diagnose import diagnose_series
 from femfit.diagnose.series.observations import series_observations
+from femfit.diagnose.whitening import Whitening, chains_of
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.with_effects import with_effects
@@ -66,6 +69,15 @@ def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, cle
     # The gate opens on 1 % of clean campaigns: two openings among twelve are less likely than 1 %
     assert verdicts.count("nothing_missing") >= 11
     assert "named" not in verdicts
+
+
+def test_many_clean_runs_together_show_no_structure_in_any_channel(model, clean):
+    # A Hall element's noise drives the current that follows it: settings must be told by what came before a reading
+    observations = series_observations(model, recorded(clean, seed=2, runs=range(1, 13)))
+    noise = estimate_noise(observations)
+    whitening = Whitening(observations, noise, chains_of(observations))
+    gate = pattern_space(observations, whitening).test(whitening.full(observations.residual))
+    assert gate.p_value > 0.01
 
 
 @pytest.mark.long

@@ -146,7 +146,7 @@ def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     thirds = Windows(windows.centre_s, windows.segment, _MIDDLE * windows.length_s)
     over_samples = window_weights(thirds, samples.time, samples.segment, samples.usable)
     rates = mean @ (slope @ _known(samples, "distance_m")), mean @ (slope @ _known(samples, "current_A"))
-    covariates = _covariates(samples, windows, over_samples.mean, rates, nominal)
+    covariates = _covariates(samples, windows, mean @ level, rates, nominal)
     motion = _motion(samples, windows, covariates, nominal, level, slope)
     return View(thirds, covariates, motion, Weights(mean, none, none, over_samples.valid))
 
