@@ -221,7 +221,7 @@ def _diagnosis(
     ranking = tuple(
         replace(score, error_fall=falls[score.name]) if score.name in falls else score for score in decision.scores
     )
-    missing = _named_effects(evidence, decision, chosen, falls) if chosen else ()
+    missing = _named_effects(evidence, decision, chosen) if chosen else ()
     after = observations.value - observations.predict(chosen.fit.effects) if chosen else observations.residual
     return Diagnosis(
         verdict=decision.verdict,
@@ -241,9 +241,7 @@ def _diagnosis(
     )
 
 
-def _named_effects(
-    evidence: Evidence, decision: Decision, chosen: Candidate, falls: dict[str, float]
-) -> tuple[NamedEffect, ...]:
+def _named_effects(evidence: Evidence, decision: Decision, chosen: Candidate) -> tuple[NamedEffect, ...]:
     p_values = {score.name: score.p_value for score in decision.scores}
     total = error_fall(evidence, chosen.fit, decision.excess)
     by_name = {
@@ -257,7 +255,7 @@ def _named_effects(
                 name=members[0],
                 members=members,
                 p_value=p_values[members[0]],
-                error_fall=total if len(by_name) == 1 else falls.get(members[0], total),
+                error_fall=total,
                 parameters=dict(added.parameters),
                 ci95=dict(added.ci95),
                 sane=sane,

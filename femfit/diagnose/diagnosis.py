@@ -58,7 +58,7 @@ class NamedEffect:
     p_value : float
         Of its score test.
     error_fall : float
-        Part of the structured misfit, above the noise, that it explains on runs left out; 1 for all.
+        Part of the structured misfit, above the noise, that all that is named explains on runs left out; 1 for all.
     parameters : mapping of str to float
         As fitted.
     ci95 : mapping of str to (float, float)

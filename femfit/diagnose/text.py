@@ -36,7 +36,7 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
     for one in diagnosis.missing:
-        lines += _named(one)
+        lines += _named(one, len(diagnosis.missing) > 1)
     if diagnosis.verdict == "named":
         lines.append(confidence_sentence(diagnosis))
     if diagnosis.verdict != "compare_only":
@@ -86,15 +86,15 @@ def _misfit(diagnosis: Diagnosis) -> list[str]:
     return lines
 
 
-def _named(one: NamedEffect) -> list[str]:
+def _named(one: NamedEffect, together: bool) -> list[str]:
     effect = all_effects().get(one.name)
     lines = [f"{one.name}: {effect.symptom}" if effect else one.name]
     for name, value in one.parameters.items():
         interval = f" (95 %: {one.ci95[name][0]:.4g} to {one.ci95[name][1]:.4g})" if name in one.ci95 else ""
         lines.append(f"  {name} = {value:.4g}{interval}")
-    lines.append(
-        f"  explains {100 * one.error_fall:.0f} % of the structured misfit on runs left out; {chance(one.p_value)}"
-    )
+    who = "together they explain" if together else "explains"
+    fall = f"{100 * one.error_fall:.0f} %"
+    lines.append(f"  {who} {fall} of the structured misfit on runs left out; {chance(one.p_value)}")
     if len(one.members) > 1:
         lines.append(f"  these data cannot tell it from {', '.join(one.members[1:])}; femfit suggest says what would")
     if not one.sane:

@@ -54,7 +54,7 @@ def explained_section(content: DiagnosisContent) -> Section | None:
                 ),
             )
         )
-    blocks += [_named_table(one) for one in diagnosis.missing]
+    blocks += [_named_table(one, len(diagnosis.missing) > 1) for one in diagnosis.missing]
     return Section("explained", "What would explain it", tuple(blocks))
 
 
@@ -94,7 +94,7 @@ def _verdict(content: DiagnosisContent) -> Markup:
     return text("{}{}", sentences.get(diagnosis.verdict, ""), known)
 
 
-def _named_table(one: NamedEffect) -> DataTable:
+def _named_table(one: NamedEffect, together: bool) -> DataTable:
     effect = all_effects().get(one.name)
     units = {} if effect is None else {p.name: p for p in effect.parameters}
     rows = []
@@ -114,9 +114,10 @@ def _named_table(one: NamedEffect) -> DataTable:
     doubt = "" if one.sane else Markup(" <strong>Its size is unusual: check it by another measurement.</strong>")
     return DataTable(
         text(
-            "{}. {} Explains {} % of the misfit above the noise on runs left out.{}",
+            "{}. {} {} {} % of the misfit above the noise on runs left out.{}",
             one.name,
             effect.symptom if effect else "",
+            "Together they explain" if together else "Explains",
             significant(100.0 * one.error_fall, 3),
             doubt,
         ),
