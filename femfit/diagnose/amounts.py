@@ -1,6 +1,7 @@
 """Numbers of a bench as people say them: ``18 mm``, ``0.42 mN``, ``27 °C``."""
 
 import math
+from collections.abc import Mapping
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 _UNITS = {"m": "m", "A": "A", "N": "N", "Wb": "Wb", "V": "V", "T": "T", "ohm": "ohm", "H": "H", "kg": "kg"}
@@ -63,3 +64,20 @@ def chance(p_value: float) -> str:
         ``p = 0.03``, or ``p < 1e-12`` for all below.
     """
     return f"p = {p_value:.2g}" if p_value > 1e-12 else "p < 1e-12"
+
+
+def magnitudes(amplitudes: Mapping[str, float]) -> str:
+    """Smallest magnitudes that data show.
+
+    Parameters
+    ----------
+    amplitudes : mapping of str to float
+        Infinite where the amplitude's bounds end before.
+
+    Returns
+    -------
+    str
+        Those within the bounds, or that there is none.
+    """
+    seen = ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items() if value < float("inf"))
+    return seen or "none within its bounds"

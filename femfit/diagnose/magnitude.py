@@ -41,10 +41,11 @@ def detectable_magnitudes(evidence: Evidence, level: float) -> dict[str, dict[st
         if one.effect.name in result:
             continue
         length = np.linalg.norm(white, axis=0)
-        result[one.effect.name] = {
-            p.name: float(np.sqrt(needed) / size) if size > 0.0 else float("inf")
-            for p, size in zip(one.amplitudes, length, strict=True)
-        }
+        found = {}
+        for p, size in zip(one.amplitudes, length, strict=True):
+            magnitude = float(np.sqrt(needed) / size) if size > 0.0 else np.inf
+            found[p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
+        result[one.effect.name] = found
     return result
 
 

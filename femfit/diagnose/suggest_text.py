@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
+from femfit.diagnose.amounts import magnitudes
 from femfit.diagnose.plan import PlanReport
 from femfit.diagnose.refit import Refit
 from femfit.diagnose.suggest import Suggestion
@@ -126,7 +127,7 @@ def plan_lines(report: PlanReport) -> list[str]:
         lines += [f"  {', '.join(n for n, w in report.invisible.items() if w == why)}: {why}" for why in reasons]
     lines.append("Smallest magnitudes that it would show nine times in ten:")
     for name, amplitudes in report.detectable.items():
-        lines.append(f"  {name}: " + ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items()))
+        lines.append(f"  {name}: {magnitudes(amplitudes)}")
     return lines
 
 

@@ -1,6 +1,6 @@
 """A diagnosis in plain sentences."""
 
-from femfit.diagnose.amounts import chance
+from femfit.diagnose.amounts import chance, magnitudes
 from femfit.diagnose.diagnosis import Diagnosis, NamedEffect
 from femfit.effects.catalogue import all_effects
 
@@ -72,7 +72,7 @@ def _could_show(diagnosis: Diagnosis) -> list[str]:
         return []
     lines = ["These data could have shown (smallest magnitude, nine times in ten):"]
     for name, amplitudes in diagnosis.detectable.items():
-        lines.append(f"  {name}: " + ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items()))
+        lines.append(f"  {name}: {magnitudes(amplitudes)}")
     notes = [f"{score.name} ({score.note})" for score in diagnosis.ranking if score.note]
     return lines + ([f"  not: {'; '.join(notes)}"] if notes else [])
 
