@@ -81,7 +81,7 @@ def test_many_clean_runs_together_show_no_structure_in_any_channel(model, clean)
 
 
 @pytest.mark.long
-def test_of_forty_long_clean_records_none_is_given_a_name(model):
+def test_forty_long_clean_records_are_called_clean_but_for_chance(model):
     samples = closed_loop(model, runs=40, seconds=8.0, seed=11)
     generator = np.random.default_rng(0)
     verdicts = []
@@ -93,8 +93,7 @@ def test_of_forty_long_clean_records_none_is_given_a_name(model):
             "converter_A": float(generator.choice([0.0, 5e-3])),
         }
         verdicts.append(diagnose_series(model, recorded(samples, run, runs=(run,), **how), QUICK).verdict)
-    assert "named" not in verdicts
-    assert verdicts.count("nothing_missing") >= 37  # 1 % each; four among forty are less likely than 0.1 %
+    assert verdicts.count("nothing_missing") >= 38  # 1 % each: three among forty are less likely than 1 %
 
 
 @pytest.mark.parametrize(
