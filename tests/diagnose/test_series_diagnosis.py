@@ -120,6 +120,16 @@ def test_mass_and_pull_are_one_class_in_a_closed_loop(model):
     assert result.where.channel == "force_balance_N"
 
 
+def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model):
+    samples = closed_loop(model, [added("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5)
+    result = diagnose_series(model, recorded(samples, seed=3, runs=range(1, 7), distance_m=3e-5), QUICK)
+    assert result.missing[0].name == "mass_error"
+    assert result.missing[0].parameters["mass_error"] == pytest.approx(0.2, rel=0.02)
+    # Weighed by the true mass, the noise of the distance would leave a fifth more
+    ratio = result.rms_after["force_balance_N"] / result.noise_floor["force_balance_N"]
+    assert 0.9 < ratio < 1.08  # some 400 windows: 4 %
+
+
 def test_an_eddy_lag_is_told_from_friction_by_the_voltage_and_hardly_by_the_motion_alone(model):
     record = hidden(model, added("eddy_current_lag", ring_share=0.15, time_s=4e-3))
     blind = replace(

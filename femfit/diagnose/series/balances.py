@@ -2,7 +2,7 @@
 
 Over each window, with means <.> by its test function (:mod:`femfit.diagnose.series.weights`),
 
-    force     m_0 (g - <d''>)  =  <F(d, i)> - (m - m_0) (g - <d''>) - m_0 (<d''> of the true less of the recorded d)
+    force     m_0 (g - <d''>)  =  (m_0 / m) <F(d, i)> + m_0 (<d''> of the true less of the recorded d)
     voltage   <U>              =  <R i> + <d lambda/dt> + <U - U_applied>
 
 The left sides are measured, the right sides the model's; an effect changes the right sides alone. Nothing is integrated
@@ -91,8 +91,8 @@ def model_balances(
     """
     point, result = _excited(jet, motion, effects), {}
     if base.motion is not None:
-        inertia = _inertia(base.motion, motion, weights, point.distance, effects)
-        result[FORCE_BALANCE] = weights.mean @ point.force + inertia
+        share, inertia = _inertia(base.motion, motion, weights, point.distance, effects)
+        result[FORCE_BALANCE] = share * (weights.mean @ point.force) + inertia
     if base.circuit is not None:
         drop = _drop(base.circuit.resistance_ohm, motion, point, effects)
         result[VOLTAGE_BALANCE] = weights.mean @ drop + weights.slope @ point.series.derivative(0, 1)
@@ -149,13 +149,13 @@ def _excited(jet: CoenergyJet, motion: Motion, effects: Sequence[AddedEffect]) -
 
 def _inertia(
     base: BaseMotion, motion: Motion, weights: Weights, distance: FloatArray, effects: Sequence[AddedEffect]
-) -> FloatArray:
-    """m_0 (g - <d''>) as recorded less m (g - <d''>) as it is."""
+) -> tuple[float, FloatArray]:
+    """(m_0 / m, m_0 times what the recorded acceleration lacks): another mass must not weigh its noise."""
     mass = base.mass_kg
     for added in effects:
         mass = added.effect.mass(mass, added.parameters) if added.effect.mass else mass
-    recorded, true = weights.curvature @ motion.distance_m, weights.curvature @ distance
-    return np.asarray(base.mass_kg * (base.gravity_m_s2 - recorded) - mass * (base.gravity_m_s2 - true))
+    lacking = weights.curvature @ (distance - motion.distance_m)
+    return base.mass_kg / mass, np.asarray(base.mass_kg * lacking)
 
 
 def _drop(resistance: float, motion: Motion, point: _Point, effects: Sequence[AddedEffect]) -> FloatArray:
