@@ -17,6 +17,7 @@ _TRIES = 12
 _SIZING_SAMPLES = 800
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a body that runs away is drawn anew
 def make_series_case(truth: Truth, model: ActuatorModel, order: Order, sized: Trajectory) -> Case:
     """Record a case.
 
