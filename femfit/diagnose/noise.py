@@ -133,11 +133,21 @@ def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, 
     return replace(noise, rho=rho, degrees_of_freedom=degrees)
 
 
+def _common_distance(observations: Observations) -> FloatArray:
+    """What a distance error of all mounts does to each channel; their scatter is told by their differences alone.
+
+    A hidden effect that is steep in the distance looks like it, and would make mounts seem to scatter by its size.
+    """
+    here = observations.channel[:, None] == np.arange(len(observations.channels))
+    slopes = (observations.distance_slope, observations.distance_curvature)
+    return np.concatenate([here * slope[:, None] for slope in slopes], axis=1)
+
+
 def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, patterns: FloatArray) -> NoiseModel:
     """The noise with the scatter of mounts and runs, by restricted maximum likelihood with weak priors."""
     whitening = Whitening(observations, noise, chains)
     columns, _ = random_columns(observations, 1.0, np.ones(len(noise.channels)))
-    basis = orthonormal_basis(whitening.serial(patterns))
+    basis = orthonormal_basis(whitening.serial(np.concatenate([patterns, _common_distance(observations)], axis=1)))
     y, z = whitening.serial(observations.residual), whitening.serial(columns)
     y, z = y - basis @ (basis.T @ y), z - basis @ (basis.T @ z)
     values, vectors = np.linalg.eigh(z.T @ z)

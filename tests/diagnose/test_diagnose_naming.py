@@ -12,6 +12,8 @@ from femfit.diagnose.noise import estimate_noise
 from femfit.diagnose.observations import bench_observations
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.model.actuator_model import ValidityBox
+from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.campaign import NOISE, campaign
 
 QUICK = DiagnosisOptions(bootstrap=0)
@@ -95,6 +97,20 @@ def test_a_hidden_effect_does_not_widen_the_noise(levitation_model):
         for effects in ([], [SATURATION])
     )
     np.testing.assert_allclose(changed.sigma, clean.sigma, rtol=0.05)
+
+
+def test_a_distance_error_of_all_mounts_does_not_widen_their_scatter(levitation_model):
+    box = ValidityBox(0.6e-3, 6e-3, 0.0, 2.0)
+    pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
+    model = replace(levitation_model, magnetics=pot, validity=box, sensor=None)
+    noise = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
+    offset = AddedEffect(effect_by_name("distance_offset"), {"offset_m": 60e-6})
+    clean, moved = (
+        estimate_noise(bench_observations(model, campaign(model, 12, e, mount_m=5e-6, noise=noise, runs=4))).mount_m
+        for e in ([], [offset])
+    )
+    # The mounts are 60 um off together and 5 um from each other; slopes change by a tenth over 60 um
+    assert moved == pytest.approx(clean, rel=0.2)
 
 
 def test_the_false_naming_rate_of_clean_campaigns_is_small_and_reproducible(levitation_model):
