@@ -1,5 +1,6 @@
 """The cells of a measured file, before they mean anything: CSV or Parquet to text, text to numbers in SI."""
 
+import csv
 import io
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,15 @@ import pyarrow as pa
 from femfit.core.decode import decode
 from femfit.core.errors import TableError
 from femfit.core.measurement_columns import UsedColumn
+from femfit.core.units import is_unit
 
 _BRANCH_WORDS = {
-    **dict.fromkeys(("rising", "rise", "up", "+"), 1.0),
-    **dict.fromkeys(("falling", "fall", "down", "-"), -1.0),
+    **dict.fromkeys(("rising", "rise", "up", "+", "increasing", "ascending", "steigend", "auf", "hin"), 1.0),
+    **dict.fromkeys(("falling", "fall", "down", "-", "decreasing", "descending", "fallend", "ab", "zurück"), -1.0),
 }
 _LABELS = ("run", "mount")
 _DELIMITERS = (";", "\t", ",")
+_NO_UNIT = ("", "-", "1")
 
 
 def read_cells(path: Path) -> pd.DataFrame:
@@ -49,16 +52,55 @@ def _csv(path: Path) -> pd.DataFrame:
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise TableError(f"{path} is empty; it needs a header line and rows of numbers.")
-    delimiter = max(_DELIMITERS, key=lines[0].count)
+    lines, delimiter = _from_header(lines)
     try:
         table = pd.read_csv(io.StringIO("\n".join(lines)), sep=delimiter, dtype=str, skipinitialspace=True)
     except (ValueError, pd.errors.ParserError) as error:
-        raise TableError(f"{path} is no table with one row a reading: {error}.") from error
+        said = " ".join(str(error).split())
+        raise TableError(
+            f"{path} must have one row a reading below one line of column names; instead: {said}. Remove what stands "
+            "above and below the table."
+        ) from error
     if not isinstance(table.index, pd.RangeIndex):
         raise TableError(f"{path} must have as many headers as columns; its rows are longer than its header line.")
     if delimiter != ",":  # a decimal comma
         table = table.apply(lambda column: column.str.replace(",", ".", regex=False))
-    return table
+    unnamed = [name for name in table.columns if str(name).startswith("Unnamed: ") and table[name].isna().all()]
+    return table.drop(columns=unnamed)
+
+
+def _from_header(lines: list[str]) -> tuple[list[str], str]:
+    """The lines from the column names on, and what separates their cells.
+
+    The names are the last line of words above the first line of as many cells with a number in them; a line of units
+    below them is joined with them. Lines above, as measuring programs write them, are left out.
+    """
+    for k in range(1, len(lines)):
+        for delimiter in _DELIMITERS:
+            names, row = _cells(lines[k - 1], delimiter), _cells(lines[k], delimiter)
+            if len(names) < 2 or len(row) != len(names) or any(map(_is_number, names)) or not any(map(_is_number, row)):
+                continue
+            above = _cells(lines[k - 2], delimiter) if k > 1 else []
+            units = [name.strip("[]() ") for name in names]
+            if len(above) == len(names) and any(units) and all(unit in _NO_UNIT or is_unit(unit) for unit in units):
+                joined = [
+                    one if unit in _NO_UNIT else f"{one} [{unit}]" for one, unit in zip(above, units, strict=True)
+                ]
+                return [delimiter.join(f'"{one}"' for one in joined), *lines[k:]], delimiter
+            return lines[k - 1 :], delimiter
+    return lines, max(_DELIMITERS, key=lines[0].count)
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _parquet(path: Path) -> pd.DataFrame:

@@ -81,9 +81,10 @@ def without_outliers(rows: pd.DataFrame, name: str, compared: FloatArray) -> tup
     kept = values.copy()
     kept[lone] = np.nan
     shown = "; ".join(_row(rows, int(k), name) for k in lone[:3])
-    count = "1 reading contradicts" if len(lone) == 1 else f"{len(lone)} readings contradict"
+    one = len(lone) == 1
+    count = "1 reading contradicts" if one else f"{len(lone)} readings contradict"
     more = " and so on" if len(lone) > 3 else ""
-    return kept, [f"{count} all neighbours in {name} and was set aside: {shown}{more}."]
+    return kept, [f"{count} all neighbours in {name} and {'was' if one else 'were'} set aside: {shown}{more}."]
 
 
 def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataFrame, list[str]]:
@@ -137,8 +138,12 @@ def _sensible_distances(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     if not wrong.any():
         return rows, []
     low = float(rows["distance_m"].min())
-    text = f"{int(wrong.sum())} rows have a distance <= 0 (down to {low:g} m) and were set aside; distances count from "
-    return rows.assign(distance_m=rows["distance_m"].mask(wrong)), [f"{text}the electromagnet's face and are positive."]
+    many = int(wrong.sum()) > 1
+    text = (
+        f"{int(wrong.sum())} row{'s have' if many else ' has'} a distance <= 0 (down to {low:g} m) and "
+        f"{'were' if many else 'was'} left out; distances count from the electromagnet's face and are positive."
+    )
+    return rows[~wrong].reset_index(drop=True), [text]
 
 
 def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[str]]:
@@ -152,17 +157,18 @@ def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[str]
     follows = np.concatenate([[False], (np.diff(read) == 0.0) & (np.diff(run) == 0.0)])
     stretch = np.cumsum(~follows) - 1
     length = np.bincount(stretch)
-    findings = []
+    found: dict[float, list[int]] = {}
     for one in np.flatnonzero(length >= _least_length(length)):
         rows_of = np.flatnonzero(stretch == one)
         if not _held(read, places, rows_of):
             continue
         values[here[rows_of]] = np.nan
-        findings.append(
-            f"{name} reads {read[rows_of[0]]:.6g} in {len(rows_of)} rows on end while the settings change: stuck; "
-            "these readings were set aside."
-        )
-    return values, findings
+        found.setdefault(float(read[rows_of[0]]), []).append(len(rows_of))
+    return values, [
+        f"{name} reads {value:.6g} in {' and '.join(map(str, counts))} rows on end while the settings change: stuck or "
+        "clipped; these readings were set aside."
+        for value, counts in found.items()
+    ]
 
 
 def _least_length(length: Any) -> float:

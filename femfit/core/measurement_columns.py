@@ -1,6 +1,7 @@
 """From the headers of a measured file to the contract's columns, in SI units.
 
-A header is the contract's name (``distance_m``), or its stem with another unit (``distance_mm``, ``Distance [mm]``).
+A header is the contract's name (``distance_m``), or its stem or another name for it with any unit of its kind
+(``distance_mm``, ``Distance [mm]``, ``Luftspalt in mm``).
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,6 +11,7 @@ from difflib import get_close_matches
 from femfit.core.errors import TableError
 from femfit.core.header import parse_header
 from femfit.core.measurement import CHANNELS, SETTINGS
+from femfit.core.measurement_names import MEASUREMENT_NAMES
 from femfit.core.units import unit_factor
 
 _UNIT = {"m": "m", "A": "A", "C": "degC", "N": "N", "Wb": "Wb", "H": "H", "V": "V", "s": "s"}
@@ -114,10 +116,12 @@ def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> tuple[Use
     if header.strip() in names:
         return UsedColumn(header, header.strip(), 1.0), ""
     parsed = parse_header(header)
-    words = "_".join(parsed.words)
+    words = "".join(parsed.words)
     for name in names:
         stem, unit = stem_and_unit(name)
-        if words != stem:
+        if words != stem.replace("_", "") and words not in MEASUREMENT_NAMES.get(name, ()):
+            continue
+        if len(words) == 1 and (parsed.unit is None or unit_factor(parsed.unit, unit) is None):
             continue
         if parsed.unit is None:
             assumed = f"Column {header!r} was read as {name}." if header != name else ""

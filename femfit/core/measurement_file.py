@@ -41,6 +41,8 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
     raw = read_cells(path)
     used, findings = recognise(map(str, raw.columns), str(path))
     names = [one.name for one in used]
+    if raw.empty:
+        raise TableError(f"{path} has column names and no row below them; it needs one row a reading.")
     _require(names, path, [str(header) for header in raw.columns if header not in {one.header for one in used}])
     columns = {}
     for one in used:

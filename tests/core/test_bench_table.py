@@ -74,7 +74,7 @@ def test_csv_and_parquet_give_the_same_table(tmp_path):
     [
         ("", "empty"),
         ("current_A,force_N\n1,2\n", "lacks distance_m"),
-        ("current_A,Luftspalt [mm],force_N\n1,20,2\n", r"not understood: Luftspalt \[mm\]"),
+        ("current_A,Tiefe [mm],force_N\n1,20,2\n", r"not understood: Tiefe \[mm\]"),
         ("current_A,distance_m\n1,0.02\n", "one of force_N"),
         ("current_A,distance_m,force_N\n1,0.02,\n", "one of force_N"),
         ("current_A,distance_m,distance_mm,force_N\n1,0.02,20,3\n", "Remove one"),
@@ -90,3 +90,49 @@ def test_a_table_that_cannot_be_used_says_what_it_needs(tmp_path, text, part):
 def test_a_noise_that_is_no_standard_deviation_is_refused(tmp_path, noise):
     with pytest.raises(TableError, match=r"force_N = 2e-4|standard deviation"):
         read_bench_table(written(tmp_path, CONTRACT, noise))
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "Lauf;Strom (mA);Luftspalt [mm];Kraft/mN;Hallspannung (V);Spulentemperatur (°C)",
+        "Run #;I [mA];air gap (mm);F (mN);V_hall (V);T_coil (C)",
+        "run;current_mA;distance_mm;Force in mN;hall_V;coil_temperature_C",
+    ],
+)
+def test_columns_are_known_by_what_benches_call_them(tmp_path, names):
+    one = read_bench_table(written(tmp_path, f"{names}\n1;100;20,5;30;2,5;21\n1;200;20,5;40;2,6;21\n")).rows.iloc[0]
+    assert one[["current_A", "distance_m", "force_N"]].tolist() == pytest.approx([0.1, 0.0205, 0.03])
+    assert one[["hall_V", "coil_temperature_C"]].tolist() == [2.5, 21.0]
+
+
+def test_one_letter_is_a_name_only_beside_a_unit_of_its_kind(tmp_path):
+    table = read_bench_table(written(tmp_path, "i,d,current_A,distance_m,force_N\n7,8,1,0.02,0.03\n"))
+    assert (table.rows["current_A"][0], table.rows["distance_m"][0]) == (1.0, 0.02)
+    assert any("'d' is none that such a file has" in said for said in table.findings)
+
+
+def test_what_a_measuring_program_writes_above_the_table_is_passed_over(tmp_path):
+    above = "LabVIEW Measurement\nOperator;A. B.\n\n"
+    table = read_bench_table(written(tmp_path, above + CONTRACT.replace(",", ";")))
+    assert table.rows["force_N"].tolist()[::2] == [0.03, 0.031]
+
+
+def test_a_line_of_units_below_the_names_counts(tmp_path):
+    text = "run;Strom;Abstand;Kraft\n-;mA;mm;mN\n1;100;20,5;30\n1;200;20,5;40\n"
+    rows = read_bench_table(written(tmp_path, text)).rows
+    assert rows.loc[0, ["current_A", "distance_m", "force_N"]].tolist() == pytest.approx([0.1, 0.0205, 0.03])
+
+
+def test_branches_are_told_in_german_too(tmp_path):
+    text = "branch,current_A,distance_m,force_N\nauf,1,0.02,0.03\nab,0.5,0.02,0.03\n"
+    assert read_bench_table(written(tmp_path, text)).rows["branch"].tolist() == [1.0, -1.0]
+
+
+def test_a_delimiter_at_the_end_of_each_line_is_no_column(tmp_path):
+    assert read_bench_table(written(tmp_path, CONTRACT.replace("\n", ",\n"))).findings == ()
+
+
+def test_names_without_rows_are_said_to_be_that(tmp_path):
+    with pytest.raises(TableError, match="column names and no row below them"):
+        read_bench_table(written(tmp_path, "current_A,distance_m,force_N\n"))

@@ -141,5 +141,15 @@ def test_distances_in_millimetres_temperatures_in_kelvin_and_distances_below_zer
     said = read(tmp_path, rows.assign(coil_temperature_C=295.0 + 0.01 * rows["order"])).findings
     assert any("looks like kelvin" in one for one in said)
     table = read(tmp_path, rows.assign(distance_m=rows["distance_m"].where(rows["order"] > 2, -0.001)))
-    assert table.rows["distance_m"].isna().sum() == 3
+    assert len(table.rows) == len(rows) - 3
     assert any("distances count from the electromagnet's face" in one for one in table.findings)
+
+
+def test_a_distance_that_is_none_is_said_once(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("current_A,distance_m,force_N\n1,0,0.03\n1,0.02,0.03\n2,0.02,0.05\n", encoding="utf-8")
+    table = read_bench_table(path)
+    assert len(table.rows) == 2
+    assert [said.split(";")[0] for said in table.findings] == [
+        "1 row has a distance <= 0 (down to 0 m) and was left out"
+    ]
