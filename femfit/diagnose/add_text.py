@@ -49,7 +49,7 @@ def _size(size: EffectSize) -> str:
 
 def _errors(result: AddResult) -> list[str]:
     """The table on runs left out, a row a channel and a column a step."""
-    heads = [step.text for step in result.steps]
+    heads = [result.steps[0].text, *(f"with {step.text}" for step in result.steps[1:])]
     width = max(10, *(len(head) for head in heads))
     lines = [
         f"rms error on runs left out ({result.runs} runs, {result.readings} readings), beside each run's own re-mount:",

@@ -12,8 +12,10 @@ from femfit.diagnose.add_text import add_lines
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
+from femfit.model.actuator_model import ValidityBox
 from femfit.model.coenergy_jet import changed_jet
 from femfit.model.from_json import model_from_dict
+from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
 from femfit.model.to_json import model_to_dict
 from femfit.model.with_effects import base_jet, nominal_of, with_effects
@@ -175,3 +177,28 @@ def test_what_cannot_be_fitted_is_refused_with_the_remedy(levitation_model):
     once = table.rows[(table.rows["branch"] > 0) & (table.rows["run"] == 1)].reset_index(drop=True)
     with pytest.raises(TableError, match="Measure some settings twice"):
         add_effects(levitation_model, replace(table, rows=once), ["hall_offset"])
+
+
+@pytest.fixture(scope="module")
+def steel_model(levitation_model):
+    """A pot and a plate without a magnet: F = 20 uN m^2/A^2 (i/d)^2 between 0.6 and 6 mm."""
+    pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
+    box = ValidityBox(0.6e-3, 6e-3, 0.0, 2.0)
+    return replace(levitation_model, magnetics=pot, validity=box, sensor=None)
+
+
+def test_a_model_without_a_magnet_is_not_offered_a_stronger_one(steel_model):
+    gain = effect("force_gain", gain_error=0.05)
+    noise = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
+    table = campaign(steel_model, 44, [gain], noise=noise, runs=4)
+    result = add_effects(steel_model, table, ["force_gain"], AddOptions(base="always"))
+    assert {added.effect.name for added in result.base} == {"base_turns", "base_resistance"}
+    assert "with force_gain" in "\n".join(add_lines(result))
+
+
+def test_a_constant_that_nothing_depends_on_is_not_suspicious(steel_model):
+    saturation = effect("core_saturation", mmf_loss_6=0.1)
+    noise = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
+    table = campaign(steel_model, 45, [saturation], noise=noise, runs=4)
+    result = add_effects(steel_model, table, ["core_saturation"], AddOptions(base="never"))
+    assert not [sentence for sentence in result.suspicious if "magnet_share" in sentence]
