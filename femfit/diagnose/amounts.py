@@ -66,6 +66,24 @@ def chance(p_value: float) -> str:
     return f"p = {p_value:.2g}" if p_value > 1e-12 else "p < 1e-12"
 
 
+def times(ratio: float) -> str:
+    """A ratio as one says it.
+
+    Parameters
+    ----------
+    ratio : float
+        Not negative.
+
+    Returns
+    -------
+    str
+        Two decimals below 100, four digits above, without an exponent below a million.
+    """
+    if ratio < 100.0:
+        return f"{ratio:.2f}"
+    return f"{ratio:.0f}" if ratio < 1e6 else f"{ratio:.1e}"
+
+
 def magnitudes(amplitudes: Mapping[str, float]) -> str:
     """Smallest magnitudes that data show.
 

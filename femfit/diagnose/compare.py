@@ -104,13 +104,15 @@ class Comparison:
     structure : Gate or None
         The test of smooth patterns, of all channels together.
     mount_m : float or None
-        Standard deviation of the distance from mount to mount, where several tell it.
+        Standard deviation of the distance from mount to mount, where there are several.
     shape : ShapeMisfit or None
         Of a law: how far it is from its own reference, before any measurement.
     maps : tuple of MisfitMap
         Of every channel.
     findings : tuple of str
         What the reader should know of the data, one plain sentence each.
+    placed_by : str
+        What tells mounts apart: ``from mount to mount`` where the file has them, else ``from run to run``.
     """
 
     verdict: CompareVerdict
@@ -121,6 +123,7 @@ class Comparison:
     shape: ShapeMisfit | None
     maps: tuple[MisfitMap, ...]
     findings: tuple[str, ...] = ()
+    placed_by: str = "from run to run"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -204,6 +207,7 @@ def _compared(observations: Observations) -> Comparison:
         shape=None,
         maps=misfit_maps(observations),
         findings=observations.findings if known else (*observations.findings, NO_FLOOR),
+        placed_by="from mount to mount" if "mount" in observations.given else "from run to run",
     )
 
 

@@ -163,12 +163,10 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     known = np.isfinite(d) & np.isfinite(i)
     reach = known & within_reach(model, d, i)
     if not known.all():
-        findings.append(f"{int((~known).sum())} rows without distance or current were left out.")
+        findings.append(f"{_rows(~known, 'without distance or current')} left out.")
     if (known & ~reach).any():
-        findings.append(
-            f"{int((known & ~reach).sum())} rows lie outside of the model's box of distances and currents and were "
-            "left out; sweep and fit a wider range to use them."
-        )
+        outside = _rows(known & ~reach, "outside of the model's box of distances and currents")
+        findings.append(f"{outside} left out; sweep and fit a wider range to use them.")
     if not reach.any():
         raise TableError(nothing_in_reach(model, table))
     covariates = _covariates(rows[reach].reset_index(drop=True))
@@ -177,8 +175,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     d, i = covariates["distance_m"].to_numpy(), covariates["current_A"].to_numpy()
     own = model.effects
     reading = predict_readings(model, d, i, at)
-    channels = tuple(name for name in table.channels if name in reading)
     measured = rows[reach]
+    channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
     pieces = [np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels]
     if not any(len(piece) for piece in pieces):
         raise TableError(
@@ -216,6 +214,11 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         findings=(*table.findings, *findings),
         present=tuple(added.effect.name for added in own),
     )
+
+
+def _rows(which: BoolArray, words: str) -> str:
+    count = int(which.sum())
+    return f"{count} row{'s' if count > 1 else ''} {words} {'were' if count > 1 else 'was'}"
 
 
 def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:

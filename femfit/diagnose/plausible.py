@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.core.measurement import BenchTable
 from femfit.core.measurement_checks import without_outliers
@@ -16,6 +16,9 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
+
+SUSPECTED = " seems to be "
+"""In every sentence that suspects a unit or a sign, and in no other: what a reader must know first."""
 
 _LEAST_READINGS = 8
 _CLEARLY, _WELL = 0.2, 0.3
@@ -102,12 +105,12 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[str]:
     names = [name for name in table.channels if name in usual]
     turning = [name for name in names if _changes(rows[name].to_numpy(), usual[name], turned[name])]
     if turning and all(_explains(rows[name].to_numpy(), usual[name], turned[name]) for name in turning):
-        return [f"current_A seems to be {_SETTINGS['current_A'][-1.0]}: {', '.join(turning)} would then fit the model."]
+        return [f"current_A{SUSPECTED}{_SETTINGS['current_A'][-1.0]}: {', '.join(turning)} would then fit the model."]
     findings = []
     for name in names:
         for words, candidate in _candidates(name, usual[name], model.sensor).items():
             if _explains(rows[name].to_numpy(), usual[name], candidate):
-                findings.append(f"{name} seems to be {words}: it would then fit the model. Convert the column.")
+                findings.append(f"{name}{SUSPECTED}{words}: it would then fit the model. Convert the column.")
                 break
     return findings
 
@@ -128,12 +131,16 @@ def _outside(model: ActuatorModel, values: FloatArray, name: str) -> list[str]:
     low, high = ends[name]
     slack = 0.05 * (high - low)
 
-    def share(x: FloatArray) -> float:
-        return float(np.mean((x >= low - slack) & (x <= high + slack)))
+    def inside(x: FloatArray) -> BoolArray:
+        return np.asarray((x >= low - slack) & (x <= high + slack))
 
     for factor, words in _SETTINGS[name].items():
-        if share(values) < 0.2 and share(factor * values) > 0.8:
-            return [f"{name} seems to be {words}: almost no row lies in the model's range, but then they would."]
+        now, then = inside(values), inside(factor * values)
+        either = now & then  # no current is none in any unit
+        if now[~either].sum() < 0.2 * len(values) and then.mean() > 0.8 and (then & ~now).sum() >= _LEAST_READINGS:
+            return [
+                f"{name}{SUSPECTED}{words}: few rows lie in the model's range, but then they would. Convert the column."
+            ]
     return []
 
 
@@ -143,7 +150,9 @@ def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> 
     if name == "hall_V" and sensor is not None:
         field = (predicted - sensor.quiescent_V) / sensor.sensitivity_V_per_T
         result = {
-            "of the other polarity": 2.0 * sensor.quiescent_V - predicted,
+            "of the other polarity": np.clip(
+                2.0 * sensor.quiescent_V - predicted, sensor.output_min_V, sensor.output_max_V
+            ),
             "without its quiescent voltage": predicted - sensor.quiescent_V,
             "a field in T": field,
             "a field in mT": 1e3 * field,

@@ -199,24 +199,22 @@ def _inside(halves: Sequence[_Half], count: int) -> BoolArray:
 def _told(s: FloatArray, base: FloatArray, scope: BoolArray, halves: Sequence[_Half], sign: float, channel: str) -> str:
     rows = scope & _inside(halves, len(s)) & (sign * s > 0.0)
     place = " and ".join(half.words() for half in halves) if halves else "everywhere"
-    return f"{_size(s[rows], base[rows], channel)} {'high' if sign * _polarity(base[rows]) > 0 else 'low'} {place}"
-
-
-def _polarity(base: FloatArray) -> float:
-    """High means larger in magnitude where the signal keeps one sign."""
-    return -1.0 if len(base) and np.all(base < 0.0) else 1.0
+    return f"{_size(s[rows], base[rows], channel)} {place}"
 
 
 def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
-    """In per cent of the prediction where that describes it better than a constant and is less than all, else in SI."""
+    """In per cent of the prediction where that describes it better than a constant and is less than all, else in SI.
+
+    In per cent, high means larger in magnitude; in SI, larger with its sign.
+    """
     if not len(s):
-        return amount(0.0, channel)
+        return f"{amount(0.0, channel)} high"
     share = float(s @ base) / max(float(base @ base), 1e-300)
     constant = float(np.mean(s))
     one_sign = bool(np.all(base > 0.0) or np.all(base < 0.0))
     if one_sign and abs(share) < 1.0 and np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2):
-        return f"{100.0 * abs(share):.2g} %"
-    return amount(abs(constant), channel)
+        return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}"
+    return f"{amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
 
 
 def _branch_clause(
@@ -232,7 +230,4 @@ def _branch_clause(
         return ", in both branches"
     if ratio > -0.3:
         return f", on the {name} branch only"
-    high = float(np.mean(s[there])) * _polarity(base[there]) > 0.0
-    return (
-        f" on the {name} branch, {_size(s[there], base[there], channel)} {'high' if high else 'low'} on the {rival} one"
-    )
+    return f" on the {name} branch, {_size(s[there], base[there], channel)} on the {rival} one"

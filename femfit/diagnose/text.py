@@ -1,16 +1,19 @@
 """A diagnosis in plain sentences."""
 
-from femfit.diagnose.amounts import chance, magnitudes
+from femfit.diagnose.amounts import chance, magnitudes, times
+from femfit.diagnose.compare_text import SCATTERED
 from femfit.diagnose.diagnosis import Diagnosis, NamedEffect
+from femfit.diagnose.notes import first_notes, last_notes
 from femfit.effects.catalogue import all_effects
 
 _SHOWN = 8
 _ALIKE = 4
+_SCATTER = " and the scatter of the distance from mount to mount, or from run to run"
 
 _VERDICTS = {
-    "nothing_missing": "Nothing is missing: the model explains these data within their noise.",
-    "named": "Missing: {names}. With {it} the misfit is within the noise.",
-    "form_insufficient": "Missing: {names}, which explains most of the misfit, but not its exact form.",
+    "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}.",
+    "named": "Missing: {names}. With {it} the misfit is within the noise{scatter}.",
+    "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
     "unexplained": "Something is missing, and it is no effect of the catalogue nor any two of them.",
     "compare_only": "These data can be compared, but nothing can be said to be missing.",
 }
@@ -29,10 +32,11 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
     list of str
         What the data could have shown, the verdict, what it rests on, and what the data cannot tell apart.
     """
-    lines = [*_could_show(diagnosis), *_misfit(diagnosis)]
+    lines = [*first_notes(diagnosis.findings), *_could_show(diagnosis), *_misfit(diagnosis)]
     names = " and ".join(one.name for one in diagnosis.missing)
-    it = "them" if len(diagnosis.missing) > 1 else "it"
-    lines.append(_VERDICTS[diagnosis.verdict].format(names=names, it=it))
+    it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
+    scatter = _SCATTER if _hidden_by_scatter(diagnosis) else ""
+    lines.append(_VERDICTS[diagnosis.verdict].format(names=names, it=it, explain=explain, scatter=scatter))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
     for one in diagnosis.missing:
@@ -41,7 +45,13 @@ def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
         lines.append(confidence_sentence(diagnosis))
     if diagnosis.verdict != "compare_only":
         lines += _evidence(diagnosis)
-    return lines + [f"note: {finding}" for finding in diagnosis.findings]
+    return lines + last_notes(diagnosis.findings)
+
+
+def _hidden_by_scatter(diagnosis: Diagnosis) -> bool:
+    """Whether a channel still misses by clearly more than the noise of its readings."""
+    rms = diagnosis.rms_after if diagnosis.missing else diagnosis.rms
+    return any(rms[name] > SCATTERED * floor for name, floor in diagnosis.noise_floor.items() if name in rms)
 
 
 def confidence_sentence(diagnosis: Diagnosis) -> str:
@@ -89,7 +99,11 @@ def _misfit(diagnosis: Diagnosis) -> list[str]:
 def _named(one: NamedEffect, together: bool) -> list[str]:
     effect = all_effects().get(one.name)
     lines = [f"{one.name}: {effect.symptom}" if effect else one.name]
+    # Amplitudes that were not needed, and constants of shapes that are not there
+    silent = {p.name for p in effect.parameters if p.shape or one.parameters.get(p.name) == p.null} if effect else set()
     for name, value in one.parameters.items():
+        if name not in one.ci95 and name in silent:
+            continue
         interval = f" (95 %: {one.ci95[name][0]:.4g} to {one.ci95[name][1]:.4g})" if name in one.ci95 else ""
         lines.append(f"  {name} = {value:.4g}{interval}")
     who = "together they explain" if together else "explains"
@@ -107,8 +121,8 @@ def _evidence(diagnosis: Diagnosis) -> list[str]:
     for name, gate in (("before", diagnosis.gate_before), ("after", diagnosis.gate_after)):
         if gate is not None:
             lines.append(
-                f"lack of fit {name}: {gate.statistic:.2f} of 1 expected in {gate.degrees_of_freedom} patterns, "
-                f"{chance(gate.p_value)}"
+                f"structure {name}: {times(gate.statistic)} times what noise gives, in {gate.degrees_of_freedom} "
+                f"patterns, {chance(gate.p_value)}"
             )
     ranked = [score for score in diagnosis.ranking if not score.note][:_SHOWN]
     best = ", ".join(f"{score.name} ({score.chi2_fall:.0f})" for score in ranked)

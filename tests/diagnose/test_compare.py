@@ -110,3 +110,26 @@ def test_the_text_names_channel_noise_and_verdict(levitation_model):
     lines = comparison_lines(compare_bench(levitation_model, campaign(levitation_model, 17, [HALL])))
     assert any(line.startswith("Hall output: rms misfit 20 mV") for line in lines)
     assert "The model fails: Measured Hall output is 20 mV high everywhere, in both branches." in lines
+
+
+def test_a_channel_of_which_nothing_is_left_is_passed_over(levitation_model):
+    table = campaign(levitation_model, 18)
+    emptied = replace(table, rows=table.rows.assign(hall_V=np.nan))
+    assert "hall_V" not in by_channel(compare_bench(levitation_model, emptied))
+
+
+def test_a_suspected_unit_comes_before_all_numbers(levitation_model):
+    finding = "force_N seems to be in mN: it would then fit the model. Convert the column."
+    table = replace(campaign(levitation_model, 19), findings=("1 row was left out.", finding))
+    lines = comparison_lines(compare_bench(levitation_model, table))
+    assert lines[0] == f"check first: {finding}"
+    assert lines[-1] == "note: 1 row was left out."
+
+
+@pytest.mark.parametrize(("given", "words"), [(True, "from mount to mount"), (False, "from run to run")])
+def test_the_scatter_of_the_distance_is_of_mounts_only_where_mounts_are_told(levitation_model, given, words):
+    table = campaign(levitation_model, 20, mount_m=300e-6)
+    columns = table.given if given else tuple(name for name in table.given if name != "mount")
+    text = "\n".join(comparison_lines(compare_bench(levitation_model, replace(table, given=columns))))
+    assert f"{words} the distance scatters by about" in text
+    assert f"agrees with these data within their noise and the distance's scatter {words}." in text

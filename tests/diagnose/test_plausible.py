@@ -77,3 +77,18 @@ def test_beside_a_model_an_outlier_of_twenty_sigma_is_found(levitation_model, ta
     checked = plausible_table(levitation_model, replace(table, rows=rows))
     assert np.flatnonzero(checked.rows["force_N"].isna()).tolist() == [123]
     assert "1 reading contradicts all neighbours in force_N" in checked.findings[-1]
+
+
+def test_a_current_in_milliampere_is_suspected_although_none_is_none_in_any_unit(levitation_model, table):
+    often = np.where(np.arange(len(table.rows)) % 3 == 0, 0.0, 1e3 * table.rows["current_A"])
+    (finding,) = suspect_units(levitation_model, with_columns(table, current_A=often))
+    assert finding.startswith("current_A seems to be in mA")
+
+
+def test_a_turned_hall_element_is_told_from_readings_that_were_clipped(levitation_model, table):
+    strong = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=300.0))
+    rows = campaign(strong, 24).rows
+    turned = replace(table, rows=rows.assign(hall_V=np.clip(5.0 - rows["hall_V"], 0.0, 5.0)))
+    assert (turned.rows["hall_V"] == 0.0).mean() > 0.2
+    (finding,) = suspect_units(strong, turned)
+    assert finding.startswith("hall_V seems to be of the other polarity")

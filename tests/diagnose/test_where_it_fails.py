@@ -1,5 +1,7 @@
 """Where a model fails: the right channel, the right covariates, and a sentence that one would say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,13 @@ def test_the_channel_and_the_covariate_of_a_misfit_of_one_sigma_are_found(levita
     found = [located(levitation_model, seed, changed(channel, one_sigma)) for seed in range(4)]
     right = [one for one in found if one.channel == channel and column in one.covariates[:1]]
     assert len(right) >= 3
+
+
+def test_an_amount_has_the_sign_of_the_misfit_and_a_share_that_of_the_magnitude(levitation_model):
+    box = levitation_model.validity
+    both = replace(levitation_model, validity=replace(box, current_min_A=-1.4))
+    up = located(both, 6, changed("voltage_V", lambda voltage, rows: np.where(rows["current_A"] < -0.5, 0.05, 0.0)))
+    assert up.sentence.startswith("Measured coil voltage is 5")
+    assert " mV high below -0." in up.sentence
+    share = located(both, 7, changed("voltage_V", lambda voltage, rows: 0.03 * voltage))
+    assert " % high below -0." in share.sentence
