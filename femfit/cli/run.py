@@ -102,7 +102,7 @@ def _single_actuator(path: Path) -> "Actuator":
     """The file's actuator, refused before the sweep where the fit would refuse it after."""
     from femfit.actuator.variants import read_variants
     from femfit.core.errors import ActuatorFileError
-    from femfit.fit.coenergy_basis import check_grid
+    from femfit.fit.coenergy_choice import check_grid
 
     sweep = read_variants(path)
     if len(sweep.variants) > 1 or sweep.columns:

@@ -1,7 +1,7 @@
-"""One co-energy W'(d, i) fitted to force and flux linkage together.
+"""One co-energy W'(d, i) fitted to force, flux linkage and inductance together.
 
-W' is a tensor B-spline in u = d_0 / (d + s) and i; F = -dW'/dd and flux linkage = dW'/di are linear in its
-coefficients, so both columns of the sweep enter one bounded QP, and reciprocity holds exactly in the result.
+W' is a tensor B-spline in u = d_0 / (d + s) and i; F = -dW'/dd, flux linkage = dW'/di and inductance = d^2W'/di^2 are
+linear in its coefficients, so all columns of the sweep enter one bounded QP, and reciprocity holds exactly.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,9 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
-from femfit.fit.coenergy_basis import U_DEGREE, CoenergyBasis, choose_basis, determined, linear_system
+from femfit.fit.coenergy_basis import U_DEGREE, CoenergyBasis
+from femfit.fit.coenergy_choice import choose_basis
+from femfit.fit.coenergy_system import coenergy_system, determined
 from femfit.fit.rows import FitRows
 from femfit.fit.scaled_qp import Inequalities
 from femfit.model.bspline import TensorSpline, basis_matrix
@@ -91,12 +93,13 @@ def fit_coenergy(
     unknown = [name for name in names if name not in SHAPES]
     if unknown:
         raise FitError(f"Shape constraints must be among {', '.join(SHAPES)}; instead received {', '.join(unknown)}.")
-    basis, held_out = choose_basis(rows)
-    matrix, y, sigma = linear_system(basis, rows)
+    system = coenergy_system(rows)
+    basis, held_out = choose_basis(system)
+    matrix, value, sigma = system.equations(basis)
     keep = determined(basis, rows)
     shape = _shape_inequalities(basis, rows, names, open_inductance_H)
     imposed = Inequalities(shape.matrix[:, keep], shape.right, shape.labels)
-    qp, active = _solve_with_shapes(matrix[:, keep], y, sigma, imposed, len(names))
+    qp, active = _solve_with_shapes(matrix[:, keep], value, sigma, imposed, len(names))
     coefficients = np.zeros(basis.shape[0] * basis.shape[1])
     coefficients[keep] = qp.x
     table = coefficients.reshape(basis.shape)

@@ -14,7 +14,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
-from femfit.fit.coenergy_basis import SHIFTS
+from femfit.fit.coenergy_choice import SHIFTS
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.hall import HallSpline

@@ -8,6 +8,7 @@ import pandas as pd
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import TableError
 from femfit.core.sweep_table import SweepTable
+from femfit.fit.incremental import incremental_inductance
 
 FEWEST_ROWS = 12
 FEWEST_DISTANCES = 4
@@ -27,6 +28,8 @@ class FitRows:
         d, i and F.
     flux_linkage, hall : array or None
         Where every row has them.
+    inductance : array or None
+        d(flux linkage)/di, beside the flux linkage; NaN in rows without.
     force_error : array
         Estimated error of the force; zero where the table gives none.
     weight : float or None
@@ -40,6 +43,7 @@ class FitRows:
     hall: FloatArray | None
     force_error: FloatArray
     weight: float | None
+    inductance: FloatArray | None = None
 
     @property
     def currents(self) -> FloatArray:
@@ -97,6 +101,7 @@ class FitRows:
             None if self.hall is None else self.hall[which],
             self.force_error[which],
             self.weight,
+            None if self.inductance is None else self.inductance[which],
         )
 
 
@@ -148,15 +153,28 @@ def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float)
             f"{first['current_A']:g} A and {1e3 * first['distance_m']:g} mm. Remove the repetitions."
         )
     error = _numbers(rows, "force_error_N")
+    flux = _numbers(rows, "flux_linkage_Wb")
     return FitRows(
         distance=distance,
         current=current,
         force=force,
-        flux_linkage=_numbers(rows, "flux_linkage_Wb"),
+        flux_linkage=flux,
         hall=_numbers(rows, "hall_T"),
         force_error=np.zeros_like(force) if error is None else np.abs(error),
         weight=None if mass_kg is None else mass_kg * gravity_m_s2,
+        inductance=None if flux is None else incremental_inductance(distance, current, flux, _inductance(rows)),
     )
+
+
+def _inductance(rows: pd.DataFrame) -> FloatArray | None:
+    """The inductance, with NaN where a row has none."""
+    name = "inductance_H"
+    given = rows[name].notna() if name in rows else np.zeros(len(rows), dtype=np.bool_)
+    if not given.any():
+        return None
+    values = np.full(len(rows), np.nan)
+    values[given] = _numbers(rows[given].reset_index(drop=True), name)
+    return values
 
 
 def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:

@@ -6,7 +6,7 @@ import pytest
 from femfit.core.errors import FitError
 from femfit.core.sweep_table import SweepTable
 from femfit.fit.coenergy import fit_coenergy, obeyed_shapes
-from femfit.fit.coenergy_basis import held_out_masks
+from femfit.fit.coenergy_system import held_out_masks
 from femfit.fit.rows import rows_of_table
 from support.sweeps import CURRENTS, DISTANCES, MASS, ClosedForm, force_table, full_table, grid
 

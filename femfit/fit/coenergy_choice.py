@@ -1,0 +1,221 @@
+"""How many B-splines a co-energy takes, and where their knots lie: what held-out rows of the sweep ask for."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FitError
+from femfit.fit.coenergy_basis import U_DEGREE, CoenergyBasis
+from femfit.fit.coenergy_system import SMOOTHED_DEGREE, CoenergySystem
+from femfit.fit.rows import FitRows
+
+FEWEST_CURRENTS = 3
+FEWEST_DISTANCES = U_DEGREE + 1
+ROUNDS = 3
+"""How often distance and current are searched in turn."""
+
+HELD_OUT_TARGET = 5e-5
+"""The smallest basis whose held-out error is below this fraction is taken: below a good sweep's own error."""
+
+SHIFTS = (0.0, 0.1, 0.3, 1.0, 3.0)
+"""Shifts s of u = d_0 / (d + s) that are tried, as parts of the range of distances: none suits a magnet far from its
+electromagnet, large ones a plunger or a pole with a long gap of its own, where d_0 / d would crowd the distances."""
+
+CELLS_IN_CURRENT = (1, 2, 3, 4, 6)
+BENT_CELLS = (3, 4, 6, 8, 12, 16)
+"""Where the inductance tells of a bend, their knots lie denser at it."""
+
+MOST_CURRENTS = 16
+"""Up to so many currents have a knot each, and one between each two, if held-out rows ask for it."""
+
+DISTANCES_PER_FUNCTION = 1.2
+"""Beside a bend: with a function of u for each distance, the force between a pot magnet's currents was off by half."""
+
+LEAST_DENSITY = 0.2
+"""Of knots in the current where the flux linkage is straight, as a part of their largest density."""
+
+NEARLY_BEST = 1.1
+"""Where none reaches the target (noisy rows), the smallest within this factor of the least held-out error."""
+
+NEARLY_BEST_BENT = 1.02
+"""As much where the inductance bends: what misses the target there is the bend, seldom noise."""
+
+
+def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
+    """The smallest basis below :data:`HELD_OUT_TARGET` on held-out rows, or else the smallest that is nearly the best.
+
+    Distance and current are searched in turn, each with what was chosen for the other.
+
+    Parameters
+    ----------
+    system : CoenergySystem
+        Of the sweep.
+
+    Returns
+    -------
+    tuple of CoenergyBasis and float
+        The basis and its held-out error, as in :class:`femfit.fit.coenergy.CoenergyFit`.
+
+    Raises
+    ------
+    FitError
+        If there are too few currents or distances.
+    """
+    rows = system.rows
+    check_grid(len(rows.currents), len(rows.distances), _fewest_distances(rows))
+    in_distance, in_current = _distance_trials(rows), _current_trials(rows)
+    start = in_current[0 if rows.inductance is None else -1]  # a bend that is not resolved hides what distances tell
+    basis, error = CoenergyBasis(**in_distance[0], **start), np.inf
+    for _ in range(ROUNDS):
+        before = basis.shape
+        for trials in (in_distance, in_current):
+            basis, error = _best([replace(basis, **trial) for trial in trials], system)
+            if error < HELD_OUT_TARGET:
+                return basis, error
+        if basis.shape == before:
+            break
+    if not np.isfinite(error):
+        raise FitError(
+            "The rows do not determine a co-energy: too many currents are missing at too many distances. Sweep every "
+            "current at every distance, or fit a law."
+        )
+    return basis, error
+
+
+def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[CoenergyBasis, float]:
+    """The choice among bases, force and flux linkage apart: noise of the one must not hide what the other tells."""
+    scored: list[tuple[FloatArray, CoenergyBasis]] = []
+    for _, alike in groupby(sorted(bases, key=_size), key=_size):
+        tried = [(system.held_out_errors(basis), basis) for basis in alike]
+        errors, basis = min(tried, key=lambda pair: float(np.max(pair[0])))
+        if np.max(errors) < HELD_OUT_TARGET:
+            return basis, float(np.max(errors))
+        # A column that is good enough must not ask for more.
+        scored += [(np.maximum(trial, HELD_OUT_TARGET), basis) for trial, basis in tried]
+    best = np.min([errors for errors, _ in scored], axis=0)
+    if not np.all(np.isfinite(best)):
+        return scored[0][1], np.inf
+    nearly = NEARLY_BEST if system.rows.inductance is None else NEARLY_BEST_BENT
+    allowed = max(nearly, min(float(np.max(errors / best)) for errors, _ in scored))
+    errors, basis = next(pair for pair in scored if np.max(pair[0] / best) <= allowed)
+    return basis, float(np.max(errors))
+
+
+def _size(basis: CoenergyBasis) -> int:
+    return basis.shape[0] * basis.shape[1]
+
+
+def check_grid(currents: int, distances: int, fewest_distances: int = FEWEST_DISTANCES) -> None:
+    """Refuse a grid that is too small for any co-energy.
+
+    Parameters
+    ----------
+    currents, distances : int
+        How many there are.
+    fewest_distances : int
+        How many distances are needed; by default with flux linkages, as a sweep has them.
+
+    Raises
+    ------
+    FitError
+        If there are too few currents or distances.
+    """
+    if currents < FEWEST_CURRENTS or distances < fewest_distances:
+        raise FitError(
+            f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest_distances} distances; instead received "
+            f"{currents} currents and {distances} distances. Sweep more "
+            + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
+        )
+
+
+def _fewest_distances(rows: FitRows, cells: int = 1) -> int:
+    """Distances that so many cells need.
+
+    Flux linkage tells W' itself beside its slope, so that fewer will do; but between two currents it and the inductance
+    are all there is, known by their values alone, so that a bend in the current asks for more.
+    """
+    functions = U_DEGREE + cells
+    if rows.inductance is not None and cells > 1:
+        return math.ceil(functions * DISTANCES_PER_FUNCTION)
+    return functions + (2 if rows.flux_linkage is None else 0)
+
+
+def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
+    """Knots and degree in the current: a held-out fold must leave more data than functions."""
+    count = len(rows.currents)
+    forms = [(2, 1)] if count >= FEWEST_CURRENTS else []
+    forms += [(degree, n) for degree in (3, 4) for n in CELLS_IN_CURRENT if degree + n + 2 <= count]
+    even = [(degree, np.linspace(rows.currents[0], rows.currents[-1], n + 1)) for degree, n in forms]
+    following = [(SMOOTHED_DEGREE, breaks) for breaks in _bent_breaks(rows)]
+    return [
+        {"current_knots": _clamped(breaks, degree), "current_degree": degree} for degree, breaks in even + following
+    ]
+
+
+def _bent_breaks(rows: FitRows) -> list[FloatArray]:
+    """Breaks among the currents and their middles, denser where the flux linkage bends.
+
+    A current tells two numbers of W'(i) where the inductance stands beside the flux linkage, and the force a third, so
+    that cells of half the currents' spacing are the narrowest.
+    """
+    currents = rows.currents
+    if rows.inductance is None:
+        return []
+    density = _bending(currents, rows.distance, rows.current, rows.inductance)
+    halves = np.sort(np.concatenate([currents, 0.5 * (currents[1:] + currents[:-1])]))
+    reached = np.concatenate([[0.0], np.cumsum(np.repeat(density * np.diff(currents), 2))])
+    between = 0.5 * (reached[1:] + reached[:-1])
+    breaks = [halves[np.unique(np.searchsorted(between, np.linspace(0.0, reached[-1], n + 1)))] for n in BENT_CELLS]
+    if len(currents) <= MOST_CURRENTS:
+        breaks += [halves, currents]
+    return breaks
+
+
+def _bending(currents: FloatArray, distance: FloatArray, current: FloatArray, inductance: FloatArray) -> FloatArray:
+    """How densely knots should lie between neighbouring currents, shape (currents - 1,).
+
+    Where the flux linkage bends, the inductance changes from one current to the next; breaks as dense as the root of
+    that change share it between the cells. It is taken over all distances, because the bend moves with the distance.
+
+    References
+    ----------
+    C. de Boor, A Practical Guide to Splines (Springer, 2001), chapter XII: breaks from equal shares of a monitor.
+    """
+    widths, changes = np.diff(currents), [np.zeros(len(currents) - 1)]
+    for d in np.unique(distance):
+        at = np.flatnonzero((distance == d) & np.isfinite(inductance))
+        if len(at) >= FEWEST_CURRENTS:
+            at = at[np.argsort(current[at])]
+            along = np.interp(currents, current[at], inductance[at])
+            changes.append(np.abs(np.diff(along)) / (np.max(np.abs(along)) or 1.0))
+    if not np.any(changes):
+        return np.ones_like(widths)
+    bend = np.sqrt(np.mean(changes, axis=0) / widths)
+    return np.asarray(bend + LEAST_DENSITY * np.max(bend))
+
+
+def _distance_trials(rows: FitRows) -> list[dict[str, Any]]:
+    """d_0, s and knots in u."""
+    trials = []
+    for part in SHIFTS:
+        shift = part * float(np.ptp(rows.distances))
+        d = rows.distances + shift
+        for n in (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20):
+            if _fewest_distances(rows, n) > len(d):
+                break
+            # Breaks that follow the rows leave data in every cell, where uniform ones would not.
+            even, following = np.linspace(d[0] / d[-1], 1.0, n + 1), d[0] / np.quantile(d, np.linspace(1.0, 0.0, n + 1))
+            trials += [
+                {"reference_distance_m": float(d[0]), "distance_shift_m": shift, "u_knots": _clamped(u, U_DEGREE)}
+                for u in ((even,) if n == 1 else (even, following))
+            ]
+    return trials
+
+
+def _clamped(breaks: FloatArray, degree: int) -> FloatArray:
+    return np.concatenate([np.repeat(breaks[0], degree), breaks, np.repeat(breaks[-1], degree)])

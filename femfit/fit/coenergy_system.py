@@ -1,0 +1,226 @@
+"""The linear equations of a co-energy: a sweep's force, flux linkage and inductance, each with its own error.
+
+F = -dW'/dd, flux linkage = dW'/di and inductance = d^2W'/di^2 are linear in the coefficients of W'. The inductance is
+what tells a winding that saturates between two currents: without it a spline through few currents misses the bend.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.fit.coenergy_basis import CoenergyBasis
+from femfit.fit.rows import FitRows
+
+RELATIVE_SIGMA = 1e-4
+"""Rows are weighted for this error relative to the force's scale, or to the change of flux linkage and of inductance
+over the distance."""
+
+SMOOTHED_DEGREE = 3
+"""With cubics in the current the inductance is a broken line, and one slope a cell is all there is to hold."""
+
+FEWEST_CURRENTS = 3
+DISTANCE_FOLDS = 4
+SCATTERED_FOLDS = 5
+"""With row j + 2 current k modulo 5, no two rows of a fold are neighbours, nor next but one along an axis."""
+
+INDUCTANCE_SIGMA = 3.0
+"""Of the inductance, as a part of the other columns' relative sigma: a difference of flux linkages at neighbouring
+currents, which it must not outweigh."""
+
+FREE_SLOPE = 10.0
+"""Sigma of the inductance's slope, as a part of largest inductance over range of currents: above any winding's slope,
+it holds only what no row tells."""
+
+JUDGED = 2
+"""Force and flux linkage are asked for on held-out rows; the inductance, their slope, only helps to find them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Rows of one column, shape (m,) each.
+
+    Parameters
+    ----------
+    order : (int, int)
+        Derivative of W' in d and i.
+    sign : float
+        What it is multiplied by.
+    which : array of int
+        Rows of the table that have the column.
+    value, scale, sigma : array
+        Data, what their relative error is measured against, and their standard deviation.
+    """
+
+    order: tuple[int, int]
+    sign: float
+    which: IntArray
+    value: FloatArray
+    scale: FloatArray
+    sigma: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class CoenergySystem:
+    """All equations of a sweep.
+
+    Parameters
+    ----------
+    rows : FitRows
+        Of the sweep.
+    channels : tuple of Channel
+        Force, then flux linkage and inductance where the table has them.
+    """
+
+    rows: FitRows
+    channels: tuple[Channel, ...]
+
+    def equations(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Those of the table, and where it has inductances, d^3W'/di^3 = 0 with a sigma that only fills gaps.
+
+        Parameters
+        ----------
+        basis : CoenergyBasis
+            Of the spline.
+
+        Returns
+        -------
+        tuple of matrix, data and sigma
+            A of shape (equations, functions), y and its standard deviations in N, Wb, H and H/A.
+        """
+        d, i = self.rows.distance, self.rows.current
+        blocks = [c.sign * basis.columns(d[c.which], i[c.which], c.order) for c in self.channels]
+        value, sigma = [c.value for c in self.channels], [c.sigma for c in self.channels]
+        if self.rows.inductance is not None and basis.current_degree == SMOOTHED_DEGREE:
+            blocks.append(basis.columns(*basis.cell_points(), (0, 3)))
+            slope = float(np.nanmax(np.abs(self.rows.inductance))) / float(np.ptp(self.rows.currents))
+            value.append(np.zeros(len(blocks[-1])))
+            sigma.append(np.full(len(blocks[-1]), FREE_SLOPE * slope))
+        return np.concatenate(blocks), np.concatenate(value), np.concatenate(sigma)
+
+    def held_out_errors(self, basis: CoenergyBasis) -> FloatArray:
+        """Rms error of force and of flux linkage on rows left out, as a part of their scales.
+
+        One factorisation serves all folds: leaving out the rows B turns their residual r_B into
+        (1 - Q_B Q_B^T)^-1 r_B.
+        """
+        undetermined = np.full(min(len(self.channels), JUDGED), np.inf)
+        matrix, value, sigma = self.equations(basis)
+        weighted = matrix[:, determined(basis, self.rows)] / sigma[:, None]
+        norms = np.linalg.norm(weighted, axis=0)
+        if not np.all(norms > 0):
+            return undetermined
+        q_factor, triangle = np.linalg.qr(weighted / norms)
+        if len(triangle) < len(norms) or np.min(np.abs(np.diag(triangle))) < 1e-10:
+            return undetermined
+        target = value / sigma
+        residual = target - q_factor @ (q_factor.T @ target)
+        left_out = []
+        for which in self._folds:
+            part = q_factor[which]
+            left = np.eye(part.shape[1]) - part.T @ part
+            try:
+                left_out.append(residual[which] + part @ np.linalg.solve(left, part.T @ residual[which]))
+            except np.linalg.LinAlgError:
+                return undetermined
+        equation = np.concatenate(self._folds)
+        relative = np.concatenate(left_out) * self._to_relative[equation]
+        return np.array(
+            [np.sqrt(np.mean(relative[self._channel[equation] == k] ** 2)) for k in range(len(undetermined))]
+        )
+
+    @cached_property
+    def _to_relative(self) -> FloatArray:
+        return np.concatenate([channel.sigma / channel.scale for channel in self.channels])
+
+    @cached_property
+    def _channel(self) -> IntArray:
+        return np.repeat(np.arange(len(self.channels)), [len(channel.which) for channel in self.channels])
+
+    @cached_property
+    def _folds(self) -> list[IntArray]:
+        row = np.concatenate([channel.which for channel in self.channels])
+        return [np.flatnonzero(mask[row]) for mask in held_out_masks(self.rows)]
+
+
+def coenergy_system(rows: FitRows) -> CoenergySystem:
+    """The equations of a sweep.
+
+    Parameters
+    ----------
+    rows : FitRows
+        With or without flux linkage and inductance.
+
+    Returns
+    -------
+    CoenergySystem
+        For any basis.
+    """
+    every, scale = np.arange(len(rows.force)), rows.force_scale
+    channels = [Channel((1, 0), -1.0, every, rows.force, scale, np.hypot(rows.force_error, RELATIVE_SIGMA * scale))]
+    slopes = (((0, 1), rows.flux_linkage, 1.0), ((0, 2), rows.inductance, INDUCTANCE_SIGMA))
+    for order, column, weaker in slopes:
+        if column is not None:
+            which = np.flatnonzero(np.isfinite(column))
+            scale = np.full(len(which), _change_over_distance(rows.current[which], column[which]))
+            channels.append(Channel(order, 1.0, which, column[which], scale, RELATIVE_SIGMA * weaker * scale))
+    return CoenergySystem(rows, tuple(channels))
+
+
+def _change_over_distance(current: FloatArray, values: FloatArray) -> float:
+    """The median current's change over the distances; of a column that hardly changes, a thousandth of its largest."""
+    change = float(np.median([np.ptp(values[current == i]) for i in np.unique(current)]))
+    return max(change, 1e-3 * float(np.max(np.abs(values))))
+
+
+def determined(basis: CoenergyBasis, rows: FitRows) -> IntArray:
+    """Indices of the coefficients that the data determine: the rest are the gauge and stay zero.
+
+    Force and flux leave a constant open (one coefficient); force alone leaves any function of the current open (the
+    whole first row, which is W' at the largest distance).
+
+    Parameters
+    ----------
+    basis : CoenergyBasis
+        Of the spline.
+    rows : FitRows
+        With or without flux linkage.
+
+    Returns
+    -------
+    array of int
+        Into the flat coefficients.
+    """
+    indices = np.arange(basis.shape[0] * basis.shape[1])
+    return indices[1:] if rows.flux_linkage is not None else indices[basis.shape[1] :]
+
+
+def held_out_masks(rows: FitRows) -> list[BoolArray]:
+    """Rows to leave out, fold by fold.
+
+    The extremes of distance and current stay in, because beyond them a model extrapolates, which its validity box
+    forbids. Between them every fourth distance is left out, and each single current; where inductances stand beside
+    the flux linkages, single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves
+    with the distance is narrower than what a whole distance or current would leave open.
+
+    Parameters
+    ----------
+    rows : FitRows
+        Of the sweep.
+
+    Returns
+    -------
+    list of array of bool
+        One mask a fold.
+    """
+    distances, currents = rows.distances, rows.currents
+    if rows.inductance is None or len(currents) <= FEWEST_CURRENTS:
+        masks = [np.isin(rows.distance, distances[1:-1][k::DISTANCE_FOLDS]) for k in range(DISTANCE_FOLDS)]
+        if len(currents) > FEWEST_CURRENTS:
+            masks += [rows.current == i for i in currents[1:-1]]
+    else:
+        j, k = np.searchsorted(distances, rows.distance), np.searchsorted(currents, rows.current)
+        inner = (j > 0) & (j < len(distances) - 1) & (k > 0) & (k < len(currents) - 1)
+        masks = [inner & ((j + 2 * k) % SCATTERED_FOLDS == fold) for fold in range(SCATTERED_FOLDS)]
+    return [mask for mask in masks if mask.any()]

@@ -1,0 +1,103 @@
+"""The co-energy of a pot magnet that saturates, from a few currents, judged on currents and distances between them."""
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import TableError
+from femfit.core.sweep_table import SweepTable
+from femfit.fit.coenergy import fit_coenergy
+from femfit.fit.coenergy_system import held_out_masks
+from femfit.fit.misfit import misfit_to_rows
+from femfit.fit.rows import rows_of_table
+from support.saturating_circuit import SaturatingCircuit
+from support.sweeps import full_table
+
+TRUTH = SaturatingCircuit()
+DISTANCES = 1e-3 * np.array([0.2, 0.3, 0.4, 0.55, 0.75, 1.0, 1.4, 1.9, 2.6, 3.5, 4.6, 6.0])
+SIX, ELEVEN = np.linspace(0.0, 1.0, 6), np.linspace(0.0, 1.0, 11)
+
+
+def rows_of(table):
+    return rows_of_table(table, None, 9.80665)
+
+
+def misfits(table):
+    """Rms of the force's error relative to itself, on the table's rows and on rows between them."""
+    rows = rows_of(table)
+    magnetics = fit_coenergy(rows).magnetics
+    # From a tenth of the current on: below, the force is less than a hundredth of what saturates.
+    between = rows_of(TRUTH.table(np.linspace(0.1, 1.0, 37), np.geomspace(0.2e-3, 6e-3, 41)))
+    return tuple(misfit_to_rows(magnetics, one).force_rms_relative for one in (rows, between))
+
+
+def test_the_force_without_any_current_is_the_slope_of_the_coenergy():
+    # The circuit itself: dF/di = -d(flux linkage)/dd, by central differences of second order.
+    d, i, step = np.array([0.3e-3, 1e-3]), np.array([0.5, 0.9]), 1e-7
+    slope = (TRUTH.flux_linkage(d + step, i) - TRUTH.flux_linkage(d - step, i)) / (2.0 * step)
+    in_current = (TRUTH.force(d, i + 1e-5) - TRUTH.force(d, i - 1e-5)) / 2e-5
+    np.testing.assert_allclose(in_current, -slope, rtol=1e-4)
+
+
+def test_six_currents_with_their_inductances_meet_the_force_below_one_per_cent():
+    own, between = misfits(TRUTH.table(SIX, DISTANCES))
+    # The goal on the sweep itself; between its rows six currents leave the bend to the straight inductance of a cell.
+    assert own < 0.005
+    assert between < 0.015
+
+
+def test_eleven_currents_meet_it_below_half_a_per_cent_everywhere():
+    own, between = misfits(TRUTH.table(ELEVEN, DISTANCES))
+    assert own < 0.002
+    assert between < 0.005
+
+
+def test_without_inductances_six_currents_leave_several_times_as_much():
+    table = TRUTH.table(SIX, DISTANCES)
+    own, between = misfits(SweepTable(table.rows.drop(columns="inductance_H")))
+    assert between > 2.0 * misfits(table)[1]
+    assert own > 0.01
+
+
+def test_rows_without_inductance_are_left_out_of_its_equations():
+    table = TRUTH.table(ELEVEN, DISTANCES)
+    rng = np.random.default_rng(3)
+    table.rows.loc[rng.choice(len(table.rows), 30, replace=False), "inductance_H"] = np.nan
+    own, between = misfits(table)
+    assert own < 0.003
+    assert between < 0.008
+
+
+def test_flux_linkage_over_current_is_not_taken_for_the_inductance():
+    table = TRUTH.table(SIX, DISTANCES)
+    i = table.rows["current_A"].to_numpy()
+    table.rows["inductance_H"] = np.where(i > 0, table.rows["flux_linkage_Wb"] / np.where(i > 0, i, 1.0), np.nan)
+    assert rows_of(table).inductance is None
+
+
+def test_an_inductance_that_does_not_change_with_the_current_adds_no_equations():
+    table = full_table()
+    i, d = table.rows["current_A"].to_numpy(), table.rows["distance_m"].to_numpy()
+    table.rows["inductance_H"] = 16e-3 + 2e-3 * np.exp(-d / 0.012) + 0.0 * i
+    assert rows_of(table).inductance is None
+
+
+def test_an_inductance_in_words_is_refused():
+    table = TRUTH.table(SIX, DISTANCES)
+    table.rows["inductance_H"] = "2 H"
+    with pytest.raises(TableError, match="inductance_H must be numeric"):
+        rows_of(table)
+
+
+def test_scattered_folds_leave_out_each_inner_row_once_and_none_of_the_edges():
+    rows = rows_of(TRUTH.table(SIX, DISTANCES))
+    times = np.sum(held_out_masks(rows), axis=0)
+    edge = np.isin(rows.distance, DISTANCES[[0, -1]]) | np.isin(rows.current, SIX[[0, -1]])
+    np.testing.assert_array_equal(times, np.where(edge, 0, 1))
+
+
+def test_knots_lie_denser_where_the_flux_linkage_bends():
+    fit = fit_coenergy(rows_of(TRUTH.table(np.linspace(0.0, 1.0, 21), DISTANCES)))
+    breaks = np.unique(fit.basis.current_knots)
+    # The core bends from 0.3 A, at the smallest distance, to beyond 1 A: nothing happens below.
+    assert np.max(np.diff(breaks)) == pytest.approx(breaks[1] - breaks[0])
+    assert breaks[1] > 2.0 * np.min(np.diff(breaks))
