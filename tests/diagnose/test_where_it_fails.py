@@ -9,6 +9,8 @@ from femfit.diagnose.noise import estimate_noise
 from femfit.diagnose.observations import bench_observations
 from femfit.diagnose.where import where_it_fails
 from femfit.diagnose.whitening import Whitening, chains_of
+from femfit.model.actuator_model import ValidityBox
+from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.campaign import NOISE, campaign
 
 
@@ -88,3 +90,21 @@ def test_an_amount_has_the_sign_of_the_misfit_and_a_share_that_of_the_magnitude(
     assert " mV high below -0." in up.sentence
     share = located(both, 7, changed("voltage_V", lambda voltage, rows: 0.03 * voltage))
     assert " % high below -0." in share.sentence
+
+
+def test_a_core_that_saturates_near_contact_is_said_to_lower_the_flux(levitation_model):
+    pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
+    model = replace(levitation_model, magnetics=pot, validity=ValidityBox(0.6e-3, 6e-3, 0.0, 2.0), sensor=None)
+    noise = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
+
+    def saturated(readings, rows):
+        kept = (1.0 + (readings["flux_linkage_Wb"] / 0.15) ** 8) ** -0.125
+        return readings | {
+            "flux_linkage_Wb": kept * readings["flux_linkage_Wb"],
+            "force_N": kept**2 * readings["force_N"],
+        }
+
+    where = located(model, 8, saturated, noise=noise, mount_m=5e-6, runs=4)
+    assert where.channel == "flux_linkage_Wb"
+    assert " low " in where.sentence
+    assert "high" not in where.sentence
