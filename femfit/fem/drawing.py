@@ -16,7 +16,7 @@ from ngsolve import Mesh
 
 from femfit.actuator.parts import Actuator, Region
 from femfit.core.errors import FieldSolverError
-from femfit.fem.layout import Layout, mover_outline
+from femfit.fem.layout import Layout, grown, mover_outline
 from femfit.fem.settings import SolverSettings
 
 
@@ -68,8 +68,8 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
     coil.faces.maxh = settings.region_fraction * _extent(actuator.coil.vertices_m)
     outline = shapely.affinity.translate(mover_outline(actuator), 0.0, distance)
     thickness = layout.outer_offset - layout.inner_offset
-    inner, outer = (_offset(outline, offset) for offset in (layout.inner_offset, layout.outer_offset))
-    mover = _face(tuple(outline.exterior.coords)[:-1])
+    outlines = (outline, grown(outline, layout.inner_offset), grown(outline, layout.outer_offset))
+    mover, inner, outer = (_face(tuple(one.exterior.coords)[:-1]) for one in outlines)
     halo, layer = inner - mover, outer - inner
     halo.faces.name, layer.faces.name = "halo", "layer"
     halo.faces.maxh = layer.faces.maxh = thickness
@@ -116,11 +116,6 @@ def _face(vertices: tuple[tuple[float, float], ...]) -> Face:
     for corner in corners[1:]:
         path = path.LineTo(*corner)
     return path.Close().Face()
-
-
-def _offset(outline: shapely.Polygon, offset: float) -> Face:
-    grown = outline.buffer(offset, join_style="mitre").intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
-    return _face(tuple(grown.exterior.coords)[:-1])
 
 
 def _half_disc(radius: float) -> Face:

@@ -159,6 +159,24 @@ def mover_outline(actuator: Actuator) -> shapely.Polygon:
     return outline
 
 
+def grown(outline: shapely.Polygon, offset: float) -> shapely.Polygon:
+    """An outline all of whose edges are moved outwards, cut at the axis.
+
+    Parameters
+    ----------
+    outline : shapely.Polygon
+        In m.
+    offset : float
+        In m.
+
+    Returns
+    -------
+    shapely.Polygon
+        In m; higher and lower by more than the offset where the outline's corner on the axis is a cone's tip.
+    """
+    return outline.buffer(offset, join_style="mitre").intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
+
+
 def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: SolverSettings) -> list[tuple[float, ...]]:
     """Split distances into consecutive groups that share one mesh.
 

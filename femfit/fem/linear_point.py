@@ -2,34 +2,26 @@
 
 The field is w = w_m + i w_c (magnets, coil with 1 A), so F = F_0 + F_1 i + F_2 i^2, the flux linkage and the Hall field
 are affine in i, and the co-energy is W' = W_0 + flux_0 i + L i^2 / 2. The stress of the moving magnet's own field
-integrates to zero, but not on a mesh: it is evaluated on the same mesh with everything else taken away, and subtracted.
+integrates to zero, but not on a mesh: it is evaluated on the same mesh with everything else taken away, and subtracted
+(:mod:`femfit.fem.linear_system`).
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, InnerProduct, Mesh
+from numpy.polynomial.polynomial import polyval
 
 from femfit.actuator.parts import Actuator
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import FieldSolverError
 from femfit.fem.layout import Layout
+from femfit.fem.linear_system import FieldPair, LinearSystem
 from femfit.fem.moving_mesh import MovingMesh
+from femfit.fem.other_forces import OtherForces
 from femfit.fem.point_field import PointField
 from femfit.fem.settings import SolverSettings
-from femfit.fem.stress import LayerForce, weight
+from femfit.fem.stress import weight
 from femfit.fem.superposition import DistanceSolution, superpose
-from femfit.fem.weak_form import (
-    Factorisation,
-    Loads,
-    assemble_loads,
-    flux_density,
-    linear_materials,
-    reluctivity,
-    stiffness,
-)
 
 
 class LinearActuator:
@@ -63,14 +55,16 @@ class LinearActuator:
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
         g = weight(self.mesh)
-        self._orders = tuple(
-            _Discretisation(self.mesh, actuator, layout, g, settings.order - lower) for lower in range(1 + estimate)
+        self._system = LinearSystem(self.mesh, actuator, layout, g, settings.order)
+        self._lower = LinearSystem(self.mesh, actuator, layout, g, settings.order - 1) if estimate else None
+        self._others = OtherForces(
+            self._system.total, self._system.own, self._moving.reaction_weight, self._moving.work_weight
         )
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns of the finer of the two orders."""
-        return int(self._orders[0].space.ndof)
+        return int(self._system.space.ndof)
 
     def solve(self, distance: float) -> DistanceSolution:
         """Solve at a distance.
@@ -86,10 +80,14 @@ class LinearActuator:
             Coefficients of force, flux linkage, co-energy and Hall field.
         """
         with self._moving.at(distance):
-            fine, *coarse = (discretisation.evaluate() for discretisation in self._orders)
+            fine = self._system.evaluate()
+            reaction, work = self._others.evaluate()
+            lower = None if self._lower is None else self._lower.evaluate()
         return DistanceSolution(
             force=fine.force,
-            force_change=fine.force - coarse[0].force if coarse else None,
+            force_change=None if lower is None else fine.force - lower.force,
+            reaction=reaction,
+            work=work,
             flux_linkage=fine.flux_linkage,
             coenergy=fine.coenergy,
             hall=fine.hall,
@@ -133,71 +131,14 @@ class LinearActuator:
             Of the finer order.
         """
         solution = self.solve(distance)
-        magnet, coil = self.fields(distance)
-        magnet.vec.data += current * coil.vec
-        force = float(np.polynomial.polynomial.polyval(current, solution.force))
-        return PointField(magnet, force, solution.self_force)
-
-    def fields(self, distance: float) -> tuple[ng.GridFunction, ng.GridFunction]:
-        """Solutions (w_m, w_c) at a distance, with the mesh left stretched to it, for pictures."""
         self._moving.move_to(distance)
-        return self._orders[0].solutions()
+        total = self._system.total  # as solved
+        field = ng.GridFunction(self._system.space)
+        field.vec.data = total.magnets.vec + current * total.coil.vec
+        return PointField(field, float(polyval(current, solution.force)), float(polyval(current, solution.self_force)))
 
-
-@dataclass(frozen=True)
-class _Coefficients:
-    force: FloatArray
-    flux_linkage: FloatArray
-    coenergy: float
-    hall: FloatArray | None
-    self_force: float
-
-
-class _Discretisation:
-    """Forms, loads and force matrix of one polynomial order; only the stiffness depends on the distance."""
-
-    def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, g: ng.GridFunction, order: int) -> None:
-        self.mesh = mesh
-        self.space = H1(mesh, order=order)
-        self.hall = actuator.hall
-        named = linear_materials(actuator)
-        own = {name: material for name, material in named.items() if name.startswith("moving:")}
-        self._whole = Factorisation(stiffness(self.space, reluctivity(mesh, named), layout.outer_radius))
-        self.loads: Loads = assemble_loads(self.space, actuator)
-        self.layer_force = LayerForce(self.space, g)
-        self._own: Factorisation | None = None
-        if any(material.remanence_T for material in own.values()):
-            self._own = Factorisation(stiffness(self.space, reluctivity(mesh, own), layout.outer_radius))
-
-    def solutions(self) -> tuple[ng.GridFunction, ng.GridFunction]:
-        magnet, coil = self._whole.solve([self.loads.magnets, self.loads.coil])
-        return magnet, coil
-
-    def evaluate(self) -> _Coefficients:
-        magnet, coil = self.solutions()
-        force = self.layer_force
-        self_force = 0.0
-        if self._own is not None:
-            (own,) = self._own.solve([self.loads.own_magnets])
-            self_force = force.between(own, own)
-        return _Coefficients(
-            force=np.array(
-                [
-                    force.between(magnet, magnet) - self_force,
-                    2.0 * force.between(magnet, coil),
-                    force.between(coil, coil),
-                ]
-            ),
-            flux_linkage=np.array(
-                [InnerProduct(self.loads.coil.vec, magnet.vec), InnerProduct(self.loads.coil.vec, coil.vec)]
-            ),
-            coenergy=0.5 * InnerProduct(self.loads.magnets.vec, magnet.vec),
-            hall=self._hall_field(magnet, coil),
-            self_force=self_force,
-        )
-
-    def _hall_field(self, magnet: ng.GridFunction, coil: ng.GridFunction) -> FloatArray | None:
-        if self.hall is None:
-            return None
-        point = self.mesh(self.hall.radius_m, self.hall.height_m)
-        return np.array([flux_density(solution)[1](point) for solution in (magnet, coil)])
+    def fields(self, distance: float) -> FieldPair:
+        """Solutions w at a distance, with the mesh left stretched to it; overwritten by the next solution."""
+        self._moving.move_to(distance)
+        self._system.solve()
+        return self._system.total

@@ -7,7 +7,7 @@ that it is the same at all distances: else it would show in d(flux linkage)/dd, 
 """
 
 import numpy as np
-from ngsolve import GridFunction, Mesh, VectorH1
+from ngsolve import H1, GridFunction, Mesh, VectorH1
 
 from femfit.core.arrays import FloatArray
 from femfit.fem.layout import Layout
@@ -16,7 +16,7 @@ STILL = 0.6  # of the gap above the fixed parts
 FADE = 8.0  # the stretch has faded out at this multiple of the actuator's radius
 
 
-def stretch(mesh: Mesh, layout: Layout, mover_bounds: tuple[float, float, float, float], shift: float) -> GridFunction:
+def stretch(mesh: Mesh, layout: Layout, layer_heights: tuple[float, float], shift: float) -> GridFunction:
     """Displacement of the mesh for a shift of the moving part.
 
     Parameters
@@ -25,8 +25,8 @@ def stretch(mesh: Mesh, layout: Layout, mover_bounds: tuple[float, float, float,
         Made at a reference distance.
     layout : Layout
         Of the drawing.
-    mover_bounds : (float, float, float, float)
-        r_min, z_min, r_max, z_max of the moving part at the reference distance, in m.
+    layer_heights : (float, float)
+        Lowest and highest z of the moving part's layer at the reference distance, in m.
     shift : float
         Along z, in m.
 
@@ -35,18 +35,38 @@ def stretch(mesh: Mesh, layout: Layout, mover_bounds: tuple[float, float, float,
     ngsolve.GridFunction
         For ``mesh.SetDeformation``; affine on every element, so straight edges stay straight.
     """
-    points = np.array([vertex.point for vertex in mesh.vertices])
-    space = VectorH1(mesh, order=1)
-    displacement = GridFunction(space)
+    displacement = GridFunction(VectorH1(mesh, order=1))
     along_z = displacement.components[1].vec.FV().NumPy()
-    along_z[:] = shift * _profile(points, layout, mover_bounds)
+    along_z[:] = shift * stretch_share(mesh, layout, layer_heights).vec.FV().NumPy()
     return displacement
 
 
-def _profile(points: FloatArray, layout: Layout, mover_bounds: tuple[float, float, float, float]) -> FloatArray:
+def stretch_share(mesh: Mesh, layout: Layout, layer_heights: tuple[float, float]) -> GridFunction:
+    """Share of the moving part's shift that each place of the mesh makes: 1 at the part, 0 at the fixed ones.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+        Made at a reference distance and, here, not stretched.
+    layout : Layout
+        Of the drawing.
+    layer_heights : (float, float)
+        As for :func:`stretch`.
+
+    Returns
+    -------
+    ngsolve.GridFunction
+        Of order 1.
+    """
+    share = GridFunction(H1(mesh, order=1))
+    points = np.array([vertex.point for vertex in mesh.vertices])
+    share.vec.FV().NumPy()[:] = _profile(points, layout, layer_heights)
+    return share
+
+
+def _profile(points: FloatArray, layout: Layout, layer_heights: tuple[float, float]) -> FloatArray:
     """Share of the shift at points of shape (n, 2), between 0 and 1."""
-    low = mover_bounds[1] - layout.outer_offset
-    high = mover_bounds[3] + layout.outer_offset
+    low, high = layer_heights
     far = FADE * layout.radius
     still = layout.fixed_top + STILL * (low - layout.fixed_top)
     along = np.interp(points[:, 1], [still, low, high, far], [0.0, 1.0, 1.0, 0.0])

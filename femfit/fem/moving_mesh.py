@@ -5,9 +5,10 @@ from contextlib import contextmanager
 
 from femfit.actuator.parts import Actuator
 from femfit.fem.drawing import build_mesh
-from femfit.fem.layout import Layout, layout_of_group, mover_outline, reference_distance
-from femfit.fem.motion import stretch
+from femfit.fem.layout import Layout, grown, layout_of_group, mover_outline, reference_distance
+from femfit.fem.motion import stretch, stretch_share
 from femfit.fem.settings import SolverSettings
+from femfit.fem.stress import AROUND_FIXED, weight
 
 
 class MovingMesh:
@@ -23,20 +24,29 @@ class MovingMesh:
         Of the whole sweep.
     settings : SolverSettings
         Element sizes.
+
+    Attributes
+    ----------
+    reaction_weight, work_weight : ngsolve.GridFunction
+        For :class:`femfit.fem.other_forces.OtherForces`.
     """
 
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
         self.layout = layout_of_group(actuator, group, layout, settings)
         self.reference = reference_distance(group, self.layout)
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
-        r0, z0, r1, z1 = mover_outline(actuator).bounds
-        self._mover_bounds = (r0, z0 + self.reference, r1, z1 + self.reference)
+        _, low, _, high = grown(mover_outline(actuator), self.layout.outer_offset).bounds
+        self._layer_heights = (low + self.reference, high + self.reference)
+        self.reaction_weight = weight(self.mesh, AROUND_FIXED)
+        self.work_weight = self.reaction_weight
+        if layout.stretchable:
+            self.work_weight = stretch_share(self.mesh, self.layout, self._layer_heights)
 
     def move_to(self, distance: float) -> None:
         """Stretch to a distance; ``mesh.UnsetDeformation`` undoes it."""
         shift = distance - self.reference
         if shift:
-            self._displacement = stretch(self.mesh, self.layout, self._mover_bounds, shift)  # kept alive while in use
+            self._displacement = stretch(self.mesh, self.layout, self._layer_heights, shift)  # kept alive while in use
             self.mesh.SetDeformation(self._displacement)
 
     @contextmanager

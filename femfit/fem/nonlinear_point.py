@@ -63,7 +63,6 @@ class NonlinearActuator:
         self._raise_order = csr(ConvertOperator(self.coarse.space, self.fine.space), self.coarse.space.ndof)
         g = weight(self.mesh)
         self._fine_layer, self._coarse_layer = (LayerForce(system.space, g) for system in (self.fine, self.coarse))
-        self._air_weight = weight(self.mesh, AROUND_FIXED)
         self._references = self._reference_states() if len(group) > 1 else {}
 
     @property
@@ -153,7 +152,8 @@ class NonlinearActuator:
 
     def _evaluation(self) -> Callable[[float, FloatArray, FloatArray, FloatArray], PointSolution]:
         """The evaluation of states at the distance that the mesh is stretched to."""
-        air = LayerForce(self.fine.space, self._air_weight, AROUND_FIXED)
+        weights = self._moving.reaction_weight, self._moving.work_weight
+        reaction, work = (LayerForce(self.fine.space, g, AROUND_FIXED) for g in weights)
         place = None if self._hall is None else self.mesh(self._hall.radius_m, self._hall.height_m)
 
         def evaluate(current: float, fine: FloatArray, coarse: FloatArray, response: FloatArray) -> PointSolution:
@@ -164,7 +164,8 @@ class NonlinearActuator:
             self_force = layer.between(own, own)
             return PointSolution(
                 force=layer.between(total, total) - self_force,
-                reaction=air.between(total, total) - air.between(others, others),
+                reaction=2.0 * reaction.between(own, others),
+                work=2.0 * work.between(own, others),
                 coarse_force=lower_layer.between(lower, lower) - lower_layer.between(lower_own, lower_own),
                 self_force=self_force,
                 flux_linkage=inner(self.fine.coil, fine),

@@ -1,17 +1,9 @@
 r"""What solving a nonlinear point gives, and its rows of the table with the force's error.
 
-No single body is always safe, so the force is also had from the reaction on the fixed parts: the stress in all air down
-to their surfaces, less that of the field without the moving part's own, which integrates to zero in the same way as the
-moving part's own does (:mod:`femfit.fem.nonlinear_point`). Weighted by a function g, the stress is the derivative of
-the discrete energy when the mesh moves by g (virtual work), so this is at once a second evaluation by virtual work,
-with another motion of the mesh. The estimate is the larger of the change from one order lower, with its factor, and of
-the disagreement of the two bodies. With both self-forces removed the two mostly differ by far less than the orders do:
-what is left is the error of the magnetisation, which both share.
-
-References
-----------
-J. L. Coulomb, IEEE Trans. Magn. 19 (1983) 2514: virtual work on a mesh; F. Henrotte, G. Deliege and K. Hameyer, COMPEL
-23 (2004) 496: its equality with the weighted stress.
+No single body is always safe, so the force is also had from the reaction on the fixed parts and by virtual work
+(:mod:`femfit.fem.other_forces`). The estimate is the larger of the change from one order lower, with its factor, and of
+the disagreement of the three. With the fields' own stresses removed the bodies mostly differ by far less than the
+orders do: what is left is the error of the magnetisation, which they share.
 """
 
 from collections.abc import Callable
@@ -21,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.fem.superposition import ERROR_SAFETY
+from femfit.fem.superposition import DISAGREEMENT, ERROR_SAFETY
 
 BEYOND_CURVE = "beyond_bh_curve"
 """Not a column of the table; the sweep's manifest counts it."""
@@ -33,9 +25,9 @@ class PointSolution:
 
     Parameters
     ----------
-    force, reaction, coarse_force : float
-        By the layer round the moving part, by the reaction on the fixed parts, by the layer one order lower; in N, the
-        stress of the body's own field subtracted.
+    force, reaction, work, coarse_force : float
+        By the layer round the moving part, by the reaction on the fixed parts, by virtual work, and by the layer one
+        order lower; in N.
     self_force : float
         As subtracted from the force, in N.
     flux_linkage : float
@@ -54,6 +46,7 @@ class PointSolution:
 
     force: float
     reaction: float
+    work: float
     coarse_force: float
     self_force: float
     flux_linkage: float
@@ -120,10 +113,15 @@ def _least_change(solutions: list[PointSolution], weakest: PointSolution | None)
     return lambda force: share * max(abs(force), floor)
 
 
+def _disagreement(solution: PointSolution) -> float:
+    """Of reaction and virtual work with the force, in N."""
+    return max(abs(solution.force - other) for other in (solution.reaction, solution.work))
+
+
 def _force_error(solution: PointSolution, least_change: Callable[[float], float]) -> float:
     """Estimated discretisation error in N."""
     change = max(abs(solution.force - solution.coarse_force), least_change(solution.force))
-    return max(ERROR_SAFETY * change, abs(solution.force - solution.reaction))
+    return max(ERROR_SAFETY * change, _disagreement(solution))
 
 
 def _columns(point: NonlinearPoint, least_change: Callable[[float], float]) -> dict[str, Any]:
@@ -141,6 +139,7 @@ def _columns(point: NonlinearPoint, least_change: Callable[[float], float]) -> d
         "inductance_H": solution.inductance,
         "coenergy_J": solution.coenergy,
         "force_error_N": _force_error(solution, least_change),
+        DISAGREEMENT: _disagreement(solution),
         BEYOND_CURVE: solution.beyond_curve,
     }
     return columns if solution.hall is None else columns | {"hall_T": solution.hall}

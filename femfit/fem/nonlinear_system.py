@@ -5,23 +5,20 @@ quadrature points. Inner unknowns are condensed element by element, so the conde
 air's (kept) and the parts' (assembled anew), and a renewal repeats only the numbers of the factorisation.
 """
 
-from collections.abc import Sequence
-from typing import Any
-
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, BilinearForm, GridFunction, Mesh
+from ngsolve import H1, GridFunction, Mesh
 
 from femfit.actuator.parts import Actuator
-from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.arrays import FloatArray
 from femfit.core.constants import MU_0
 from femfit.fem.inner import inner
 from femfit.fem.layout import Layout
 from femfit.fem.material_points import MaterialPoints, csr
 from femfit.fem.newton import Expansion
-from femfit.fem.weak_form import coil_load, materials, solve_condensed, stiffness
+from femfit.fem.summed_inverse import SummedInverse
+from femfit.fem.weak_form import AIR, coil_load, materials, stiffness
 
-AIR = "air|coil|halo|layer"
 RESPONSE_TOLERANCE = 1e-3
 """Of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
 
@@ -49,19 +46,17 @@ class NonlinearSystem:
         self._magnets = self.points.load(self.points.coercive_field)
         self.coil = np.array(coil_load(self.space, actuator).vec.FV().NumPy())
         nu_0, radius = ng.CF(1.0 / MU_0), layout.outer_radius
-        whole = stiffness(self.space, nu_0, radius).Assemble()
         self._air = stiffness(self.space, nu_0, radius, regions=AIR)
         self._air_uncondensed = stiffness(self.space, nu_0, radius, regions=AIR, condense=False)
-        vacuum = stiffness(self.space, nu_0, None, regions=self.points.regions).Assemble()  # moves with its parts
-        self._inverse = SummedInverse(whole, [self._air, self.points.tangent_form])
-        self._free_inverse = SummedInverse(whole, [self._air, vacuum])
+        self._vacuum = stiffness(self.space, nu_0, None, regions=self.points.regions).Assemble()  # moves with its parts
+        self._inverse, self._free_inverse = (SummedInverse(self.space) for _ in range(2))
         self.ready = False
 
     def move(self) -> None:
         """Take the mesh as it is now stretched."""
         self._air.Assemble()
         self._stiffness = csr(self._air_uncondensed.Assemble().mat, self.space.ndof)
-        self._free_inverse.renew()
+        self._free_inverse.renew((self._air, self._vacuum))
         self.ready = False
 
     def evaluate(self, state: FloatArray, current: float) -> Expansion:
@@ -92,7 +87,7 @@ class NonlinearSystem:
     def renew(self, state: FloatArray) -> None:
         """Factorise the second derivative at a state."""
         self.points.set_tangent(self.points.flux_density(state))
-        self._inverse.renew()
+        self._inverse.renew((self._air, self.points.tangent_form))
         self.ready = True
 
     def solve(self, load: FloatArray) -> FloatArray:
@@ -153,51 +148,3 @@ class NonlinearSystem:
         b = self.points.flux_density(x)
         field = np.stack([rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]])
         return np.asarray(self._stiffness @ x + self.points.load(field))
-
-
-class SummedInverse:
-    """The inverse of a sum of condensed forms on regions of their own; renewals keep the elimination order.
-
-    Parameters
-    ----------
-    whole : ngsolve.BilinearForm
-        Condensed and assembled on all regions, for the pattern of the sum.
-    parts : sequence of ngsolve.BilinearForm
-        Condensed, on disjoint regions; assembled when :meth:`renew` is called.
-    """
-
-    def __init__(self, whole: BilinearForm, parts: Sequence[BilinearForm]) -> None:
-        self._space = whole.space
-        self._parts = parts
-        self._keys = _entry_keys(whole)
-        self._places: list[IntArray] = []
-        self._matrix = whole.mat.CreateMatrix()
-        self._inverse: Any = None
-        self._load, self._solution = (GridFunction(self._space).vec for _ in range(2))
-
-    def renew(self) -> None:
-        """Sum and factorise."""
-        values = self._matrix.AsVector().FV().NumPy()
-        values[:] = 0.0
-        if not self._places:
-            self._places = [np.searchsorted(self._keys, _entry_keys(part)) for part in self._parts]
-        for part, places in zip(self._parts, self._places, strict=True):
-            values[places] += part.mat.AsVector().FV().NumPy()
-        if self._inverse is None:
-            free = self._space.FreeDofs(coupling=True)
-            self._inverse = self._matrix.Inverse(free, inverse="sparsecholesky")
-        else:
-            self._inverse.Update()
-
-    def solve(self, load: FloatArray) -> FloatArray:
-        """Solve for a right-hand side of shape (unknowns,)."""
-        self._load.FV().NumPy()[:] = load
-        solve_condensed(self._inverse, self._parts, self._load, self._solution)
-        return np.array(self._solution.FV().NumPy())
-
-
-def _entry_keys(form: BilinearForm) -> IntArray:
-    """Row and column of each stored entry as one ascending number."""
-    _, columns, starts = (np.array(part).astype(np.int64) for part in form.mat.CSR())
-    rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    return np.asarray(rows * form.space.ndof + columns)

@@ -13,6 +13,7 @@ D. A. Lowther, IEEE Trans. Magn. 24 (1988) 439: weight functions and their equal
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -82,6 +83,26 @@ def _dofs(space: H1, region: ng.Region) -> BoolArray:
     return np.array(list(space.GetDofs(region)), dtype=np.bool_)
 
 
+def stress_density(b: Any, c: Any, slope: Any) -> Any:
+    """The weighted stress of two fields, bilinear and symmetric in them, whose integral over (r, z) is the force.
+
+    Parameters
+    ----------
+    b, c : ngsolve.CoefficientFunction
+        Flux densities in T.
+    slope : ngsolve.CoefficientFunction
+        Gradient of the weight in 1/m.
+
+    Returns
+    -------
+    ngsolve.CoefficientFunction
+        In N/m^2, positive towards the electromagnet.
+    """
+    radial = 0.5 * (b[0] * c[1] + b[1] * c[0])
+    axial = 0.5 * (b[1] * c[1] - b[0] * c[0])
+    return (slope[0] * radial + slope[1] * axial) / MU_0 * 2.0 * math.pi * ng.x
+
+
 class LayerForce:
     """The force as a quadratic form of solutions on one mesh.
 
@@ -97,13 +118,9 @@ class LayerForce:
 
     def __init__(self, space: H1, g: GridFunction, layer: Layer = AROUND_MOVER) -> None:
         w, v = space.TnT()
-        b, c = flux_density(w), flux_density(v)
-        slope = grad(g)
-        radial = 0.5 * (b[0] * c[1] + b[1] * c[0])
-        axial = 0.5 * (b[1] * c[1] - b[0] * c[0])
         form = BilinearForm(space, symmetric=True)
         region = dx(layer.region, bonus_intorder=RADIAL_WEIGHT_ORDER + 1)
-        form += (slope[0] * radial + slope[1] * axial) / MU_0 * 2.0 * math.pi * ng.x * region
+        form += stress_density(flux_density(w), flux_density(v), grad(g)) * region
         self._form = form.Assemble()
 
     def between(self, first: GridFunction, second: GridFunction) -> float:

@@ -9,6 +9,9 @@ the rung's own error but for a sixth. All of the group is then solved on the one
 with it the error, changes smoothly with the distance. A distance with a mesh of its own is compared with the rung below
 instead, which costs a third of the solution: the difference is five times the error.
 
+On the rung that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.fem.other_forces`), and
+a row states the larger of the difference and of their disagreement.
+
 References
 ----------
 C. Schwab, p- and hp-Finite Element Methods, Oxford 1998, chapter 4: orders growing on meshes graded towards corners
@@ -23,6 +26,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.fem.settings import SolverSettings
+from femfit.fem.superposition import DISAGREEMENT
 from femfit.fem.tolerance_problem import RungChoice, RungProblem, ToleranceProblem, scale
 
 FIRST_ORDER = 4
@@ -81,8 +85,8 @@ def meet_tolerance(
         below, above = above, solve(rung)
         force = factor * _difference("force_N", below, above, currents)
         flux = factor * _difference("flux_linkage_Wb", below, above, currents)
-        met = max(force.max(), flux.max()) <= tolerance
-    chosen = below if shared else above
+        chosen = below if shared else above
+        met = max(force.max(), flux.max(), _disagreement(chosen, currents)) <= tolerance
     choice = RungChoice(chosen.rung, currents, tuple(force.tolist()))
     return ToleranceProblem(chosen.problem, rungs[chosen.rung], choice)
 
@@ -178,4 +182,15 @@ def _difference(name: str, first: _Solved, second: _Solved, currents: tuple[floa
             change = np.abs(np.array(one[name]) - np.array(other[name]))
             size = scale(other[name], currents)
             worst = np.fmax(worst, np.divide(change, size, out=np.zeros(len(currents)), where=size > 0.0))
+    return worst
+
+
+def _disagreement(solved: _Solved, currents: tuple[float, ...]) -> float:
+    """The largest one of the bodies, relative to the scale: part of the error that the rows will state."""
+    worst = 0.0
+    for columns in solved.columns:
+        if DISAGREEMENT in columns:
+            size = scale(columns["force_N"], currents)
+            share = np.divide(columns[DISAGREEMENT], size, out=np.zeros(len(currents)), where=size > 0.0)
+            worst = float(np.fmax.reduce(share, initial=worst))
     return worst

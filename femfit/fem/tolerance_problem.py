@@ -8,6 +8,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.fem.settings import SolverSettings
+from femfit.fem.superposition import DISAGREEMENT
 
 if TYPE_CHECKING:
     from ngsolve import Mesh
@@ -118,7 +119,7 @@ class ToleranceProblem:
         columns = self._problem.rows(distance, currents)
         if "force_N" in columns:
             error = self._relative(np.array(currents)) * scale(columns["force_N"], currents)
-            columns["force_error_N"] = error.tolist()
+            columns["force_error_N"] = np.fmax(error, columns[DISAGREEMENT]).tolist()
         return columns
 
     def field(self, distance: float, current: float) -> "PointField":

@@ -14,16 +14,18 @@ Algebra Appl. 16 (2009), for unknowns A/r in axisymmetric spaces.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
-from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, ds, dx, grad
+from ngsolve import CF, H1, BilinearForm, InnerProduct, LinearForm, Mesh, ds, dx, grad
 
 from femfit.actuator.parts import Actuator, LinearMaterial, Material, NonlinearMaterial
 from femfit.core.constants import MU_0
 from femfit.core.errors import FieldSolverError
+
+AIR = "air|coil|halo|layer"
+"""Pattern of the regions without a material."""
 
 RADIAL_WEIGHT_ORDER = 3  # r^3 at most multiplies the polynomials; added to the quadrature's order
 
@@ -216,67 +218,3 @@ def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:
         In m/H.
     """
     return mesh.MaterialCF({name: material.reluctivity for name, material in named.items()}, default=1.0 / MU_0)
-
-
-class Factorisation:
-    """Solves with a form as the mesh stands; from one distance to the next the elimination order is kept.
-
-    Parameters
-    ----------
-    form : ngsolve.BilinearForm
-        From :func:`stiffness`.
-    """
-
-    def __init__(self, form: BilinearForm) -> None:
-        self._form = form
-        self._inverse: Any = None
-
-    def solve(self, loads: list[LinearForm]) -> list[GridFunction]:
-        """Assemble and factorise once, and solve for each load.
-
-        Parameters
-        ----------
-        loads : list of ngsolve.LinearForm
-            Right-hand sides.
-
-        Returns
-        -------
-        list of ngsolve.GridFunction
-            One solution a load.
-        """
-        form = self._form.Assemble()
-        if self._inverse is None:
-            self._inverse = form.mat.Inverse(form.space.FreeDofs(coupling=True), inverse="sparsecholesky")
-        else:
-            self._inverse.Update()
-        solutions = []
-        for load in loads:
-            solution = GridFunction(form.space)
-            solve_condensed(self._inverse, [form], load.vec, solution.vec)
-            solutions.append(solution)
-        return solutions
-
-
-def solve_condensed(inverse: Any, forms: Sequence[BilinearForm], load: Any, solution: Any) -> None:
-    """Solve with condensed forms, which share no inner unknown.
-
-    Parameters
-    ----------
-    inverse : ngsolve.BaseMatrix
-        Of the forms' sum.
-    forms : sequence of ngsolve.BilinearForm
-        Assembled with condensation.
-    load : ngsolve.BaseVector
-        Right-hand side.
-    solution : ngsolve.BaseVector
-        Overwritten.
-    """
-    rhs = load.CreateVector()
-    rhs.data = load
-    for form in forms:
-        rhs.data += form.harmonic_extension_trans * rhs
-    solution.data = inverse * rhs
-    for form in forms:
-        solution.data += form.harmonic_extension * solution
-    for form in forms:
-        solution.data += form.inner_solve * rhs

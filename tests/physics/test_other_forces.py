@@ -1,0 +1,117 @@
+"""The force on the mover against the reaction on the fixed parts and against virtual work."""
+
+import dataclasses
+
+import ngsolve as ng
+import numpy as np
+import pytest
+from numpy.polynomial import Chebyshev
+
+from femfit.actuator.load import read_actuator
+from femfit.fem.layout import layout_of
+from femfit.fem.linear_point import LinearActuator
+from femfit.fem.linear_system import FieldPair
+from femfit.fem.settings import SolverSettings
+from femfit.fem.stress import AROUND_FIXED, LayerForce
+from femfit.fem.superposition import DISAGREEMENT, DistanceSolution, superpose
+from femfit.fem.tolerance_problem import RungChoice, ToleranceProblem
+from support.actuators import GEOMETRY, assembly, magnet, rectangle
+from support.field import prepared
+from support.saturating import bobbin, problem_at
+
+LOW, HIGH, NODES = 0.018, 0.024, 14
+
+
+def test_virtual_work_is_the_slope_of_the_fields_mutual_coenergy():
+    # W' = W_0 + flux_0 i + L i^2 / 2. On one stretched mesh its slope is the stress weighted by the stretch, an
+    # identity of the discrete fields; virtual work leaves out the own energies' slopes, which the stress of each has.
+    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
+    settings = SolverSettings(order=4)
+    problem = LinearActuator(rig, (LOW, HIGH), layout_of(rig, settings), settings, estimate=False)
+    nodes = 0.5 * (LOW + HIGH) + 0.5 * (HIGH - LOW) * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+    energies, works = [], []
+    for d in nodes:
+        solution = problem.solve(float(d))
+        energies.append((solution.coenergy, solution.flux_linkage[0], 0.5 * solution.flux_linkage[1]))
+        works.append(solution.work + own_stresses(problem, float(d)))
+    inner = (nodes > LOW + 3e-4) & (nodes < HIGH - 3e-4)  # derivatives of the interpolant lose digits at the very ends
+    for k, rtol in enumerate((1e-6, 1e-6, 1e-4)):  # L changes by 1e-7 of itself in a millimetre
+        curve = Chebyshev.fit(nodes, np.array(energies)[:, k], NODES - 1, domain=[LOW, HIGH])
+        np.testing.assert_allclose(-curve.deriv()(nodes[inner]), np.array(works)[inner, k], rtol=rtol)
+
+
+def own_stresses(problem, distance):
+    """Coefficients of T(u, u) + T(v, v) at the distance that was solved last."""
+    system = problem._system
+    others = FieldPair(*(ng.GridFunction(system.space) for _ in range(2)))
+    for name in ("magnets", "coil"):
+        getattr(others, name).vec.data = getattr(system.total, name).vec - getattr(system.own, name).vec
+    with problem._moving.at(distance):
+        stress = LayerForce(system.space, problem._moving.work_weight, AROUND_FIXED)
+    return system.own.quadratic(stress.between) + others.quadratic(stress.between)
+
+
+def test_the_layer_moves_as_one_also_round_a_part_with_a_pointed_end():
+    actuator = read_actuator(GEOMETRY / "biased-electromagnet.toml")  # its body tapers towards the axis
+    problem = prepared(actuator, 0.005, SolverSettings(order=3))
+    slope = ng.grad(problem._moving.work_weight)
+    still = problem.mesh.Materials("layer|halo|moving:.*|coil|fixed:.*")
+    assert ng.Integrate(slope * slope, problem.mesh, definedon=still) < 1e-20
+
+
+@pytest.mark.parametrize(
+    ("name", "distance"), [("emaws-rig", 0.022), ("plunger-solenoid", 0.0055), ("biased-electromagnet", 0.0155)]
+)
+def test_force_reaction_and_virtual_work_agree_where_the_plain_reaction_does_not(name, distance):
+    actuator = read_actuator(GEOMETRY / f"{name}.toml")
+    problem = prepared(actuator, distance)
+    solution, current = problem.solve(distance), actuator.sweep.currents_A[-1]
+    powers = np.array([1.0, current, current**2])
+    force, reaction, work = (powers @ one for one in (solution.force, solution.reaction, solution.work))
+    plain = LayerForce(problem._system.space, problem._moving.reaction_weight, AROUND_FIXED)
+    field = problem.field(distance, current).w
+    # Both share the magnetisation, and with the fields' own stresses left out nothing else: 1e-8 to 3e-7 were found.
+    assert [reaction, work] == pytest.approx([force] * 2, rel=2e-6)
+    assert abs(plain.between(field, field) - force) > 20.0 * abs(reaction - force)
+
+
+def test_force_on_a_steel_plunger_the_reaction_and_virtual_work_agree_when_it_saturates():
+    solution = problem_at(bobbin(), 0.005).solve(0.005, (8.0,))[0].solution
+    assert [solution.reaction, solution.work] == pytest.approx([solution.force] * 2, rel=2e-6)
+
+
+def solution_of(force, change, reaction, work):
+    zeros = np.zeros(3)
+    arrays = (np.array(one, dtype=float) for one in (force, change, reaction, work))
+    return DistanceSolution(*arrays, flux_linkage=np.ones(2), coenergy=0.0, hall=None, self_force=zeros)
+
+
+@pytest.mark.parametrize(("reaction", "work"), [((1.5, 1.0, 0.0), (1.0, 1.0, 0.0)), ((1.0, 1.0, 0.0), (0.5, 1.0, 0.0))])
+def test_the_stated_error_is_the_larger_of_change_and_disagreement(reaction, work):
+    rows = superpose(np.array([0.0, 2.0]), solution_of((1.0, 1.0, 0.0), (0.1, -0.1, 0.0), reaction, work))
+    np.testing.assert_allclose(rows[DISAGREEMENT], [0.5, 0.5])
+    np.testing.assert_allclose(rows["force_error_N"], [0.5, 0.9])
+
+
+class _Rung:
+    def rows(self, _distance, _currents):
+        return {"force_N": [2.0, 4.0], DISAGREEMENT: [0.5, 0.1]}
+
+
+def test_a_row_solved_to_a_tolerance_states_the_disagreement_where_it_is_larger():
+    problem = ToleranceProblem(_Rung(), SolverSettings(), RungChoice(1, (0.0, 1.0), (0.1, 0.1)))
+    assert problem.rows(0.01, (0.0, 1.0))["force_error_N"] == [0.5, 0.4]
+
+
+def test_a_rough_mesh_states_an_error_that_covers_the_true_one():
+    # Order 2, corners of a third: the bodies differ as much as the orders do.
+    iron = dataclasses.replace(magnet(0.0, 0.01, 0.01, permeability=450.0, name="iron"))
+    core = dataclasses.replace(iron, vertices_m=rectangle(0.0, 0.01, -0.03, -0.001))
+    actuator = assembly(
+        fixed=[core], moving=[magnet(1.3, 0.005, 0.005)], distances=(0.004,), coil=rectangle(0.011, 0.02, -0.02, -0.005)
+    )
+    rough = prepared(actuator, 0.004, SolverSettings(order=2, corner_fraction=0.3)).rows(0.004, (0.0, 300.0))
+    fine = prepared(actuator, 0.004, SolverSettings().finer()).rows(0.004, (0.0, 300.0))
+    error = np.abs(np.subtract(rough["force_N"], fine["force_N"]))
+    assert np.all(np.array(rough["force_error_N"]) >= error)
+    assert np.all(np.array(rough["force_error_N"]) >= rough[DISAGREEMENT])
