@@ -13,23 +13,58 @@ import numpy as np
 from femfit.actuator.decimals import decimal_sum
 from femfit.actuator.schema import MAX_AXIS_POINTS, SampledEntry
 
-Points = tuple[tuple[float, ...], ...]
+Value = float | str
+"""Of a parameter: a number, or the name of a material."""
+
+Points = tuple[tuple[Value, ...], ...]
 """One tuple a point, one value a parameter."""
 
 
-def grid_points(values: Sequence[Sequence[float]], problems: list[str]) -> Points:
+def order(value: Value) -> tuple[str, float]:
+    """What to sort a parameter's values by: numbers by size, names by letters.
+
+    Parameters
+    ----------
+    value : float or str
+        Any.
+
+    Returns
+    -------
+    tuple of str and float
+        A key.
+    """
+    return (value, 0.0) if isinstance(value, str) else ("", value)
+
+
+def shown(value: Value) -> str:
+    """A value as a message says it.
+
+    Parameters
+    ----------
+    value : float or str
+        Any.
+
+    Returns
+    -------
+    str
+        Six digits of a number.
+    """
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def grid_points(values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
     """Every combination, the last parameter fastest.
 
     Parameters
     ----------
-    values : sequence of sequence of float
+    values : sequence of sequence of float or str
         Of each parameter.
     problems : list of str
         Appended to.
 
     Returns
     -------
-    tuple of tuple of float
+    tuple of tuple of float or str
         Empty if there are too many.
     """
     count = int(np.prod([float(len(column)) for column in values]))
@@ -42,21 +77,21 @@ def grid_points(values: Sequence[Sequence[float]], problems: list[str]) -> Point
     return tuple(product(*values))
 
 
-def list_points(names: Sequence[str], values: Sequence[Sequence[float]], problems: list[str]) -> Points:
+def list_points(names: Sequence[str], values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
     """The first values together, the second ones together, and so on.
 
     Parameters
     ----------
     names : sequence of str
         Of the parameters.
-    values : sequence of sequence of float
+    values : sequence of sequence of float or str
         Of each parameter.
     problems : list of str
         Appended to.
 
     Returns
     -------
-    tuple of tuple of float
+    tuple of tuple of float or str
         Empty if the lists differ in length.
     """
     if len({len(column) for column in values}) > 1:
@@ -69,13 +104,13 @@ def list_points(names: Sequence[str], values: Sequence[Sequence[float]], problem
     return tuple(zip(*values, strict=True))
 
 
-def latin_hypercube(ranges: Sequence[SampledEntry], samples: int, seed: int) -> Points:
+def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int, seed: int) -> Points:
     """Samples of which each of equally many slices of every range holds one.
 
     Parameters
     ----------
-    ranges : sequence of SampledEntry
-        Of each parameter.
+    ranges : sequence of SampledEntry or sequence of str
+        Of each parameter; names have equal shares.
     samples : int
         How many.
     seed : int
@@ -83,7 +118,7 @@ def latin_hypercube(ranges: Sequence[SampledEntry], samples: int, seed: int) -> 
 
     Returns
     -------
-    tuple of tuple of float
+    tuple of tuple of float or str
         With a step, values are those of the steps whose equal shares of the range the samples fall into.
     """
     from scipy.stats import qmc  # noqa: PLC0415  half a second that other actuator files need not spend
@@ -94,7 +129,9 @@ def latin_hypercube(ranges: Sequence[SampledEntry], samples: int, seed: int) -> 
     )
 
 
-def _at_share(entry: SampledEntry, share: float) -> float:
+def _at_share(entry: SampledEntry | Sequence[str], share: float) -> Value:
+    if not isinstance(entry, SampledEntry):
+        return entry[int(share * len(entry))]
     if entry.step is None:
         return entry.min + share * (entry.max - entry.min)
     steps = round((entry.max - entry.min) / entry.step)

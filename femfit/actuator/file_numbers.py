@@ -1,4 +1,4 @@
-"""Every number of an actuator file by its key path, so that a sweep can set it: ``coil.turns``, ``coil.r_mm[0]``."""
+"""What a sweep can set in an actuator file, by key path: every number, and the materials that regions name."""
 
 import difflib
 from collections.abc import Iterator, Mapping
@@ -46,16 +46,49 @@ def numbers_of(data: Mapping[str, Any]) -> dict[str, Location]:
     return {joined("", *location): location for location in _locations(data)}
 
 
-def with_number(data: dict[str, Any], location: Location, value: float) -> None:
-    """Set a number of a file in place.
+def material_keys(data: Mapping[str, Any]) -> dict[str, Location]:
+    """Where the regions of a file name their materials.
+
+    Parameters
+    ----------
+    data : mapping
+        The file's tables.
+
+    Returns
+    -------
+    dict
+        Locations by key path, as ``moving.regions.plunger.material``.
+    """
+    places = ((body, "regions", name, "material") for body in BODIES for name in table_at(data, body, "regions"))
+    return {joined("", *place): place for place in places}
+
+
+def known_materials(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names that a region may have as its material: the library's and the file's own.
+
+    Parameters
+    ----------
+    data : mapping
+        The file's tables.
+
+    Returns
+    -------
+    tuple of str
+        The library's first.
+    """
+    return tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
+
+
+def with_value(data: dict[str, Any], location: Location, value: float | str) -> None:
+    """Set a number of a file, or the name of a material, in place.
 
     Parameters
     ----------
     data : dict
         The file's tables, a copy of one's own.
     location : tuple
-        From :func:`numbers_of`.
-    value : float
+        From :func:`numbers_of` or :func:`material_keys`.
+    value : float or str
         In the file's unit.
     """
     first, name = location[:2]
@@ -82,7 +115,7 @@ def nearest_numbers(path: str, data: Mapping[str, Any]) -> list[str]:
     list of str
         At most four; those that the path is the beginning of come first.
     """
-    known = list(numbers_of(data))
+    known = [*numbers_of(data), *material_keys(data)]
     inside = [name for name in known if path and name.startswith((f"{path}.", f"{path}["))]
     return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], known, n=4, cutoff=0.4)]))[:4]
 

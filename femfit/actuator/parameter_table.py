@@ -1,22 +1,30 @@
-"""``[sweep.parameters]``: which numbers of the file are swept, under which names, through which values.
+"""``[sweep.parameters]``: which numbers and materials of the file are swept, under which names, through which values.
 
 A parameter is a key path of the file with its values, or a name of one's own with several ``keys`` that follow it
-together, as a sleeve and the winding round it.
+together, as a sleeve and the winding round it, or all parts of a core.
 """
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
-from femfit.actuator.complaints import joined, read_part, read_table
+from femfit.actuator.complaints import did_you_mean, joined, read_part, read_table
 from femfit.actuator.decimals import axis_values, decimal_sum
 from femfit.actuator.design import Points, grid_points, latin_hypercube, list_points
-from femfit.actuator.file_numbers import Location, nearest_numbers, numbers_of, unit_of
-from femfit.actuator.parameters import AXES, FollowingNumber, ParameterDesign, SweptParameter
+from femfit.actuator.file_numbers import (
+    Location,
+    known_materials,
+    material_keys,
+    nearest_numbers,
+    numbers_of,
+    unit_of,
+)
+from femfit.actuator.parameters import AXES, FollowingKey, ParameterDesign, SweptParameter
 from femfit.actuator.schema import (
     DesignEntry,
     KeyEntry,
     NamedParameterEntry,
+    NamesEntry,
     RangeEntry,
     SampledEntry,
     ValuesEntry,
@@ -26,7 +34,7 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 PATH = "sweep.parameters"
 SPECIFICATION = {*RangeEntry.model_fields, *SampledEntry.model_fields, *NamedParameterEntry.model_fields}
 
-Values = tuple[float, ...] | SampledEntry
+Values = tuple[float, ...] | tuple[str, ...] | SampledEntry
 
 
 def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign | None:
@@ -86,9 +94,10 @@ def _parameter(
         return None if values is None else (SweptParameter(name, ()), values)
     if isinstance(table, dict) and table.keys() & NamedParameterEntry.model_fields.keys():
         return _named(name, table, path, data, problems)
-    values = _values(table, path, name, problems)
-    location = _location(name, path, data, problems)
-    return None if values is None or location is None else (SweptParameter(name, (FollowingNumber(location),)), values)
+    material = material_keys(data).get(name)
+    values = _values(table, path, name, problems) if material is None else _names(table, path, data, problems)
+    location = material or _location(name, path, data, problems)
+    return None if values is None or location is None else (SweptParameter(name, (FollowingKey(location),)), values)
 
 
 def _named(
@@ -97,12 +106,20 @@ def _named(
     entry = read_table(NamedParameterEntry, table, path, problems)
     if entry is None:
         return None
-    values = _values(entry.values, f"{path}.values", name, problems)
-    numbers = [_following(given, f"{path}.keys[{n}]", data, problems) for n, given in enumerate(entry.keys)]
-    known = tuple(number for number in numbers if number is not None)
-    if values is None or len(known) < len(numbers):
+    keys = [_following(given, f"{path}.keys[{n}]", data, problems) for n, given in enumerate(entry.keys)]
+    known = tuple(key for key in keys if key is not None)
+    materials = [key.location in material_keys(data).values() for key in known]
+    if any(materials) and not all(materials):
+        problems.append(f"{path}.keys must all be materials or all be numbers; they are both. Make two parameters.")
         return None
-    units = sorted({unit_of(_last_name(number.location)) for number in known})
+    values: Values | None = (
+        _names(entry.values, f"{path}.values", data, problems)
+        if any(materials)
+        else _values(entry.values, f"{path}.values", name, problems)
+    )
+    if values is None or len(known) < len(keys):
+        return None
+    units = sorted({unit_of(_last_name(key.location)) for key in known})
     if len(units) > 1:
         problems.append(
             f"{path}.keys must all be in one unit; they are in {' and '.join(unit or 'none' for unit in units)}. "
@@ -116,10 +133,15 @@ def _named(
     return SweptParameter(name, known), values
 
 
-def _following(given: object, path: str, data: Mapping[str, Any], problems: list[str]) -> FollowingNumber | None:
+def _following(given: object, path: str, data: Mapping[str, Any], problems: list[str]) -> FollowingKey | None:
     entry = read_table(KeyEntry, {"key": given} if isinstance(given, str) else given, path, problems)
-    location = None if entry is None else _location(entry.key, path, data, problems)
-    return None if entry is None or location is None else FollowingNumber(location, entry.factor, entry.offset)
+    if entry is None:
+        return None
+    material = material_keys(data).get(entry.key)
+    if material is not None and entry.model_fields_set != {"key"}:
+        problems.append(f"{path} must have neither factor nor offset, as it names a material. Remove them.")
+    location = material or _location(entry.key, path, data, problems)
+    return None if location is None else FollowingKey(location, entry.factor, entry.offset)
 
 
 def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]) -> Location | None:
@@ -127,7 +149,7 @@ def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]
     if location is None:
         near = nearest_numbers(name, data)
         problems.append(
-            f"{path} must be the key path of a number in this file; {name[:100]!r} is none. "
+            f"{path} must be the key path of a number or a material in this file; {name[:100]!r} is none. "
             + (f"Nearest: {', '.join(near)}." if near else 'An example: "coil.turns".')
         )
     return location
@@ -148,6 +170,24 @@ def _values(given: object, path: str, name: str, problems: list[str]) -> Values 
         f"{str(given)[:60]!r}. Write for example {name[:60]} = [1, 2]."
     )
     return None
+
+
+def _names(given: object, path: str, data: Mapping[str, Any], problems: list[str]) -> tuple[str, ...] | None:
+    known = known_materials(data)
+    if not isinstance(given, list):
+        problems.append(
+            f"{path} must be a list of names of materials, for every design; it is {str(given)[:60]!r}. Write for "
+            f'example ["{known[0]}", "{known[-1]}"].'
+        )
+        return None
+    entry = read_table(NamesEntry, {"values": given}, path, problems)
+    wrong = [] if entry is None else [name for name in entry.values if name not in known]
+    if wrong:
+        problems.append(
+            f"{path} must name materials of [materials] or of the library; {wrong[0][:60]!r} is none."
+            f"{did_you_mean(wrong[0], known)} Known: {', '.join(known)}."
+        )
+    return None if entry is None or wrong else tuple(entry.values)
 
 
 def _checked_range(entry: SampledEntry, path: str, problems: list[str]) -> SampledEntry | None:
@@ -179,13 +219,13 @@ def _check_names(parameters: tuple[SweptParameter, ...], data: Mapping[str, Any]
     ]
     owners: dict[Location, str] = {}
     for parameter in parameters:
-        for number in parameter.numbers:
-            if number.location in owners:
+        for key in parameter.keys:
+            if key.location in owners:
                 problems.append(
-                    f"{joined(PATH, parameter.name)} must not set {joined('', *number.location)}; "
-                    f"{owners[number.location]} does. Remove one."
+                    f"{joined(PATH, parameter.name)} must not set {joined('', *key.location)}; "
+                    f"{owners[key.location]} does. Remove one."
                 )
-            owners[number.location] = parameter.name
+            owners[key.location] = parameter.name
 
 
 def _points(
@@ -193,7 +233,7 @@ def _points(
 ) -> Points:
     sampled = entry.design == "latin_hypercube"
     for parameter, column in zip(parameters, values, strict=True):
-        if isinstance(column, SampledEntry) != sampled:
+        if isinstance(column, SampledEntry) != sampled and not _is_names(column):
             form = "{ min, max }" if sampled else "a list or { start, stop, step }"
             problems.append(
                 f'{joined(PATH, parameter.name)} must be given as {form} for design = "{entry.design}". '
@@ -205,15 +245,19 @@ def _points(
         problems.append('sweep.samples is missing; design = "latin_hypercube" needs it. Give the number of samples.')
     unused = [] if sampled else [key for key in ("samples", "seed") if key in entry.model_fields_set]
     problems += [f'sweep.{key} must be left out for design = "{entry.design}". Remove it.' for key in unused]
-    ranges = [column for column in values if isinstance(column, SampledEntry)]
+    drawn = [column for column in values if isinstance(column, SampledEntry) or _is_names(column)]
     lists = [column for column in values if not isinstance(column, SampledEntry)]
     if sampled:
-        return latin_hypercube(ranges, entry.samples, entry.seed) if entry.samples and not lists else ()
-    if ranges:
+        return latin_hypercube(drawn, entry.samples, entry.seed) if entry.samples and len(drawn) == len(values) else ()
+    if len(lists) < len(values):
         return ()
     if entry.design == "list":
         return list_points([parameter.name for parameter in parameters], lists, problems)
     return grid_points(lists, problems)
+
+
+def _is_names(values: Values) -> TypeGuard[tuple[str, ...]]:
+    return isinstance(values, tuple) and all(isinstance(value, str) for value in values)
 
 
 def _last_name(location: Location) -> str:

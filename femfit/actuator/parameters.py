@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from femfit.actuator.decimals import decimal_sum, scaled
-from femfit.actuator.design import Points
-from femfit.actuator.file_numbers import SI_UNITS, Location, unit_of, with_number
+from femfit.actuator.design import Points, Value
+from femfit.actuator.file_numbers import SI_UNITS, Location, unit_of, with_value
 
 AXES = ("current_A", "distance_mm")
 """Grids within each variant where ``[sweep]`` has them, parameters where ``[sweep.parameters]`` does."""
@@ -17,8 +17,8 @@ _POSITIONS = re.compile(r"(?:\[\d+\])*\Z")
 
 
 @dataclass(frozen=True)
-class FollowingNumber:
-    """A number of the file that a parameter sets to offset + factor * value.
+class FollowingKey:
+    """A number of the file that a parameter sets to offset + factor * value, or a material's name that it sets.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ class SweptParameter:
     ----------
     name : str
         As written in the file.
-    numbers : tuple of FollowingNumber
+    keys : tuple of FollowingKey
         What it sets.
     """
 
     name: str
-    numbers: tuple[FollowingNumber, ...]
+    keys: tuple[FollowingKey, ...]
 
     @property
     def column(self) -> str:
@@ -57,9 +57,9 @@ class SweptParameter:
         positions = self.name.removeprefix(stem)
         return f"{stem.removesuffix(f'_{self._unit}')}{positions}_{SI_UNITS.get(self._unit, self._unit)}"
 
-    def in_si(self, value: float) -> float:
+    def in_si(self, value: Value) -> Value:
         """A value of the file in the table's unit."""
-        return scaled(value) if self._unit in SI_UNITS else value
+        return scaled(value) if self._unit in SI_UNITS and not isinstance(value, str) else value
 
     @property
     def _unit(self) -> str:
@@ -74,27 +74,27 @@ class ParameterDesign:
     ----------
     parameters : tuple of SweptParameter
         In the file's order.
-    points : tuple of tuple of float
-        One a variant, one value a parameter, in the file's units.
+    points : tuple of tuple of float or str
+        One a variant, one value a parameter, in the file's units or a material's name.
     """
 
     parameters: tuple[SweptParameter, ...]
     points: Points
 
-    def variant(self, data: Mapping[str, Any], point: tuple[float, ...]) -> dict[str, Any]:
+    def variant(self, data: Mapping[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
         """The file of a variant, without ``[sweep.parameters]``.
 
         Parameters
         ----------
         data : mapping
             The file's tables.
-        point : tuple of float
+        point : tuple of float or str
             Of :attr:`points`.
 
         Returns
         -------
         dict
-            A copy with the numbers set.
+            A copy with the values set.
         """
         tables = deepcopy(dict(data))
         tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key in AXES}
@@ -103,8 +103,9 @@ class ParameterDesign:
                 tables["sweep"][parameter.name] = [value]
                 if parameter.name == AXES[1]:
                     tables.pop("reference", None)  # its distances lie within the sweep, not within one point of it
-            for number in parameter.numbers:
-                with_number(tables, number.location, decimal_sum(number.offset, number.factor, value))
+            for key in parameter.keys:
+                own = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
+                with_value(tables, key.location, own)
         return tables
 
     def axes(self, data: Mapping[str, Any]) -> dict[str, Any]:
@@ -123,5 +124,5 @@ class ParameterDesign:
         own = dict(data["sweep"])
         for place, parameter in enumerate(self.parameters):
             if parameter.name in AXES:
-                own[parameter.name] = sorted({point[place] for point in self.points})
+                own[parameter.name] = sorted({float(point[place]) for point in self.points})
         return own

@@ -209,7 +209,7 @@ ParameterValue = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
 class KeyEntry(Entry):
-    """``{ key = ..., factor = ..., offset = ... }``: a number of the file that follows a parameter."""
+    """``{ key = ..., factor = ..., offset = ... }``: a number of the file that follows a parameter, or a material."""
 
     key: str = Field(description="Give a key path of this file in quotes.")
     factor: ParameterValue = Field(1.0, description="Give what the parameter is multiplied by, -1 to mirror it.")
@@ -217,7 +217,7 @@ class KeyEntry(Entry):
 
 
 class NamedParameterEntry(Entry):
-    """``[sweep.parameters.NAME]``: a name of one's own for one or more numbers of the file."""
+    """``[sweep.parameters.NAME]``: a name of one's own for one or more keys of the file."""
 
     keys: Annotated[list[Any], Field(min_length=1, max_length=100)] = Field(
         description="Give the key paths that follow the parameter as a list."
@@ -230,6 +230,14 @@ class ValuesEntry(Entry):
 
     values: Annotated[list[ParameterValue], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = Field(
         description="Give at least one number."
+    )
+
+
+class NamesEntry(Entry):
+    """A list of names."""
+
+    values: Annotated[list[str], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = Field(
+        description="Give at least one name of a material in quotes."
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from femfit.actuator.decimals import scaled
+from femfit.actuator.design import Value, order, shown
 from femfit.actuator.load import actuator_from_tables
 from femfit.actuator.parameter_table import read_design
 from femfit.actuator.parameters import AXES, ParameterDesign
@@ -20,8 +21,8 @@ class Variant:
 
     Parameters
     ----------
-    values : tuple of float
-        One a column of the sweep, in SI units.
+    values : tuple of float or str
+        One a column of the sweep, in SI units or a material's name.
     sweep : SweepAxes
         Its currents and distances.
     actuator : Actuator or None
@@ -30,7 +31,7 @@ class Variant:
         Why not.
     """
 
-    values: tuple[float, ...]
+    values: tuple[Value, ...]
     sweep: SweepAxes
     actuator: Actuator | None
     problem: str = ""
@@ -133,7 +134,7 @@ def only(actuator: Actuator) -> VariantSweep:
 
 def _variant(
     design: ParameterDesign,
-    point: tuple[float, ...],
+    point: tuple[Value, ...],
     data: dict[str, Any],
     base: Actuator,
     directory: Path | None,
@@ -149,8 +150,8 @@ def _variant(
     own = dict(zip((parameter.name for parameter in design.parameters), point, strict=True))
     current, distance = (own.get(name) for name in AXES)
     axes = SweepAxes(
-        base.sweep.currents_A if current is None else (current,),
-        base.sweep.distances_m if distance is None else (scaled(distance),),
+        base.sweep.currents_A if current is None else (float(current),),
+        base.sweep.distances_m if distance is None else (scaled(float(distance)),),
     )
     return Variant(values, axes, None, built)
 
@@ -166,13 +167,13 @@ def _built(tables: dict[str, Any], directory: Path | None) -> Actuator | str:
 def _idle_parameters(design: ParameterDesign, data: dict[str, Any], directory: Path | None) -> Iterator[str]:
     """A line for each parameter that makes no difference, as the wire's temperature beside a given resistance."""
     for place, parameter in enumerate(design.parameters):
-        values = sorted({point[place] for point in design.points})
+        values = sorted({point[place] for point in design.points}, key=order)
         if parameter.name in AXES or len(values) < 2:
             continue
         alone = ParameterDesign((parameter,), ())
         ends = [_built(alone.variant(data, (value,)), directory) for value in (values[0], values[-1])]
         if isinstance(ends[0], Actuator) and ends[0] == ends[1]:
             yield (
-                f"sweep.parameters.{parameter.name} must change the actuator; {values[0]:g} and {values[-1]:g} give "
-                "the same one. Remove it, or the key that overrides it."
+                f"sweep.parameters.{parameter.name} must change the actuator; {shown(values[0])} and "
+                f"{shown(values[-1])} give the same one. Remove it, or the key that overrides it."
             )

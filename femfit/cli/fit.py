@@ -35,7 +35,8 @@ def fit(
     model : str
         coenergy, the name of a force law, or all: rank every law and write the recommended one.
     where : tuple of str
-        Which variant of a parameter sweep, for example variant=3 or coil.turns=250; repeat for more parameters.
+        Which variant of a parameter sweep, for example variant=3, coil.turns=250 or
+        moving.regions.plunger.material=steel_1010; repeat for more parameters.
     output : Path
         Model file; beside the table by default.
     bounds : str
@@ -145,17 +146,17 @@ def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip() not in {"", "none"})
 
 
-def _single_value(text: str) -> tuple[str, float]:
+def _single_value(text: str) -> tuple[str, float | str]:
+    """A column and its number, or else its text."""
     from femfit.core.errors import TableError
 
     name, separator, value = text.partition("=")
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not separator or math.isnan(number):
+    if not separator or not value.strip():
         raise TableError(f"--where must read COLUMN=VALUE, for example variant=3; instead received {text!r}.")
-    return name.strip(), number
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        return name.strip(), value.strip()
 
 
 def _single_bound(text: str) -> tuple[str, tuple[float, float]]:

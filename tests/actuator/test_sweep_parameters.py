@@ -150,6 +150,48 @@ def test_key_paths_without_quotes_are_understood():
     assert variants("coil.turns = [250, 308]") == variants('"coil.turns" = [250, 308]')
 
 
+CORE = """core = { values = ["ferrite_k10", "soft_ferrite"], keys = [
+  "electromagnet.regions.upper_flange.material",
+  "electromagnet.regions.sleeve.material",
+  "electromagnet.regions.lower_flange.material",
+] }
+"""
+GRADES = '"moving.regions.magnet.material" = ["n42", "n52"]'
+
+
+def test_materials_are_swept_by_their_names_alone_or_as_a_whole_core():
+    found = variants(CORE + GRADES + '\n"coil.turns" = [250, 308]')
+    assert found.columns == ("core", "moving.regions.magnet.material", "coil.turns")
+    assert [one.values for one in found.variants] == [
+        (core, grade, turns)
+        for core in ("ferrite_k10", "soft_ferrite")
+        for grade in ("n42", "n52")
+        for turns in (250, 308)
+    ]
+    for one in found.variants:
+        assert {part.material.name for part in one.actuator.fixed} == {one.values[0]}
+        assert one.actuator.moving.regions[0].material.name == one.values[1]
+
+
+def test_a_list_takes_materials_and_numbers_line_by_line():
+    found = variants(f'{GRADES}\n"moving.mass_g" = [4.2, 4.35]', 'design = "list"')
+    assert [one.values for one in found.variants] == [("n42", 0.0042), ("n52", 0.00435)]
+
+
+def test_a_latin_hypercube_draws_each_material_equally_often_beside_a_range():
+    found = variants(f'{CORE}{GRADES}\n"coil.turns" = {{ min = 100, max = 300 }}', HYPERCUBE)
+    for place in (0, 1):
+        names = [one.values[place] for one in found.variants]
+        assert sorted(names.count(name) for name in set(names)) == [10, 10]
+    assert len({one.values[2] for one in found.variants}) == 20
+
+
+def test_a_material_that_does_not_suit_its_region_is_a_variant_with_its_problem():
+    found = variants('"moving.regions.magnet.material" = ["n42", "steel_1010"]')
+    assert [one.actuator is None for one in found.variants] == [False, True]
+    assert "magnetization must be left out; steel_1010 has no remanence" in found.variants[1].problem
+
+
 def test_a_variant_that_cannot_be_built_keeps_its_problem_and_the_others_go_on():
     found = variants('"electromagnet.regions.sleeve.r_mm[1]" = [9, 10, 11]')
     bad = found.variants[2]
@@ -162,7 +204,34 @@ MISTAKES = {
     "misspelt key": ('"coil.turn" = [1, 2]', "", ["'coil.turn' is none", "Nearest: coil.turns"]),
     "a table": ('"coil" = [1, 2]', "", ["'coil' is none", "coil.r_mm[0]"]),
     "an interval": ('"coil.r_mm" = [1, 2]', "", ["'coil.r_mm' is none", "Nearest: coil.r_mm[0], coil.r_mm[1]"]),
-    "text": ('"moving.regions.magnet.material" = [1, 2]', "", ["number in this file", "moving.regions.magnet."]),
+    "text": ('"moving.regions.magnet.magnetization" = [1, 2]', "", ["number or a material in this file", "moving."]),
+    "numbers for a material": ('"moving.regions.magnet.material" = [1]', "", ["values[0] must be a valid string"]),
+    "a range of materials": (
+        '"moving.regions.magnet.material" = { min = 1, max = 2 }',
+        HYPERCUBE,
+        ["must be a list of names of materials", '["air", "ferrite"]'],
+    ),
+    "unknown material": (
+        '"moving.regions.magnet.material" = ["n42", "N53"]',
+        "",
+        ["must name materials", "'N53' is none", "Did you mean", "Known: air, copper", "n48, n50, n52, ferrite."],
+    ),
+    "repeated material": ('"moving.regions.magnet.material" = ["n42", "n42"]', "", ["must not repeat a value"]),
+    "material and number": (
+        'a = { keys = ["coil.turns", "moving.regions.magnet.material"], values = [1, 2] }',
+        "",
+        ["must all be materials or all be numbers"],
+    ),
+    "factor of a material": (
+        'a = { keys = [{ key = "moving.regions.magnet.material", factor = 2 }], values = ["n42"] }',
+        "",
+        ["neither factor nor offset"],
+    ),
+    "material set twice": (
+        'a = { keys = ["moving.regions.magnet.material"], values = ["n42"] }\nmoving.regions.magnet.material = ["n45"]',
+        "",
+        ["must not set moving.regions.magnet.material; a does"],
+    ),
     "whole number of bits": ('"hall.adc_bits" = [10, 12]', "", ["'hall.adc_bits' is none"]),
     "nothing like it": ('"xyzzy" = [1, 2]', "", ["'xyzzy' is none", 'An example: "coil.turns"']),
     "position beyond the list": ('"coil.r_mm[2]" = [1, 2]', "", ["Nearest: coil.r_mm"]),

@@ -56,6 +56,29 @@ def test_a_table_that_lost_its_manifest_still_gives_its_rows():
     assert "actuator" not in chosen.manifest
 
 
+MATERIALS = SweepTable(ROWS.assign(core=["steel_1010"] * 4 + ["ferrite"] * 4))
+
+
+def test_a_material_is_chosen_by_its_name():
+    chosen = choose_variant(MATERIALS, {"core": "ferrite", "sleeve_radius_m": 0.01})
+    assert chosen.rows["force_N"].tolist() == [0.7, 0.8]
+    assert chosen.manifest["variant"]["core"] == "ferrite"
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ({"core": "steel"}, "No row has core = steel with what else was chosen; core is ferrite, steel_1010 there"),
+        ({"core": 3.0}, "No row has core = 3 with"),
+        ({"coil.turns": "many"}, "No row has coil.turns = many with"),
+        ({"core": "ferrite"}, r"holds 2 variants \(variant is 3, 4; .*--where core=ferrite; repeat"),
+    ],
+)
+def test_a_material_that_is_not_there_or_does_not_suffice_says_what_there_is(where, message):
+    with pytest.raises(TableError, match=message):
+        choose_variant(MATERIALS, where)
+
+
 @pytest.mark.parametrize(
     ("where", "message"),
     [

@@ -123,6 +123,33 @@ def test_a_table_of_variants_comes_back_from_both_files(variants, whole, tmp_pat
         assert [entry["actuator"]["turns"] for entry in again.manifest["variants"]] == [308, 308, 250]
 
 
+MATERIALS = """[sweep.parameters]
+"moving.regions.magnet.material" = ["n42", "n52"]
+[sweep]
+current_A = [0, 1]
+distance_mm = [15, 20]
+"""
+
+
+def test_materials_are_columns_of_text_that_both_files_and_a_resumed_sweep_keep(tmp_path):
+    swept = variants_from_toml(TEXT.split("[sweep]")[0] + MATERIALS)
+    table = run_sweep(swept, tmp_path, workers=1, settings=QUICK)
+    name = "moving.regions.magnet.material"
+    assert table.rows[name].tolist() == ["n42"] * 4 + ["n52"] * 4
+    assert [entry[name] for entry in table.manifest["variants"]] == ["n42", "n52"]
+    force = table.rows[table.rows["current_A"] == 0.0].set_index([name, "distance_m"])["force_N"]
+    # Quadratic in the remanence; the grades have one recoil permeability, so that the meshes' errors are alike too.
+    np.testing.assert_allclose(force.loc["n42"] / force.loc["n52"], (1.312 / 1.464) ** 2, rtol=1e-9)
+    for path in (tmp_path / "sweep.parquet", tmp_path / "sweep.csv"):
+        pd.testing.assert_frame_equal(read_sweep_table(path).rows, table.rows, check_exact=True)
+    journal = tmp_path / "journal.jsonl"
+    journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:2]))
+    sweep_task._prepared.cache_clear()  # as in a new process
+    pd.testing.assert_frame_equal(
+        run_sweep(swept, tmp_path, workers=2, settings=QUICK).rows, table.rows, check_exact=True
+    )
+
+
 def test_points_drawn_over_current_distance_and_turns_are_one_row_a_sample(tmp_path):
     head, tail = TEXT.split("[sweep]")[0], "current_A = { min = 0, max = 1.4 }\ndistance_mm = { min = 15, max = 45 }\n"
     text = f'{head}[sweep]\ndesign = "latin_hypercube"\nsamples = 4\n[sweep.parameters]\n{tail}'
