@@ -57,12 +57,13 @@ def loop_section(content: ReportContent) -> Section:
 def _setting(study: ClosedLoopStudy) -> Block:
     design = study.design
     first, last = design.points[0], design.points[-1]
+    one = text(" There is no PID controller: {}", design.why_no_pid) if design.why_no_pid else ""
     alone = text(" The filters stand alone: {}", study.no_direct) if study.no_direct else ""
     return text(
         "The plant is the co-energy model with back-EMF, the sensor the Hall characteristic with {} rms of white "
-        "noise and the converter. Both controllers take distance, velocity and current from the filter; their gains "
+        "noise and the converter. The controllers take distance, velocity and current from the filter; their gains "
         "follow from the model. Between {} and {} mm the body hangs at {} to {} with an unstable pole of {} to {} "
-        "rad/s. Seed {}.{}",
+        "rad/s. Seed {}.{}{}",
         quantity(design.noise_V, "V"),
         plain(MM * first.distance_m),
         plain(MM * last.distance_m),
@@ -71,6 +72,7 @@ def _setting(study: ClosedLoopStudy) -> Block:
         plain(first.mechanical_pole_rad_s, 3),
         plain(last.mechanical_pole_rad_s, 3),
         study.seed,
+        one,
         alone,
     )
 

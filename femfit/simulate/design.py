@@ -66,21 +66,24 @@ class LoopDesign:
         From the smallest to the largest of them.
     backstepping : Backstepping
         Designed for all points.
-    pid : Pid
-        Designed for the middle one.
+    pid : Pid or None
+        Designed for the middle one; None where there is none for it.
     reference_rate_rad_s : float
         Of the reference's filters.
     noise_V : float
         White noise of a Hall sample, in the sensor and as told to the filters.
+    why_no_pid : str
+        Why there is no PID controller; empty where there is one.
     """
 
     model: ActuatorModel
     targets_m: tuple[float, ...]
     points: tuple[OperatingPoint, ...]
     backstepping: Backstepping
-    pid: Pid
+    pid: Pid | None
     reference_rate_rad_s: float
     noise_V: float
+    why_no_pid: str = ""
 
     @property
     def slowest_pole_rad_s(self) -> float:
@@ -102,7 +105,16 @@ class LoopDesign:
 
     def controller(self, name: ControllerName) -> Controller:
         """The controller of this name."""
-        return self.backstepping if name == "backstepping" else self.pid
+        if name == "backstepping":
+            return self.backstepping
+        if self.pid is None:
+            raise DomainError(self.why_no_pid)
+        return self.pid
+
+    @property
+    def controllers(self) -> tuple[ControllerName, ...]:
+        """The names of the controllers that there are."""
+        return CONTROLLERS if self.pid is not None else tuple(name for name in CONTROLLERS if name != "pid")
 
     def observer(
         self,
@@ -180,15 +192,25 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
             "distances."
         )
     _require_sensed(model, np.array([p.distance_m for p in points]), np.array([p.current_A for p in points]))
+    pid, why_no_pid = _pid_or_why(model, points[len(points) // 2])
     return LoopDesign(
         model=model,
         targets_m=targets,
         points=points,
         backstepping=design_backstepping(model, points),
-        pid=design_pid(model, points[len(points) // 2]),
+        pid=pid,
         reference_rate_rad_s=reference_rate(model, targets),
         noise_V=(sensor.noise_V or PAPER_HALL_NOISE_V) if noise_V is None else noise_V,
+        why_no_pid=why_no_pid,
     )
+
+
+def _pid_or_why(model: ActuatorModel, point: OperatingPoint) -> tuple[Pid | None, str]:
+    """The PID controller, or why a body and coil like these have none: other controllers may hold it all the same."""
+    try:
+        return design_pid(model, point), ""
+    except DomainError as error:
+        return None, str(error)
 
 
 def _covered(model: ActuatorModel) -> Circuit:

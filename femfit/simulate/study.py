@@ -20,7 +20,6 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulate.design import (
-    CONTROLLERS,
     SUPPORT_TIME_CONSTANTS,
     ControllerName,
     LoopDesign,
@@ -205,7 +204,7 @@ def _hold(
 
 def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[SpectrumPair, ...]]:
     """UKF and EKF on the same noise."""
-    experiments = [Experiment(c, f, (d,)) for f in FILTERS for c in CONTROLLERS for d in _ends(design)]
+    experiments = [Experiment(c, f, (d,)) for f in FILTERS for c in design.controllers for d in _ends(design)]
     results = _hold(design, experiments, seed, runs=HOLD_RUNS, noise_blocks=len(FILTERS))
     window = _hold_window(design)
     rows: list[HoldRow] = []
@@ -238,7 +237,7 @@ def _steps(
     """Reference steps: both controllers over the model's, backstepping over the first three eighths of the range."""
     near, far = _ends(design)
     small = (near, near + 0.375 * (far - near), near)
-    paths: list[tuple[ControllerName, tuple[float, ...]]] = [*((c, design.targets_m) for c in CONTROLLERS)]
+    paths: list[tuple[ControllerName, tuple[float, ...]]] = [*((c, design.targets_m) for c in design.controllers)]
     experiments = [Experiment(c, f, targets) for f in FILTERS for c, targets in [*paths, ("backstepping", small)]]
     stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.slowest_pole_rad_s
     results = run_experiments(
@@ -291,7 +290,7 @@ def _direct_feedback(design: LoopDesign, seed: int) -> tuple[LossRow, ...]:
     """Raw derivative with both controllers; a derivative filtered at twice the coil's pole, at less noise."""
     cutoff = 2.0 * design.points[0].coil_pole_rad_s
     steps = round(LOSS_TIME_S / design.model.sample_time_s)
-    raw = [Experiment(c, "direct", (d,)) for c in CONTROLLERS for d in _ends(design)]
+    raw = [Experiment(c, "direct", (d,)) for c in design.controllers for d in _ends(design)]
     smooth = [
         Experiment("backstepping", "direct", (d,), noise_V=FILTERED_NOISE_V, velocity_cutoff_rad_s=cutoff)
         for d in _ends(design)
@@ -341,6 +340,6 @@ def _everywhere(
 ) -> list[Experiment]:
     return [
         Experiment(c, name, (d,), offset_V=offset_V, force_scale=force_scale)
-        for c in CONTROLLERS
+        for c in design.controllers
         for d in _ends(design)
     ]

@@ -37,13 +37,17 @@ def design_lines(design: LoopDesign) -> list[str]:
         for p in (design.points[0], design.points[len(design.points) // 2], design.points[-1])
     ]
     b, pid = design.backstepping, design.pid
-    gains = ", ".join(f"{gain:.5g}" for gain in pid.gains_V_m)
+    if pid is None:
+        linear = f"no PID: {design.why_no_pid}"
+    else:
+        gains = ", ".join(f"{gain:.5g}" for gain in pid.gains_V_m)
+        linear = f"PID: filter pole {pid.filter_pole:.4f}, gains {gains} V/m"
     sample, noise = 1e3 * design.model.sample_time_s, 1e3 * design.noise_V
     return [
         *lines,
         f"  backstepping: position gain {b.position_gain:.4g} 1/s^2, velocity gain {b.velocity_gain:.4g} 1/s",
         f"  current gain of backstepping {b.current_gain_ohm:.4g} ohm",
-        f"  PID: filter pole {pid.filter_pole:.4f}, gains {gains} V/m",
+        f"  {linear}",
         f"  reference filters {design.reference_rate_rad_s:.4g} rad/s, t_s {sample:g} ms, Hall noise {noise:g} mV rms",
     ]
 
@@ -151,6 +155,7 @@ def study_data(study: ClosedLoopStudy) -> dict[str, Any]:
         JSON-ready; numbers that do not exist are null.
     """
     design = study.design
+    pid = design.pid
     tables = (
         "table6",
         "holds",
@@ -172,7 +177,8 @@ def study_data(study: ClosedLoopStudy) -> dict[str, Any]:
             "velocity_gain_1_s": design.backstepping.velocity_gain,
             "current_gain_ohm": design.backstepping.current_gain_ohm,
         },
-        "pid": {"filter_pole": design.pid.filter_pole, "gains_V_m": list(design.pid.gains_V_m)},
+        "pid": None if pid is None else {"filter_pole": pid.filter_pole, "gains_V_m": list(pid.gains_V_m)},
+        "no_pid": design.why_no_pid,
         "points": [
             {
                 "distance_m": p.distance_m,

@@ -140,3 +140,12 @@ def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning
     json.dumps(data, allow_nan=False)
     assert data["no_direct"] == alone.no_direct
     assert study_data(study)["no_direct"] == ""
+
+
+def test_a_coil_too_slow_for_a_pid_is_studied_with_the_other_controller(levitation_model):
+    circuit = replace(levitation_model.circuit, resistance_ohm=0.15, voltage_min_V=0.0)
+    slow = closed_loop_study(replace(levitation_model, circuit=circuit), seed=1)
+    assert {row.controller for row in slow.table6} == {row.controller for row in slow.holds} == {"backstepping"}
+    assert any(row.held for row in slow.holds)
+    assert any("no PID: A PID controller needs a coil that is faster" in line for line in study_lines(slow))
+    assert study_data(slow)["pid"] is None
