@@ -90,6 +90,8 @@ class Refit:
 
 def _usual(added: AddedEffect, parameter: EffectParameter) -> bool:
     value = added.parameters[parameter.name]
+    if value == parameter.null:
+        return True  # of an effect with several amplitudes, one that is not there
     low, high = added.ci95.get(parameter.name, (value, value))
     return low <= parameter.sane[1] and high >= parameter.sane[0]
 

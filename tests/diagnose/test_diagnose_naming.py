@@ -81,6 +81,17 @@ def test_without_repeats_or_declared_noise_the_data_are_compared_only(levitation
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
 
 
+def test_a_warm_coil_without_a_thermometer_has_a_usual_size(levitation_model):
+    table = campaign(
+        levitation_model, 13, change=lambda r, rows: r | {"voltage_V": (1.0 + 25 * 3.93e-3) * r["voltage_V"]}
+    )
+    blind = tuple(name for name in table.given if name != "coil_temperature_C")
+    unread = replace(table, rows=table.rows.assign(coil_temperature_C=np.nan), given=blind)
+    result = diagnose_bench(levitation_model, unread, QUICK)
+    assert [one.name for one in result.missing] == ["coil_temperature"]
+    assert result.missing[0].sane  # its coefficient of a recorded temperature is zero, which would be unusual of copper
+
+
 def test_the_noise_model_recovers_what_made_the_data(levitation_model):
     table = campaign(levitation_model, 8, rho=0.6, mount_m=40e-6, runs=6)
     noise = estimate_noise(bench_observations(levitation_model, table))
