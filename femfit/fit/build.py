@@ -17,19 +17,18 @@ from femfit.fit.hall import HallFit, fit_hall
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.linearity import LinearityTest, linearity_test
 from femfit.fit.misfit import misfit_between, misfit_to_rows
+from femfit.fit.model_parts import model_parts
 from femfit.fit.named_bounds import bounds_by_name
+from femfit.fit.notes import coarse_note, import_notes
 from femfit.fit.ranking import Ranking, rank_laws
 from femfit.fit.result_data import coenergy_data, hall_data, law_data, linearity_data, ranking_data
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
 
 COENERGY = "coenergy"
 ALL = "all"
-
-_COARSE = 0.01
-"""Misfit of the co-energy to its own sweep that the user is warned of."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +117,8 @@ class FitResult:
         What the model lacks, and how to give it.
     data : mapping
         All of it, JSON-ready.
+    of_data : tuple of str
+        What the table's import warned of.
     """
 
     model: ActuatorModel
@@ -130,6 +131,7 @@ class FitResult:
     rows: FitRows
     notes: tuple[str, ...]
     data: Mapping[str, Any]
+    of_data: tuple[str, ...] = ()
 
 
 def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult:
@@ -170,8 +172,9 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
     elif coenergy is not None:
         magnetics = coenergy.magnetics
     misfits.insert(0, misfit_to_rows(magnetics, rows, hall.rms_T if hall else None))
-    parts = _parts(entry, rows, hall, options)
-    notes = (*parts.notes, *_coarse(coenergy, rows))
+    parts = model_parts(entry, rows, hall, options.inductance_H is not None)
+    notes = (*parts.notes, *coarse_note(coenergy, rows))
+    of_data = import_notes(table)
     data = {
         "model": options.model,
         "stages": options.stages,
@@ -183,7 +186,7 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
         "ranking": ranking_data(ranking) if ranking else None,
         "hall": hall_data(hall) if hall else None,
         "linearity": linearity_data(linearity) if linearity else None,
-        "notes": list(notes),
+        "notes": [*of_data, *notes],
     }
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
@@ -204,20 +207,7 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
             "versions": _versions(),
         },
     )
-    return FitResult(model, coenergy, law, ranking, hall, linearity, tuple(misfits), rows, notes, data)
-
-
-def _coarse(coenergy: CoenergyFit | None, rows: FitRows) -> tuple[str, ...]:
-    """A warning where the co-energy misses the sweep that it was fitted to."""
-    misfit = None if coenergy is None else misfit_to_rows(coenergy.magnetics, rows)
-    if misfit is None or misfit.force_rms_relative < _COARSE:
-        return ()
-    note = (
-        f"The co-energy misses the sweep's force by {100.0 * misfit.force_rms_relative:.2g} % rms, which a diagnosis "
-        f"would inherit. The force turns faster than {len(rows.currents)} currents and {len(rows.distances)} distances "
-        "tell; sweep more of both, above all where it saturates and at the smallest distances."
-    )
-    return (note,)
+    return FitResult(model, coenergy, law, ranking, hall, linearity, tuple(misfits), rows, notes, data, of_data)
 
 
 def _law(rows: FitRows, options: FitOptions) -> tuple[LawFit | None, Ranking | None]:
@@ -314,43 +304,6 @@ def law_magnetics(law: LawFit, rows: FitRows, options: FitOptions) -> LawMagneti
         names=("inductance", "flux linkage"),
     )
     return LawMagnetics(law.law.name, tuple(coefficients), dict(law.shape), float(solution.x[0]), float(solution.x[1]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    circuit: Circuit | None
-    motion: Motion | None
-    sensor: HallSensor | None
-    notes: tuple[str, ...]
-
-
-def _parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, options: FitOptions) -> _Parts:
-    notes = []
-    circuit = None
-    keys = ("resistance_ohm", "voltage_min_V", "voltage_max_V")
-    missing = [key for key in keys if entry.get(key) is None]
-    if rows.flux_linkage is None and options.inductance_H is None:
-        missing.append("flux_linkage_Wb or an inductance")
-    if missing:
-        notes.append(
-            f"No circuit in the model: {', '.join(missing)} unknown. Give --actuator ACTUATOR.toml"
-            + (", and --inductance-H since the table has no flux linkage." if rows.flux_linkage is None else ".")
-        )
-    else:
-        circuit = Circuit(*(float(entry[key]) for key in keys))
-    motion = None
-    if entry.get("mass_kg") is None:
-        notes.append("No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
-    else:
-        motion = Motion(float(entry["mass_kg"]))
-    sensor = None
-    element = entry.get("hall")
-    if hall is None or not element:
-        notes.append("No sensor in the model: it needs hall_T in the table and [hall] in the actuator file.")
-    else:
-        values = {key: value for key, value in element.items() if key not in {"radius_m", "height_m"}}
-        sensor = HallSensor(field=hall.field, **values)
-    return _Parts(circuit, motion, sensor, tuple(notes))
 
 
 def _versions() -> dict[str, str]:

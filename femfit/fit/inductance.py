@@ -64,6 +64,8 @@ class InductanceFit:
         Of the table.
     notes : tuple of str
         What the model lacks, and how to give it.
+    of_data : tuple of str
+        What was left out of the table or converted.
     """
 
     model: ActuatorModel
@@ -71,10 +73,11 @@ class InductanceFit:
     max_H: float
     rows: int
     notes: tuple[str, ...]
+    of_data: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
-        return {"rows": self.rows, "rms_H": self.rms_H, "max_H": self.max_H, "notes": list(self.notes)}
+        return {"rows": self.rows, "rms_H": self.rms_H, "max_H": self.max_H, "notes": [*self.of_data, *self.notes]}
 
 
 def fit_inductance(table: InductanceTable, options: InductanceOptions | None = None) -> InductanceFit:
@@ -130,7 +133,7 @@ def fit_inductance(table: InductanceTable, options: InductanceOptions | None = N
         },
     )
     return InductanceFit(
-        model, float(np.sqrt(np.mean(away**2))), float(np.abs(away).max()), len(away), (*table.findings, *notes)
+        model, float(np.sqrt(np.mean(away**2))), float(np.abs(away).max()), len(away), notes, table.findings
     )
 
 
@@ -153,6 +156,7 @@ def inductance_lines(fit: InductanceFit) -> list[str]:
     first, last = magnetics.inductance(at, np.ones(2))
     pull = magnetics.force(at, np.full(2, box.current_max_A))
     return [
+        *(f"note: {note}" for note in fit.of_data),
         f"{model.name}: {fit.rows} inductances, no force; the law's force is what their slope makes it",
         f"inductance {1e3 * first:.4g} mH at {1e3 * at[0]:.3g} mm to {1e3 * last:.4g} mH at {1e3 * at[1]:.3g} mm",
         f"misfit of the inductance {1e3 * fit.rms_H:.2g} mH rms, at most {1e3 * fit.max_H:.2g} mH",

@@ -29,7 +29,7 @@ def fit_lines(result: FitResult) -> list[str]:
         Lines.
     """
     model = result.model
-    lines = [f"{model.name}: {len(result.rows.force)} rows"]
+    lines = [*(f"note: {note}" for note in result.of_data), f"{model.name}: {len(result.rows.force)} rows"]
     if result.ranking is not None:
         lines += ranking_lines(result.ranking)
     if result.law is not None:

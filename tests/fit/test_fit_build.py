@@ -56,6 +56,20 @@ def test_a_coenergy_that_the_sweep_does_not_determine_says_so():
     assert any("sweep more" in note for note in fit.notes)
 
 
+def test_what_the_import_warned_of_comes_first():
+    findings = [
+        {"code": "assumed-units", "severity": "info", "sentence": "SI assumed: I in A.", "remedy": "Name it."},
+        {"code": "reciprocity", "severity": "warning", "sentence": "current in mA read as A (accepted)", "remedy": ""},
+        {"code": "noise", "severity": "info", "sentence": "The force is smooth.", "remedy": ""},
+    ]
+    imported = full_table()
+    fit = fit_model(SweepTable(imported.rows, {"actuator": ACTUATOR, "findings": findings}))
+    assert fit.of_data == ("SI assumed: I in A. Name it.", "current in mA read as A (accepted)")
+    assert fit_lines(fit)[:2] == [f"note: {sentence}" for sentence in fit.of_data]
+    assert fit.data["notes"] == list(fit.of_data)
+    assert not any("smooth" in line for line in fit_lines(fit))
+
+
 def test_the_coenergy_is_within_a_tenth_of_a_percent_of_its_sweep(coenergy):
     misfit = coenergy.model.misfit
     assert misfit.against == "sweep"

@@ -1,11 +1,13 @@
 """Measured inductances become a model whose force is the one that their slope makes."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from femfit.core.errors import FitError, TableError
 from femfit.core.inductance_table import InductanceTable, is_inductance_table, read_inductance_table
-from femfit.fit.inductance import InductanceOptions, fit_inductance
+from femfit.fit.inductance import InductanceOptions, fit_inductance, inductance_lines
 from femfit.model.json_file import read_model
 from support.command import femfit
 
@@ -38,6 +40,12 @@ def test_the_force_of_an_exact_table_is_found_without_any_force():
     )
     assert fit.notes == ()
     assert fit.model.require_circuit().voltage_max_V == 12.0
+
+
+def test_what_the_table_needed_is_said_before_the_result():
+    fit = fit_inductance(dataclasses.replace(table(), findings=("current_mA was read as current_A.",)), OPTIONS)
+    assert inductance_lines(fit)[0] == "note: current_mA was read as current_A."
+    assert fit.to_dict()["notes"] == ["current_mA was read as current_A."]
 
 
 def test_noise_of_one_per_cent_never_makes_the_force_repel():

@@ -1,0 +1,55 @@
+"""What a fit says of its data and of its own limits, one plain sentence each."""
+
+from femfit.core.sweep_table import SweepTable
+from femfit.fit.coenergy import CoenergyFit
+from femfit.fit.misfit import misfit_to_rows
+from femfit.fit.rows import FitRows
+
+_COARSE = 0.01
+"""Misfit of the co-energy to its own sweep that the user is warned of."""
+
+_UNITS_ASSUMED = "assumed-units"
+
+
+def import_notes(table: SweepTable) -> tuple[str, ...]:
+    """What an import warned of, and units that it assumed: a fit is wrong by the factor that they are.
+
+    Parameters
+    ----------
+    table : SweepTable
+        Any; a sweep's own has none.
+
+    Returns
+    -------
+    tuple of str
+        Findings with their remedies.
+    """
+    findings = [one for one in table.manifest.get("findings") or () if isinstance(one, dict)]
+    grave = [one for one in findings if one.get("severity") == "warning" or one.get("code") == _UNITS_ASSUMED]
+    return tuple(f"{one.get('sentence', '')} {one.get('remedy', '')}".strip() for one in grave)
+
+
+def coarse_note(coenergy: CoenergyFit | None, rows: FitRows) -> tuple[str, ...]:
+    """A warning where the co-energy misses the sweep that it was fitted to.
+
+    Parameters
+    ----------
+    coenergy : CoenergyFit or None
+        Fitted to the rows.
+    rows : FitRows
+        Of the sweep.
+
+    Returns
+    -------
+    tuple of str
+        At most one.
+    """
+    misfit = None if coenergy is None else misfit_to_rows(coenergy.magnetics, rows)
+    if misfit is None or misfit.force_rms_relative < _COARSE:
+        return ()
+    note = (
+        f"The co-energy misses the sweep's force by {100.0 * misfit.force_rms_relative:.2g} % rms, which a diagnosis "
+        f"would inherit. The force turns faster than {len(rows.currents)} currents and {len(rows.distances)} distances "
+        "tell; sweep more of both, above all where it saturates and at the smallest distances."
+    )
+    return (note,)
