@@ -56,9 +56,12 @@ def audit_model(model: ActuatorModel) -> list[AuditFinding]:
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     state = model.magnetics.state(d, i)
-    pushing = float(np.mean(state.motional_constant <= 0.0))
+    slope = state.motional_constant
+    pushing = float(np.mean((slope <= 0.0) & (i != 0.0)))  # steel alone has dF/di = 0 without a current
     findings = []
     text = "a growing current attracts more everywhere in the box (dF/di > 0)."
+    if slope.min() <= 0.0:
+        text = "a growing current attracts more wherever there is one (dF/di > 0)."
     if pushing > 0.0:
         text = f"a growing current attracts less in {100 * pushing:.2g} % of the box (dF/di <= 0)."
     findings.append(AuditFinding("attraction", "note" if pushing else "holds", "force", text, None, 1.0 - pushing))

@@ -8,9 +8,9 @@ from scipy import stats
 from femfit.core.arrays import FloatArray
 from femfit.diagnose.add_result import EffectSize
 from femfit.diagnose.observations import Observations
-from femfit.diagnose.refit import Refit
+from femfit.diagnose.refit import Refit, usual
 from femfit.effects.base_amplitudes import BASE_AMPLITUDES
-from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.effects.effect import AddedEffect
 
 _STEP = 1e-3
 """Step of a difference over a parameter's sane range."""
@@ -82,25 +82,6 @@ def _standard_error(observations: Observations, fit: Refit, k: int, at: int) -> 
     return float(np.sqrt(max(slope @ fit.covariance[np.ix_(own, own)] @ slope, 0.0))) if own else 0.0
 
 
-def told(added: AddedEffect, parameter: EffectParameter) -> bool:
-    """Whether the data tell a parameter: it was fitted, and its interval is narrower than what physics allows.
-
-    Parameters
-    ----------
-    added : AddedEffect
-        As fitted.
-    parameter : EffectParameter
-        One of its own.
-
-    Returns
-    -------
-    bool
-        False of a constant of shapes that are not there.
-    """
-    low, high = added.ci95.get(parameter.name, (parameter.lower, parameter.upper))
-    return high - low < parameter.upper - parameter.lower
-
-
 def suspicious_values(fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, ...]:
     """What is unusual of fitted parameters.
 
@@ -122,10 +103,10 @@ def suspicious_values(fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, .
         name = added.effect.name
         for p in added.effect.parameters:
             value, (low, high) = added.parameters[p.name], p.sane
-            if not low <= value <= high and told(added, p):
-                usual = f"{low:.3g} to {high:.3g}{f' {p.unit}' if p.unit else ''}"
+            if not usual(added, p):
+                span = f"{low:.3g} to {high:.3g}{f' {p.unit}' if p.unit else ''}"
                 result.append(
-                    f"{name}: {p.name} = {value:.3g} is unusual ({usual} is usual): check it by another measurement."
+                    f"{name}: {p.name} = {value:.3g} is unusual ({span} is usual): check it by another measurement."
                 )
     for j in np.flatnonzero(fit.active):
         k, p = fit.free[j]

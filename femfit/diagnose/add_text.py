@@ -65,6 +65,14 @@ def _errors(result: AddResult) -> list[str]:
     return [*lines, f"  with the re-mounts in it: {parts}"]
 
 
+def _warmer(result: AddResult, name: str) -> str:
+    """What was found beside a temperature that was not recorded, and counts in plant and filters too."""
+    found = {
+        a.effect.name: a.parameters.get("warmer_K", 0.0) + a.parameters.get("warming_K", 0.0) for a in result.added
+    }
+    return f" and the {found[name]:.3g} K more that were found" if found.get(name) else ""
+
+
 def _end(result: AddResult) -> list[str]:
     before, after = result.gate_before, result.gate_after
     lines = [f"lack of fit, 1 expected: before {before.statistic:.2f} ({chance(before.p_value)}), after "]
@@ -75,8 +83,9 @@ def _end(result: AddResult) -> list[str]:
         lines.append(f"Kept as they were, since these data cannot refit them: {', '.join(result.kept)}.")
     if any(added.effect.circuit or "temperature" in " ".join(added.effect.needs) for added in result.added):
         lines.append(
-            f"Plant and filters run with the coil at {result.model.coil_temperature_C:g} C and the magnet at "
-            f"{result.model.magnet_temperature_C:g} C."
+            f"Plant and filters run with the coil at {result.model.coil_temperature_C:g} C"
+            f"{_warmer(result, 'coil_temperature')} and the magnet at {result.model.magnet_temperature_C:g} C"
+            f"{_warmer(result, 'magnet_temperature')}."
         )
     lines += [f"suspicious: {sentence}" for sentence in result.suspicious]
     return lines + [f"note: {finding}" for finding in result.findings]

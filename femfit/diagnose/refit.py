@@ -85,10 +85,24 @@ class Refit:
     @property
     def sane(self) -> tuple[bool, ...]:
         """Of each effect, whether every parameter, or part of its interval, lies in its usual range."""
-        return tuple(all(_usual(added, p) for p in added.effect.parameters) for added in self.effects)
+        return tuple(all(usual(added, p) for p in added.effect.parameters) for added in self.effects)
 
 
-def _usual(added: AddedEffect, parameter: EffectParameter) -> bool:
+def usual(added: AddedEffect, parameter: EffectParameter) -> bool:
+    """Whether a fitted parameter, or part of its interval, lies in its usual range.
+
+    Parameters
+    ----------
+    added : AddedEffect
+        As fitted.
+    parameter : EffectParameter
+        One of its own.
+
+    Returns
+    -------
+    bool
+        True also of an amplitude that is not there.
+    """
     value = added.parameters[parameter.name]
     if value == parameter.null:
         return True  # of an effect with several amplitudes, one that is not there

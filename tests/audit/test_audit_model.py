@@ -49,6 +49,11 @@ def test_a_bound_that_decided_and_a_large_misfit_are_noted(levitation_model):
     assert {"active_bound", "attraction", "misfit"} <= codes(replace(model, misfit=large), "note")
 
 
+def test_steel_without_a_magnet_is_not_said_to_attract_less(levitation_model):
+    pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
+    assert "attraction" in codes(replace(levitation_model, magnetics=pot, sensor=None, misfit=None), "holds")
+
+
 def test_a_hall_output_that_leaves_its_range_is_noted(levitation_model):
     sensor = replace(levitation_model.sensor, sensitivity_V_per_T=500.0)
     assert "hall_range" in codes(replace(levitation_model, sensor=sensor), "note")

@@ -202,3 +202,15 @@ def test_a_constant_that_nothing_depends_on_is_not_suspicious(steel_model):
     table = campaign(steel_model, 45, [saturation], noise=noise, runs=4)
     result = add_effects(steel_model, table, ["core_saturation"], AddOptions(base="never"))
     assert not [sentence for sentence in result.suspicious if "magnet_share" in sentence]
+
+
+def test_the_text_says_how_much_warmer_the_new_model_runs(levitation_model):
+    def hot(readings, rows):
+        return readings | {"voltage_V": (1.0 + 25 * 3.93e-3) * readings["voltage_V"]}
+
+    table = campaign(levitation_model, 46, change=hot, runs=3)
+    given = tuple(name for name in table.given if name != "coil_temperature_C")
+    unread = replace(table, rows=table.rows.assign(coil_temperature_C=np.nan), given=given)
+    result = add_effects(levitation_model, unread, ["coil_temperature"], AddOptions(base="never"))
+    assert not result.suspicious
+    assert any("with the coil at 20 C and the 25" in line for line in add_lines(result))
