@@ -5,7 +5,7 @@ import pandas as pd
 
 from femfit.core.arrays import FloatArray, IntArray
 
-_STILL = 0.005
+STILL_CURRENT = 0.005
 """Change of the current, over all of its range, that is the ammeter's and no step."""
 
 _TURNS = 0.25
@@ -31,7 +31,7 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[str]]
         What was assumed, as one plain sentence.
     """
     current = rows["current_A"].to_numpy()
-    still = _STILL * float(np.nanmax(current) - np.nanmin(current)) if np.isfinite(current).any() else 0.0
+    still = STILL_CURRENT * float(np.nanmax(current) - np.nanmin(current)) if np.isfinite(current).any() else 0.0
     branch, turns = np.zeros(len(rows)), 0
     for place in _stretches(rows):
         steps = np.diff(current[place])

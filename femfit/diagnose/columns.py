@@ -13,9 +13,6 @@ from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 _STEP = 1e-3
 """Step of a difference over the width of a parameter's sane range."""
 
-_NO_MAGNET = 1e-3
-"""Share of force and flux linkage without current that the fit's own error may make."""
-
 
 @dataclass(frozen=True, eq=False)
 class EffectColumns:
@@ -68,7 +65,7 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
         return "the model has it already"
     for need in effect.needs:
         if need == "magnet":
-            if observations.nominal.magnet_share < _NO_MAGNET:
+            if not observations.nominal.has_magnet:
                 return "the model has no magnet"
         elif not any(_given(name, observations) for name in need.split("|")):
             return f"these data lack {_in_words(need)}"
@@ -119,9 +116,10 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
     return result
 
 
-def _trial_values(p: EffectParameter) -> set[float]:
+def _trial_values(p: EffectParameter) -> tuple[float, ...]:
+    """The usual value first: it stays where the readings do not tell."""
     low, high = p.sane
-    return {p.null, low, low + 0.75 * (high - low)}
+    return tuple(dict.fromkeys((p.null, low, low + 0.75 * (high - low))))
 
 
 def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:

@@ -14,8 +14,9 @@ import pandas as pd
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.measurement import BenchTable
+from femfit.diagnose.bench_conditions import conditions_of
 from femfit.diagnose.reach import nothing_in_reach, within_reach
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
@@ -219,33 +220,6 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
 def _rows(which: BoolArray, words: str) -> str:
     count = int(which.sum())
     return f"{count} row{'s' if count > 1 else ''} {words} {'were' if count > 1 else 'was'}"
-
-
-def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
-    """What effects need to know of every row.
-
-    Parameters
-    ----------
-    covariates : DataFrame
-        As in :class:`Observations`.
-    nominal : Nominal
-        Of the base model.
-
-    Returns
-    -------
-    Conditions
-        A temperature that was not recorded is NaN.
-    """
-    cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
-    return Conditions(
-        nominal=nominal,
-        branch=covariates["branch"].to_numpy(),
-        coil_temperature_C=covariates["coil_temperature_C"].to_numpy(),
-        magnet_temperature_C=covariates["magnet_temperature_C"].to_numpy(),
-        time_s=covariates["order"].to_numpy(),
-        elapsed=covariates["elapsed"].to_numpy(),
-        current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),
-    )
 
 
 def _covariates(rows: pd.DataFrame) -> pd.DataFrame:

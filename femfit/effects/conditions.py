@@ -10,6 +10,8 @@ from femfit.core.arrays import FloatArray
 REFERENCE_TEMPERATURE_C = 20.0
 """Where a model's remanence and resistance hold unless it says otherwise."""
 
+_NO_MAGNET = 1e-3
+
 
 @dataclass(frozen=True)
 class Nominal:
@@ -60,6 +62,11 @@ class Nominal:
     sample_time_s: float
 
     @property
+    def has_magnet(self) -> bool:
+        """Whether force or flux linkage without current is more than a fit's own error may make."""
+        return self.magnet_share >= _NO_MAGNET
+
+    @property
     def current_scale(self) -> float:
         """The largest magnitude of the current in A."""
         return max(abs(self.current_min_A), abs(self.current_max_A))
@@ -93,6 +100,8 @@ class Conditions:
         Lowest and highest current of the cycle that the reading belongs to.
     memory : mapping of str to array
         Values of the effects' states; where one is missing, the effect's value at rest holds.
+    recalled : mapping of str to array
+        What effects with states recall of the order in which the readings were taken; empty where it is not known.
     """
 
     nominal: Nominal
@@ -107,6 +116,7 @@ class Conditions:
     running: bool = False
     current_turn_A: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
     memory: Mapping[str, FloatArray] = field(default_factory=dict)
+    recalled: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 def like(value: FloatArray | float, points: FloatArray) -> FloatArray:

@@ -42,8 +42,8 @@ def _rate(
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
-def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float, float]]:
-    return {f"eddy_{mode}": (at.nominal.current_scale * p[f"{mode}_share"], 0.0, 0.0) for mode in _MODES}
+def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
+    return {f"eddy_{mode}": (at.nominal.current_scale * p[f"{mode}_share"], 0.0) for mode in _MODES}
 
 
 def _coenergy(

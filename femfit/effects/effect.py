@@ -17,8 +17,8 @@ An effect acts at the stages that it gives a function for, in this order:
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.jet import CoenergyJet, Jet
 
 Parameters = Mapping[str, float]
@@ -99,10 +99,13 @@ class Memory:
         (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative; linear in the current's
         rate for each of its signs.
     lag : callable or None
-        (conditions, p) -> mapping of name to (c in A, t in A/Wb, b in A/Wb^2) of states that act as
-        W'(d, i) -> V - sum_k z_k (t_k lambda^2 / 2 + b_k lambda^3 / 3) with V = W'(d, i - sum_k c_k z_k) and
-        lambda = dV/di; None where they act otherwise. What ``coenergy`` does is said once more, so that the change of
-        the flux linkage with the states is known without differences.
+        (conditions, p) -> mapping of name to (c in A, t in A/Wb) of states that act as
+        W'(d, i) -> V - sum_k z_k t_k lambda^2 / 2 with V = W'(d, i - sum_k c_k z_k) and lambda = dV/di; None where they
+        act otherwise. What ``coenergy`` does is said once more, so that the change of the flux linkage with the states
+        is known without differences.
+    recall : callable or None
+        (currents in the order in which they were read, whether a run begins there, nominal) -> mapping of name to
+        array, for :attr:`Conditions.recalled`: what ``rest`` needs of that order; None where it needs nothing.
     """
 
     names: tuple[str, ...]
@@ -113,7 +116,8 @@ class Memory:
         [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
         Mapping[str, FloatArray],
     ]
-    lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float, float]]] | None = None
+    lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]]] | None = None
+    recall: Callable[[FloatArray, BoolArray, Nominal], Mapping[str, FloatArray]] | None = None
 
 
 Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]

@@ -1,22 +1,28 @@
 """The core's magnetisation lags behind the current: a loop between rising and falling current.
 
 The core acts as if the current were i - sum_r w_r z_r with states that saturate as the current moves on (Dahl;
-Coleman and Hodgdon): dz_r/di = (1 - sign(di) z_r) / r, for three radii r. On a slow cycle between two turning points
-z_r has a closed form, which a bench reading takes; where the branch is unknown, z = 0. Weights of either sign together
-make loops that are narrow at their tips, as Rayleigh's. A loop whose width changes along the current has parts that go
-with the flux: W' -> W' - z (w_1 lambda^2 / 2 + w_2 lambda^3 / 3). A core that saturates both ways lags most in between.
+Coleman and Hodgdon): dz_r/di = (1 - sign(di) z_r) / r, for three radii r. Weights of either sign together make loops
+that are narrow at their tips, as Rayleigh's. What lags are the walls that the current moves to and fro; a large current
+leaves none of them behind, so that z_r fades as phi(i) = sech^2(f i / i_max), the slope of a magnetisation
+tanh(f i / i_max): dz_r = phi (di - |di| z_r / phi) / r + z_r (phi' / phi) di. A loop whose width changes with the flux
+as well has a part that goes with it: W' -> W' - z t lambda^2 / 2.
+
+A bench table tells the order of its readings, and so the path of the current through all turning points of a run. It
+does not tell what was before: the current may have been cycled, or the core demagnetised. Where the order is not known,
+z_r is that of a slow cycle between two turning points.
 
 References
 ----------
-P. R. Dahl, AIAA Journal 14 (1976) 1675; B. D. Coleman and M. L. Hodgdon, Int. J. Engineering Science 24 (1986) 897.
+P. R. Dahl, AIAA Journal 14 (1976) 1675; B. D. Coleman and M. L. Hodgdon, Int. J. Engineering Science 24 (1986) 897;
+D. C. Jiles and D. L. Atherton, J. Magnetism and Magnetic Materials 61 (1986) 48: what lags is the irreversible part.
 """
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions, like
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.effects.conditions import Conditions, Nominal, like
 from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters
 from femfit.effects.jet import CoenergyJet, Jet
 
@@ -26,21 +32,66 @@ _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 _TAPERED = "medium"
 
 
-def _states(i: FloatArray, at: Conditions) -> Mapping[str, FloatArray]:
-    """z_r on the branches of a slow cycle: 1 - (1 + z_t) exp(-(i - i_1)/r) while rising, z_t = tanh(span / 2 r)."""
+def _span(nominal: Nominal) -> float:
+    return nominal.current_max_A - nominal.current_min_A
+
+
+def _left(i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
+    """Part phi of the lagging walls that a current leaves behind."""
+    return 1.0 / np.cosh(p["fade"] * i / at.nominal.current_scale) ** 2
+
+
+def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
+    """z_r along the path that the readings took, or on a slow cycle."""
+    fade = _left(i, at, p)
+    if not at.recalled:
+        return {f"hysteresis_{name}": fade * z for name, z in _cycle(i, at).items()}
+    result = {}
+    for name in _RADII:
+        cycled, virgin = (like(at.recalled[f"hysteresis_{name}_{start}"], i) for start in ("cycled", "virgin"))
+        result[f"hysteresis_{name}"] = fade * (cycled + p["virgin"] * (virgin - cycled))
+    return result
+
+
+def _cycle(i: FloatArray, at: Conditions) -> Mapping[str, FloatArray]:
+    """On the branches of a slow cycle z_r / phi = 1 - (1 + z_t) exp(-(i - i_1) / r) rising, z_t = tanh(span / 2 r)."""
     low, high = (like(turn, i) for turn in at.current_turn_A)
-    branch, span = like(at.branch, i), at.nominal.current_max_A - at.nominal.current_min_A
+    branch, span = like(at.branch, i), _span(at.nominal)
     result = {}
     for name, part in _RADII.items():
         radius = part * span
         tip = np.tanh((high - low) / (2.0 * radius))
         way = np.where(branch > 0, i - low, high - i)
-        result[f"hysteresis_{name}"] = branch * (1.0 - (1.0 + tip) * np.exp(-np.maximum(way, 0.0) / radius))
+        result[name] = branch * (1.0 - (1.0 + tip) * np.exp(-np.maximum(way, 0.0) / radius))
     return result
 
 
-def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
-    return _states(i, at)
+def _recall(current: FloatArray, begins: BoolArray, nominal: Nominal) -> Mapping[str, FloatArray]:
+    """z_r / phi after each reading, of a core that was cycled before each run, and of one that was demagnetised."""
+    names, radius = list(_RADII), np.array(list(_RADII.values())) * _span(nominal)
+    ends = np.append(np.flatnonzero(begins)[1:], len(current))
+    states = np.empty((len(current), 2, len(radius)))
+
+    def moved(z: FloatArray, way: float) -> FloatArray:
+        return z if way == 0.0 else np.sign(way) - (np.sign(way) - z) * np.exp(-abs(way) / radius)
+
+    for first, end in zip(np.flatnonzero(begins), ends, strict=True):
+        run = current[first:end]
+        # After many cycles z = -tanh(span / 2 r) at the lowest current
+        z = np.stack(
+            [
+                moved(-np.tanh(np.ptp(run) / (2.0 * radius)), run[0] - run.min()),
+                moved(np.zeros(len(radius)), run[0]),
+            ]
+        )
+        states[first] = z
+        for k in range(first + 1, end):
+            z = states[k] = moved(z, current[k] - current[k - 1])
+    return {
+        f"hysteresis_{name}_{start}": states[:, way, k]
+        for k, name in enumerate(names)
+        for way, start in enumerate(("cycled", "virgin"))
+    }
 
 
 def _rate(
@@ -52,26 +103,30 @@ def _rate(
     at: Conditions,
     p: Parameters,
 ) -> Mapping[str, FloatArray]:
-    span = at.nominal.current_max_A - at.nominal.current_min_A
-    return {
-        f"hysteresis_{name}": (current_rate - np.abs(current_rate) * states[f"hysteresis_{name}"]) / (part * span)
-        for name, part in _RADII.items()
-    }
+    fade, steep = _left(i, at, p), p["fade"] / at.nominal.current_scale
+    fading = 2.0 * steep * np.tanh(steep * i) * current_rate
+    result = {}
+    for name, part in _RADII.items():
+        z = states[f"hysteresis_{name}"]
+        moving = (fade * current_rate - np.abs(current_rate) * z) / (part * _span(at.nominal))
+        # A filter's state may stand where no current can have brought it: that part does not grow back
+        result[f"hysteresis_{name}"] = moving - fading * np.clip(z, -fade, fade)
+    return result
 
 
-def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float, float]]:
-    scale, flux = at.nominal.current_scale, at.nominal.flux_linkage_Wb
-    growth = {_TAPERED: (scale * p["taper"] / flux, scale * p["bulge"] / flux**2)}
-    return {f"hysteresis_{name}": (scale * p[f"width_{name}"], *growth.get(name, (0.0, 0.0))) for name in _RADII}
+def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
+    scale = at.nominal.current_scale
+    growth = {_TAPERED: scale * p["taper"] / at.nominal.flux_linkage_Wb}
+    return {f"hysteresis_{name}": (scale * p[f"width_{name}"], growth.get(name, 0.0)) for name in _RADII}
 
 
 def _coenergy(
     base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
 ) -> Jet:
     remembered = all(f"hysteresis_{name}" in at.memory for name in _RADII)
-    states = {name: like(value, i) for name, value in at.memory.items()} if remembered else _states(i, at)
-    lag = at.nominal.current_scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
-    tapered = p["taper"] != 0.0 or p["bulge"] != 0.0
+    states = {name: like(value, i) for name, value in at.memory.items()} if remembered else _rest(d, i, at, p)
+    scale, tapered = at.nominal.current_scale, p["taper"] != 0.0
+    lag = scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
     energy = base(d, i - lag, n_d, n_i + tapered)
     coefficients = energy.truncated(n_d, n_i).coefficients.copy()
     if p["hall_share"] != 1.0:
@@ -80,10 +135,8 @@ def _coenergy(
         return Jet(coefficients)
     linkage = energy.along_current().coefficients.copy()
     linkage[1] *= p["hall_share"]
-    flux = Jet(linkage)
-    square, lagging = flux * flux, states[f"hysteresis_{_TAPERED}"] * at.nominal.current_scale
-    taper, bulge = (p[name] / at.nominal.flux_linkage_Wb**k * lagging for k, name in ((1, "taper"), (2, "bulge")))
-    return Jet(coefficients) - (taper / 2.0) * square - (bulge / 3.0) * (square * flux)
+    taper = scale * p["taper"] / at.nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
+    return Jet(coefficients) - (taper / 2.0) * (Jet(linkage) * Jet(linkage))
 
 
 HYSTERESIS = Effect(
@@ -115,15 +168,6 @@ HYSTERESIS = Effect(
             of="current_scale",
         ),
         EffectParameter(
-            name="bulge",
-            unit="",
-            lower=-0.2,
-            upper=0.2,
-            sane=(-0.08, 0.08),
-            description="The same for flux of either sign; negative where the loop is widest without flux.",
-            of="current_scale",
-        ),
-        EffectParameter(
             name="hall_share",
             unit="",
             lower=-1.0,
@@ -133,16 +177,36 @@ HYSTERESIS = Effect(
             null=1.0,
             shape=True,
         ),
+        EffectParameter(
+            name="fade",
+            unit="",
+            lower=0.0,
+            upper=6.0,
+            sane=(0.0, 4.0),
+            description="Largest current over the current at which 58 % of the lag have gone.",
+            shape=True,
+        ),
+        EffectParameter(
+            name="virgin",
+            unit="",
+            lower=0.0,
+            upper=1.0,
+            sane=(0.0, 1.0),
+            description="0 where the current was cycled before each run of a bench table, 1 where the core was "
+            "demagnetised.",
+            shape=True,
+        ),
     ),
     needs=("~current_A", "~branch", "force_N|flux_linkage_Wb|hall_V"),
     experiment="Cycle the current slowly up and down at one distance and read both branches.",
-    reference="Dahl, AIAA Journal 14 (1976) 1675; Coleman and Hodgdon (1986)",
+    reference="Dahl, AIAA Journal 14 (1976) 1675; Coleman and Hodgdon (1986); Jiles and Atherton (1986)",
     coenergy=_coenergy,
     memory=Memory(
         names=tuple(f"hysteresis_{name}" for name in _RADII),
-        amplitudes=(*(f"width_{name}" for name in _RADII), "taper", "bulge"),
+        amplitudes=(*(f"width_{name}" for name in _RADII), "taper"),
         spread=0.5,
         rest=_rest,
+        recall=_recall,
         rate=_rate,
         lag=_lag,
     ),

@@ -1,13 +1,19 @@
-"""The moving magnet does not hang on the coil's axis.
+"""The moving part does not hang on the coil's axis.
 
-What the coil, or the Hall element's test coil, does to the magnet is harmonic in the magnet's place and symmetric about
+What the coil, or the Hall element's test coil, does to a magnet is harmonic in the magnet's place and symmetric about
 the axis, so at an offset e it is J_0(e d/dd) of its value on the axis: f - (e^2/4) f''. The attraction between magnet
 and core alone is second order in the magnetisation; its core-side image follows the magnet, so only a share of
 the same term applies: none for an infinite plate, about 0.4 for a core that is small against the distance.
 
+Iron without a magnet, a plunger in its bore, changes a gap of the circuit instead: at an eccentricity e of a clearance
+c the bore's permeance grows by 1 / sqrt(1 - (e/c)^2). A change of reluctance dR in series with the flux is
+W' -> W' - dR lambda^2 / 2, and the part of the flux that crosses the gap falls as the plunger leaves: a parabola in the
+distance.
+
 References
 ----------
-J. D. Jackson, Classical Electrodynamics, 3rd ed. (Wiley, 1999), section 3.7 and problem 3.1 (expansion about an axis).
+J. D. Jackson, Classical Electrodynamics, 3rd ed. (Wiley, 1999), section 3.7 and problem 3.1 (expansion about an axis);
+H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 5: permeance between eccentric cylinders.
 """
 
 import numpy as np
@@ -15,12 +21,14 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.jet import CoenergyJet, Jet, distance_jet
 
 
 def _coenergy(
     base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
 ) -> Jet:
+    if not at.nominal.has_magnet:
+        return _with_gap(base, d, i, n_d, n_i, at, p)
     energy = base(d, i, n_d + 2, n_i)
     magnet_alone = np.zeros_like(energy.coefficients)
     magnet_alone[0, :, 0] = base(d, np.zeros_like(i), n_d + 2, 0).coefficients[0, :, 0]
@@ -29,9 +37,24 @@ def _coenergy(
     return energy.truncated(n_d, n_i) - 0.25 * p["offset_squared_m2"] * bent
 
 
+def _with_gap(
+    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
+) -> Jet:
+    """W' + (i_max / lambda_max) (g_0 + g_1 x + g_2 x^2) lambda^2 / 2 with x = d / d_max."""
+    far, nominal = at.nominal.distance_max_m, at.nominal
+    x = d / far
+    bent = 2.0 * p["gap_2"] / far
+    growth = [p["gap_0"] + (p["gap_1"] + p["gap_2"] * x) * x, p["gap_1"] / far + bent * x, np.full_like(d, bent / far)]
+    energy = base(d, i, n_d, n_i + 1)
+    linkage = energy.along_current()
+    more = 0.5 * nominal.current_scale / nominal.flux_linkage_Wb * distance_jet(d, n_d, n_i).compose(growth)
+    return energy.truncated(n_d, n_i) + more * (linkage * linkage)
+
+
 LATERAL_MISALIGNMENT = Effect(
     name="lateral_misalignment",
-    symptom="Near the electromagnet the magnet's share of every channel is too small, most where it bends most.",
+    symptom="Near the electromagnet the magnet's share of every channel is too small, most where it bends; without "
+    "a magnet, force and flux linkage are too large there together.",
     acts_on=("magnetics",),
     parameters=(
         EffectParameter(
@@ -41,6 +64,18 @@ LATERAL_MISALIGNMENT = Effect(
             upper=4e-5,
             sane=(0.0, 9e-6),
             description="Square of the lateral offset of the magnet from the coil's axis.",
+        ),
+        *(
+            EffectParameter(
+                name=f"gap_{power}",
+                unit="",
+                lower=-2.0,
+                upper=2.0,
+                sane=(-0.2, 0.2),
+                description="Without a magnet: growth of the largest flux linkage by a better gap in series, as a part "
+                f"of it; what goes with the power {power} of the distance over the largest.",
+            )
+            for power in range(3)
         ),
         EffectParameter(
             name="image_share",
@@ -66,4 +101,4 @@ LATERAL_MISALIGNMENT = Effect(
         ),
     ),
 )
-"""W' -> W' - (e^2/4) d^2W'/dd^2, the magnet's own attraction to the core in part."""
+"""W' -> W' - (e^2/4) d^2W'/dd^2, the magnet's own attraction to the core in part; without a magnet a gap in series."""

@@ -84,16 +84,16 @@ class EffectDynamics:
 
     @cached_property
     def lags(self) -> FloatArray | None:
-        """C, t and b of every state as in :class:`Memory`, shape (3, len(names)); None where one acts otherwise."""
-        found, growing = dict.fromkeys(self.names, (0.0, 0.0, 0.0)), 0
+        """C and t of every state as in :class:`Memory`, shape (2, len(names)); None where one acts otherwise."""
+        found, growing = dict.fromkeys(self.names, (0.0, 0.0)), 0
         for added in self.later:
             memory = added.memory
             if memory is None or memory.lag is None:
                 return None
             own = memory.lag(self.at, added.parameters)
-            growing += any(taper or bulge for _, taper, bulge in own.values())
+            growing += any(taper for _, taper in own.values())
             found |= own
-        return np.array(list(found.values())).reshape(-1, 3).T if growing <= 1 else None
+        return np.array(list(found.values())).reshape(-1, 2).T if growing <= 1 else None
 
     def derivative(
         self,
@@ -175,21 +175,20 @@ class EffectDynamics:
         if self.lags is None:
             changed = changed_jet(self.motion_jet, self.later, replace(self.at, memory=memory))
             return _state(changed(d, i, 1, 2)), self._flux_differences(states, d, i)
-        lag, *growth = self.lags
-        if not np.any(growth):
+        lag, taper = self.lags
+        if not np.any(taper):
             seen = _state(self.motion_jet(d, i - lag @ states, 1, 2))
             return seen, -lag[:, None] * seen.inductance
         series = self.motion_jet(d, i - lag @ states, 1, 3)
         seen, linkage = _state(series), series.derivative(0, 1)
-        taper, bulge = growth
         # W' = V - g(lambda): its derivatives by the chain rule
-        first = taper @ states * linkage + bulge @ states * linkage**2
-        second = taper @ states + 2.0 * (bulge @ states) * linkage
+        second = taper @ states
+        first = second * linkage
         kept = 1.0 - second * seen.inductance
         force = seen.force - first * seen.motional_constant
         motional = seen.motional_constant * kept + first * series.derivative(1, 2)
         inductance = seen.inductance * kept - first * series.derivative(0, 3)
-        own = (taper[:, None] + bulge[:, None] * linkage) * linkage * seen.inductance
+        own = taper[:, None] * linkage * seen.inductance
         return MagneticState(force, motional, inductance), -lag[:, None] * inductance - own
 
     def _flux_differences(self, states: FloatArray, d: FloatArray, i: FloatArray) -> FloatArray:

@@ -229,6 +229,27 @@ def played(current, thresholds, weights):
     return total
 
 
+def test_a_plunger_beside_its_axis_is_a_gap_of_less_reluctance_in_series(nominal):
+    effect = effect_by_name("lateral_misalignment")
+    plunger = dataclasses.replace(nominal, magnet_share=0.0)
+    d, i = np.array([0.016, 0.021, 0.032]), np.array([0.4, 0.9, 1.3])
+    series, bore = 4.0 + 1000.0 * d, 0.02  # reluctances over N^2: working gap and the rest, change of the bore's
+
+    def base(d, i, n_d, n_i):  # W' = i^2 / (2 R(d))
+        r = 4.0 + 1000.0 * d
+        along = np.stack([1.0 / r, -1e3 / r**2, 1e6 / r**3, -1e9 / r**4])[: n_d + 1, None]
+        bent = np.stack([0.5 * i**2, i, 0.5 + 0 * i, 0 * i])[: n_i + 1]
+        return Jet(np.stack([along * bent, 0.0 * along * bent]))
+
+    gap = bore * plunger.flux_linkage_Wb / plunger.current_scale
+    jet = effect.coenergy(base, d, i, 1, 1, Conditions(plunger), effect.null() | {"gap_0": gap})
+    # First order in 0.02 of 20 and more: the next is a thousandth of it
+    np.testing.assert_allclose(jet.derivative(0, 1) - i / series, i / (series - bore) - i / series, rtol=2e-3)
+    change = -0.5 * i**2 * 1000.0 * (1.0 / (series - bore) ** 2 - 1.0 / series**2)
+    base_slope = -0.5 * i**2 * 1000.0 / series**2
+    np.testing.assert_allclose(jet.derivative(1, 0) - base_slope, change, rtol=3e-3)
+
+
 def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
     effect = effect_by_name("hysteresis")
     rising = np.linspace(-1.4, 1.4, 281)

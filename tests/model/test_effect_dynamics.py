@@ -129,25 +129,57 @@ def test_an_eddy_current_brakes_the_motion(levitation_model):
     assert x[0, 1] < y[0, 1]
 
 
-def test_a_slow_cycle_in_time_is_the_loop_of_the_bench(levitation_model):
+def states_along(current, start, parameters, nominal):
+    """States of hysteresis after each step of the current, by their own equation and the midpoint rule."""
+    effect, at, z, track = effect_by_name("hysteresis"), Conditions(nominal), start, []
+    for low, high in pairwise(current):
+        sign, middle = np.array([np.sign(high - low)]), np.array([0.5 * (low + high)])
+        half = effect.memory.rate(z, middle, middle, middle, sign, at, parameters)
+        mid = {k: v + 0.5 * abs(high - low) * half[k] for k, v in z.items()}
+        rate = effect.memory.rate(mid, middle, middle, middle, sign, at, parameters)
+        z = {k: v + abs(high - low) * rate[k] for k, v in z.items()}
+        track.append([z[k][0] for k in effect.memory.names])
+    return z, np.array(track).T
+
+
+@pytest.mark.parametrize("fade", [0.0, 2.5])
+def test_a_slow_cycle_in_time_is_the_loop_of_the_bench(fade, levitation_model):
     effect = effect_by_name("hysteresis")
-    nominal = nominal_of(levitation_model)
+    nominal, parameters = nominal_of(levitation_model), effect.null() | {"fade": fade}
     i = np.concatenate([np.linspace(0.2, 1.2, 2001), np.linspace(1.2, 0.2, 2001)[1:]])
     z = dict.fromkeys(effect.memory.names, np.zeros(1))
-    at = Conditions(nominal)
     for _ in range(6):
-        track = []
-        for low, high in pairwise(i):
-            sign, middle = np.array([np.sign(high - low)]), np.array([0.5 * (low + high)])
-            half = effect.memory.rate(z, middle, middle, middle, sign, at, effect.null())
-            mid = {k: v + 0.5 * abs(high - low) * half[k] for k, v in z.items()}
-            rate = effect.memory.rate(mid, middle, middle, middle, sign, at, effect.null())
-            z = {k: v + abs(high - low) * rate[k] for k, v in z.items()}
-            track.append([z[k][0] for k in effect.memory.names])
-    branch = np.repeat([1.0, -1.0], 2000)
-    slow = effect.memory.rest(i[1:], i[1:], replace(at, branch=branch, current_turn_A=(0.2, 1.2)), effect.null())
+        z, track = states_along(i, z, parameters, nominal)
+    at = Conditions(nominal, branch=np.repeat([1.0, -1.0], 2000), current_turn_A=(0.2, 1.2))
+    slow = effect.memory.rest(i[1:], i[1:], at, parameters)
     # After five cycles the largest radius keeps exp(-10 / 0.7) of its start; the midpoint rule's error is 1e-5
-    np.testing.assert_allclose(np.array(track).T, np.stack([slow[k] for k in effect.memory.names]), atol=1e-4)
+    np.testing.assert_allclose(track, np.stack([slow[k] for k in effect.memory.names]), atol=1e-4)
+
+
+@pytest.mark.parametrize("fade", [0.0, 2.5])
+def test_the_path_that_a_bench_recalls_is_that_of_the_states_own_equation(fade, levitation_model):
+    effect = effect_by_name("hysteresis")
+    nominal, parameters = nominal_of(levitation_model), effect.null() | {"fade": fade, "virgin": 1.0}
+    read = np.array([0.4, 1.1, 0.7, 0.9, 0.1, 0.1, 1.2, 0.6])
+    fine = np.concatenate([np.linspace(a, b, 2001)[1:] for a, b in pairwise([0.0, *read])])
+    z = dict.fromkeys(effect.memory.names, np.zeros(1))
+    _, track = states_along(np.append(0.0, fine), z, parameters, nominal)
+    recalled = effect.memory.recall(read, np.arange(len(read)) == 0, nominal)
+    slow = effect.memory.rest(read, read, Conditions(nominal, recalled=recalled), parameters)
+    # The midpoint rule's error is 1e-5
+    np.testing.assert_allclose(track[:, 1999::2000], np.stack([slow[k] for k in effect.memory.names]), atol=1e-4)
+
+
+def test_a_bench_whose_core_was_cycled_before_recalls_the_cycle(levitation_model):
+    effect = effect_by_name("hysteresis")
+    nominal = nominal_of(levitation_model)
+    read = np.concatenate([np.linspace(0.2, 1.2, 6), np.linspace(1.0, 0.2, 5)])
+    at = Conditions(nominal, branch=np.repeat([1.0, -1.0], [6, 5]), current_turn_A=(0.2, 1.2))
+    recalled = effect.memory.recall(read, np.arange(11) == 0, nominal)
+    path, cycle = (effect.memory.rest(read, read, one, effect.null()) for one in (replace(at, recalled=recalled), at))
+    # At the upper turning point the cycle counts as rising
+    for name in effect.memory.names:
+        np.testing.assert_allclose(path[name], cycle[name], atol=1e-12)
 
 
 def test_a_loop_takes_energy_from_the_current(levitation_model):
