@@ -4,7 +4,7 @@ import numpy as np
 
 from femfit.trial.truth.bench import Points
 
-FAMILIES = ("core", "magnets", "layer", "ring")
+FAMILIES = ("core", "memory", "magnets", "layer", "ring")
 """Field solutions that the tests of the trial use."""
 
 

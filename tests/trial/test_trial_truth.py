@@ -1,12 +1,16 @@
 """The truths of the trial against closed forms, limits and reciprocity."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.constants import mu_0
 
+from femfit.actuator.load import read_actuator
 from femfit.trial.truth import off_axis
 from femfit.trial.truth.bench import true_readings
 from femfit.trial.truth.bench_effects import BENCH_EFFECTS
+from femfit.trial.truth.drawing_variants import remembering_core
 from femfit.trial.truth.off_axis import core_response, displaced
 from femfit.trial.truth.preisach import relay_ensemble
 from femfit.trial.truth.thermal import COPPER_PER_K, ThermalNetwork, heat
@@ -29,7 +33,9 @@ def test_the_solved_fields_reach_the_published_converged_values(rig_truth):
     np.testing.assert_allclose(at.hall, [0.0086864, 0.0028688], rtol=1e-3)
 
 
-@pytest.mark.parametrize(("family", "p"), [("core", 0.02), ("magnets", -0.05), ("layer", -0.3), ("ring", 1.0)])
+@pytest.mark.parametrize(
+    ("family", "p"), [("core", 0.02), ("memory", 0.02), ("magnets", -0.05), ("layer", -0.3), ("ring", 1.0)]
+)
 def test_every_family_is_reciprocal(rig_truth, family, p):
     change, i = rig_truth.families[family].change, np.full(4, 1.0)
     by_current = (change(p, D, i + 0.1).force - change(p, D, i - 0.1).force) / 0.2
@@ -37,6 +43,18 @@ def test_every_family_is_reciprocal(rig_truth, family, p):
     scale = np.abs(rig_truth.base.at(D, i).force - rig_truth.base.at(D, 0 * i).force)
     # two meshes of 1e-4 each stand behind a difference of solutions
     np.testing.assert_allclose(by_current, by_distance, rtol=2e-2, atol=3e-4 * scale.max())
+
+
+def test_what_a_winding_leaves_in_iron_adds_to_its_own_flux(rig_truth):
+    change = rig_truth.families["memory"].change(0.02, D, np.zeros(4))
+    per_ampere = rig_truth.base.at(D, np.ones(4)).flux_linkage - rig_truth.base.at(D, np.zeros(4)).flux_linkage
+    assert (change.flux_linkage * per_ampere > 0.0).all()
+
+
+def test_iron_that_leads_the_flux_back_remembers_it_the_other_way():
+    plunger = read_actuator(Path(__file__).parents[2] / "geometry" / "plunger-solenoid.toml")
+    regions = {part.name: part.material.remanence_T for part in remembering_core(plunger, 0.1).fixed}
+    assert regions == {"pole_and_bottom": 0.1, "shell": -0.1, "upper_plate": 0.0}
 
 
 def test_a_weaker_magnet_attracts_the_core_less_by_twice_as_much(rig_truth):

@@ -48,7 +48,7 @@ _D, _I = "distance_m", "current_A"
 
 BENCH_EFFECTS: Mapping[str, Entry] = {
     "core_saturation": Entry(magnetics.core_saturation, _FIELD, (_D, _I), "saturation-1"),
-    "hysteresis": Entry(magnetics.hysteresis, _ALL, ("branch",), "core", "branch"),
+    "hysteresis": Entry(magnetics.hysteresis, _ALL, ("branch",), "memory", "branch"),
     "magnet_temperature": Entry(
         magnetics.magnet_temperature, _ALL, ("magnet_temperature_C",), "magnets", "magnet_temperature_C"
     ),

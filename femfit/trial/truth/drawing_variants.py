@@ -98,8 +98,41 @@ def weak_layer(actuator: Actuator, change: float) -> Actuator:
     return replace(actuator, fixed=changed)
 
 
+def remembering_core(actuator: Actuator, remanence: float) -> Actuator:
+    """The fixed soft parts with the remanence that the winding's flux leaves in them.
+
+    Along the axis within the winding and against it outside of it, where the flux returns; parts above and below the
+    winding lead it outwards and are left as they are.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        With linear soft parts.
+    remanence : float
+        B_r in T, positive where it adds to the flux of a positive current.
+
+    Returns
+    -------
+    Actuator
+        To be solved.
+    """
+    winding_r, winding_z = np.array(actuator.coil.vertices_m).T
+
+    def way(region: Region) -> float:
+        r, z = np.array(region.vertices_m).T
+        if z.max() <= winding_z.min() or z.min() >= winding_z.max():
+            return 0.0
+        return -1.0 if r.min() >= winding_r.max() else 1.0
+
+    def magnetised(region: Region) -> Region:
+        own = LinearMaterial("core", region.material.relative_permeability, way(region) * remanence)
+        return replace(region, material=own) if is_soft(region) else region
+
+    return replace(actuator, fixed=tuple(map(magnetised, actuator.fixed)))
+
+
 def remanent_core(actuator: Actuator, remanence: float) -> Actuator:
-    """The fixed soft parts with a remanence along the axis: what hysteresis leaves in them.
+    """The fixed soft parts with a remanence along the axis: what an outer field is to them.
 
     Parameters
     ----------

@@ -89,7 +89,8 @@ class Truth:
         As drawn.
     families : mapping of str to Family
         Those asked for of ``magnets`` (relative change of every remanence), ``layer`` (of the magnet's third next to
-        the gap), ``core`` (remanence of the fixed iron in T), ``ring`` (iron of a holder), ``bore`` (squared
+        the gap), ``core`` (remanence of all fixed iron along the axis in T), ``memory`` (that along the winding's
+        flux), ``ring`` (iron of a holder), ``bore`` (squared
         eccentricity in m^2), ``saturation-N`` (for each sharpness N).
     """
 
@@ -111,7 +112,11 @@ def family_drawings(actuator: Actuator) -> dict[str, dict[float, Actuator]]:
     dict of str to dict of float to Actuator
         To be solved.
     """
-    result = {"core": {step: drawn.remanent_core(actuator, step) for step in (-CORE_STEP, CORE_STEP)}}
+    steps = (-CORE_STEP, CORE_STEP)
+    result = {
+        "core": {step: drawn.remanent_core(actuator, step) for step in steps},
+        "memory": {step: drawn.remembering_core(actuator, step) for step in steps},
+    }
     if drawn.has_magnet(actuator):
         result["magnets"] = {step: drawn.scaled_magnets(actuator, step) for step in (-REMANENCE_STEP, REMANENCE_STEP)}
         result["layer"] = {step: drawn.weak_layer(actuator, step) for step in (-LAYER_STEP, -2.0 * LAYER_STEP)}

@@ -37,7 +37,7 @@ def hysteresis(truth: Truth, generator: np.random.Generator) -> Hidden:
 
     In half of the campaigns the current is cycled before each run, in the others a run starts demagnetised.
     """
-    family = truth.families["core"]
+    family = truth.families["memory"]
     scale = max(map(abs, truth.actuator.sweep.currents_A))
     coercive, interaction, spread = generator.uniform([0.1, 0.25, 0.3], [0.25, 0.5, 0.6])
     cycles = int(generator.choice([0, 3]))
