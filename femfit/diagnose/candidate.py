@@ -9,6 +9,10 @@ from femfit.diagnose.diagnosis import Gate
 from femfit.diagnose.evidence import Evidence
 from femfit.diagnose.refit import Refit, refit
 from femfit.diagnose.scoring import Scored, further_effects, parameter_price
+from femfit.effects.effect import AddedEffect
+
+_STRUCTURE = 0.01
+"""P-value below which a refit has left structure that more shapes of its effects are tried on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,25 +67,47 @@ def refitted_candidates(evidence: Evidence, starts: Sequence[Sequence[Scored]]) 
     """
     result = []
     for start in starts:
-        fit = refit(evidence.observations, evidence.whitening, [(one, amplitude) for one, _, amplitude, _ in start])
-        # A constant that ended at its bound was searched for as well; it matters less than an amplitude
-        amplitudes = sum(not p.shape and not bound for (_, p), bound in zip(fit.free, fit.active, strict=True))
-        constants = sum(p.shape for _, p in fit.free)
-        price = parameter_price(fit.rest) * (amplitudes + 0.5 * constants)
-        fitted = fit.jacobian[:, ~fit.active]
-        beside, further = further_effects(evidence, fit.names, fit.rest, fitted)
-        result.append(
-            Candidate(
-                fit=fit,
-                cost=fit.chi2 + price,
-                excess=evidence.patterns.excess(fit.rest, fitted),
-                gate=evidence.patterns.test(fit.rest, fitted),
-                further=further,
-                start=tuple(start),
-                beside=tuple(beside),
-            )
-        )
+        one = _refitted(evidence, start)
+        if not one.passes(_STRUCTURE):
+            # Shapes that did not pay for themselves to first order may do so about the refit
+            whole = [_whole_family(evidence, item, added) for item, added in zip(start, one.fit.effects, strict=True)]
+            if sum(map(_shapes, whole)) > sum(map(_shapes, start)):
+                one = min(one, _refitted(evidence, whole), key=lambda candidate: candidate.cost)
+        result.append(one)
     return sorted(result, key=lambda one: one.cost)
+
+
+def _refitted(evidence: Evidence, start: Sequence[Scored]) -> Candidate:
+    fit = refit(evidence.observations, evidence.whitening, [(one, amplitude) for one, _, amplitude, _ in start])
+    # A constant that ended at its bound was searched for as well; it matters less than an amplitude
+    amplitudes = sum(not p.shape and not bound for (_, p), bound in zip(fit.free, fit.active, strict=True))
+    constants = sum(p.shape for _, p in fit.free)
+    fitted = fit.jacobian[:, ~fit.active]
+    beside, further = further_effects(evidence, fit.names, fit.rest, fitted)
+    return Candidate(
+        fit=fit,
+        cost=fit.chi2 + parameter_price(fit.rest) * (amplitudes + 0.5 * constants),
+        excess=evidence.patterns.excess(fit.rest, fitted),
+        gate=evidence.patterns.test(fit.rest, fitted),
+        further=further,
+        start=tuple(start),
+        beside=tuple(beside),
+    )
+
+
+def _shapes(item: Scored) -> int:
+    return len(item[0].amplitudes)
+
+
+def _whole_family(evidence: Evidence, item: Scored, added: AddedEffect) -> Scored:
+    """All shapes of an effect, those that a refit used as it left them."""
+    columns, white = max(
+        ((one, white) for one, white in evidence.columns if one.effect.name == added.effect.name),
+        key=lambda other: len(other[0].amplitudes),
+    )
+    shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
+    amplitude = np.array([added.parameters[p.name] - p.null for p in columns.amplitudes])
+    return replace(columns, shape=shape), white, amplitude, item[3]
 
 
 def forward_pairs(singles: Sequence[Candidate], leading: int, wanted: int) -> list[list[Scored]]:

@@ -171,7 +171,7 @@ def refit(
     free = tuple(
         (k, p)
         for k, (one, _) in enumerate(start)
-        for p in (*one.amplitudes, *(q for q in one.effect.parameters if q.shape))
+        for p in (*one.amplitudes, *_seen_constants(one, observations))
         if p.name not in fixed.get(one.effect.name, {})
     )
     width = np.array([p.sane[1] - p.sane[0] for _, p in free])
@@ -209,6 +209,21 @@ def refit(
     active, jacobian = (x - low < 1e-5) | (high - x < 1e-5), np.asarray(solution.jac)[: len(best)]
     fit = Refit(effects_at(x), free, best, jacobian, active, root**2, tuple(one for one, _ in start))
     return replace(fit, effects=_with_intervals(fit, x, width))
+
+
+def _seen_constants(one: EffectColumns, observations: Observations) -> list[EffectParameter]:
+    """The shape constants that change what the effect's amplitudes do to these readings."""
+    constants = [p for p in one.effect.parameters if p.shape]
+    some = np.array([0.1 * (p.sane[1] - p.sane[0]) for p in one.amplitudes])
+    values = one.parameters(np.where(some <= one.bounds[1], some, -some))
+    here = observations.predict([AddedEffect(one.effect, values)])
+
+    def seen(p: EffectParameter) -> bool:
+        step = 0.1 * (p.sane[1] - p.sane[0])
+        other = values[p.name] + (step if values[p.name] + step <= p.upper else -step)
+        return bool(np.any(observations.predict([AddedEffect(one.effect, values | {p.name: other})]) != here))
+
+    return [p for p in constants if seen(p)]
 
 
 def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[AddedEffect, ...]:
