@@ -63,7 +63,7 @@ def settings_figure(observations: Observations) -> "Figure":
         axes[1].plot(rows["elapsed"], rows[name], color=colour, label=name.removesuffix("_temperature_C"))
     if warm:
         axes[1].set(xlabel="order of the readings", ylabel="temperature (°C)", title="temperatures")
-        axes[1].legend()
+        figure.legend(*axes[1].get_legend_handles_labels(), loc="outside right lower")
     return figure
 
 

@@ -41,6 +41,22 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
     return f"{significant(rounded / 10.0**power, digits)}{NO_BREAK}{_PREFIXES[power]}{unit}"
 
 
+def noise_words(noise_V: float) -> str:
+    """A sensor's noise as one says it.
+
+    Parameters
+    ----------
+    noise_V : float
+        Standard deviation, V; 0 where the drawing does not tell it.
+
+    Returns
+    -------
+    str
+        For example ``noise of 3.20 mV rms``.
+    """
+    return f"noise of {quantity(noise_V, 'V')} rms" if noise_V else "its noise not known"
+
+
 def percent(fraction: float | None, digits: int = 2) -> str:
     """A fraction in per cent.
 

@@ -7,7 +7,7 @@ from femfit.report.actuator_figure import actuator_figure
 from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
 from femfit.report.kinds import has_magnet, saturates
-from femfit.report.numbers import plain, quantity
+from femfit.report.numbers import noise_words, plain, quantity
 from femfit.report.section import DataTable, Picture, Section, text
 
 MM = 1e3
@@ -107,7 +107,7 @@ def _data(content: ReportContent) -> DataTable:
         place = f"r = {plain(MM * hall.radius_m)} mm, z = {plain(MM * hall.height_m)} mm"
         scale = f"{plain(hall.sensitivity_V_per_T)} V/T about {plain(hall.quiescent_V)} V"
         converter = f"{hall.adc_bits} bits" if hall.adc_bits else "no converter"
-        rows.append(("Hall element", f"{place}; {scale}; {converter}; noise {quantity(hall.noise_V, 'V')} rms"))
+        rows.append(("Hall element", f"{place}; {scale}; {converter}; {noise_words(hall.noise_V)}"))
     currents = f"{plain(axes.currents_A[0])} to {plain(axes.currents_A[-1])} A"
     distances = f"{plain(MM * axes.distances_m[0])} to {plain(MM * axes.distances_m[-1])} mm"
     rows.append(("sweep", f"{currents}, {distances}"))

@@ -61,7 +61,10 @@ def candidates_section(content: ReportContent) -> Section | None:
             "ranking",
             svg_uri(ranking_figure(ranking), "ranking"),
             "Held-out error of each candidate law over its floating-point operations.",
-            Markup("Each candidate's error on rows that it was not fitted to, against its cost. Ringed: recommended."),
+            text(
+                "Each candidate's error on rows that it was not fitted to, against its cost. Ringed: {}.",
+                "recommended" if ranking.recommended.held_out_rms <= TARGET else "the best, which misses the target",
+            ),
         ),
         _ranking_table(ranking),
         _term_table(best, content),

@@ -5,7 +5,7 @@ from markupsafe import Markup
 from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
 from femfit.report.hall_figure import hall_figure
-from femfit.report.numbers import percent, plain, quantity
+from femfit.report.numbers import noise_words, percent, plain, quantity
 from femfit.report.section import Picture, Section, text
 
 
@@ -41,7 +41,7 @@ def hall_section(content: ReportContent) -> Section:
             text(
                 "The field at the Hall element splits into the magnet's part, {} to {} over the distances, and the "
                 "coil's, {} per ampere; the latter changes by {} only with the distance. At {} V/T the output moves "
-                "by {} from the magnet and by {} per ampere from the coil, against a noise of {} rms.{} The fit meets "
+                "by {} from the magnet and by {} per ampere from the coil; {}.{} The fit meets "
                 "the sweep's field within {} rms.",
                 quantity(near, "T"),
                 quantity(far, "T"),
@@ -50,7 +50,7 @@ def hall_section(content: ReportContent) -> Section:
                 plain(volt),
                 quantity(volt * (near - far), "V"),
                 quantity(volt * high, "V"),
-                quantity(sensor.noise_V, "V"),
+                noise_words(sensor.noise_V),
                 converter,
                 quantity(hall.rms_T, "T"),
             ),

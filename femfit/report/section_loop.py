@@ -60,11 +60,11 @@ def _setting(study: ClosedLoopStudy) -> Block:
     one = text(" There is no PID controller: {}", design.why_no_pid) if design.why_no_pid else ""
     alone = text(" The filters stand alone: {}", study.no_direct) if study.no_direct else ""
     return text(
-        "The plant is the co-energy model with back-EMF, the sensor the Hall characteristic with {} rms of white "
-        "noise and the converter. The controllers take distance, velocity and current from the filter; their gains "
+        "The plant is the co-energy model with back-EMF, the sensor the Hall characteristic with {} and the "
+        "converter. The controllers take distance, velocity and current from the filter; their gains "
         "follow from the model. Between {} and {} mm the body hangs at {} to {} with an unstable pole of {} to {} "
         "rad/s. Seed {}.{}{}",
-        quantity(design.noise_V, "V"),
+        f"{quantity(design.noise_V, 'V')} rms of white noise" if design.noise_V else "no noise",
         plain(MM * first.distance_m),
         plain(MM * last.distance_m),
         quantity(first.voltage_V, "V"),

@@ -35,7 +35,7 @@ def measured_section(content: DiagnosisContent) -> Section:
             f"{len(rows):,}",
             "windows of a recorded motion" if moving else "settings",
             _counted(len(np.unique(rows["run"])), "run"),
-            "" if moving else f" and {_counted(len(np.unique(rows['mount'])), 'mount')}",
+            f" and {_counted(len(np.unique(rows['mount'])), 'mount')}" if _mounted(content) else "",
             plain(1e3 * float(rows["distance_m"].min()), 4),
             plain(1e3 * float(rows["distance_m"].max()), 4),
             plain(float(rows["current_A"].min()), 3),
@@ -57,6 +57,11 @@ def measured_section(content: DiagnosisContent) -> Section:
     return Section("measured", "What was measured", tuple(blocks))
 
 
+def _mounted(content: DiagnosisContent) -> bool:
+    """Whether the data tell mounts apart, and not runs alone."""
+    return not content.recorded_motion and "mount" in content.observations.given
+
+
 def _counted(count: int, word: str) -> str:
     return f"{count} {word}{'' if count == 1 else 's'}"
 
@@ -74,7 +79,9 @@ def _noise(content: DiagnosisContent) -> Block:
         text(
             "Noise of a single reading. {} to within {} (standard deviation); runs are offset and readings follow each "
             "other as the last columns say. None of this is taken for physics.",
-            "The recorded distance is right" if content.recorded_motion else "Put back by hand, the body comes back",
+            "Put back by hand, the body comes back"
+            if _mounted(content)
+            else "In each run the recorded distance is right",
             quantity(noise.mount_m, "m", 2),
         ),
         ("channel", "readings", "noise σ", "known from", "of the largest reading", "offset of a run", "correlation"),

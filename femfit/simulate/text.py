@@ -48,7 +48,8 @@ def design_lines(design: LoopDesign) -> list[str]:
         f"  backstepping: position gain {b.position_gain:.4g} 1/s^2, velocity gain {b.velocity_gain:.4g} 1/s",
         f"  current gain of backstepping {b.current_gain_ohm:.4g} ohm",
         f"  {linear}",
-        f"  reference filters {design.reference_rate_rad_s:.4g} rad/s, t_s {sample:g} ms, Hall noise {noise:g} mV rms",
+        f"  reference filters {design.reference_rate_rad_s:.4g} rad/s, t_s {sample:g} ms, "
+        + (f"Hall noise {noise:g} mV rms" if noise else "no Hall noise"),
     ]
 
 
@@ -233,7 +234,7 @@ def _what(e: Experiment) -> str:
         name = f"direct, derivative below {e.velocity_cutoff_rad_s:.0f} rad/s"
     parts = [f"{e.controller}, {name}, {1e3 * e.targets_m[0]:g} mm"]
     if e.noise_V is not None:
-        parts.append(f"noise {1e3 * e.noise_V:g} mV")
+        parts.append(f"noise {1e3 * e.noise_V:g} mV" if e.noise_V else "no noise")
     if e.offset_V:
         parts.append(f"bias {1e3 * e.offset_V:+g} mV")
     if e.force_scale != 1.0:

@@ -15,6 +15,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.report.diagnosis_content import content_of
 from femfit.report.diagnosis_html import render_diagnosis, write_diagnosis_report
+from femfit.report.measured_figures import settings_figure
 from support.campaign import campaign
 from support.page import Page
 
@@ -131,3 +132,19 @@ def test_without_a_noise_floor_the_page_says_what_to_measure(levitation_model):
     assert content.diagnosis.verdict == "compare_only"
     assert "at least twice" in page.text
     assert set(page.images) == {"settings", "misfit-maps"}
+
+
+def test_mounts_are_spoken_of_only_where_the_data_tell_them(levitation_model):
+    table = campaign(levitation_model, 66, **SIZE)
+    _, page = page_of(levitation_model, table)
+    assert "3 runs and 3 mounts" in page.text
+    assert "Put back by hand" in page.text
+    _, page = page_of(levitation_model, replace(table, given=tuple(name for name in table.given if name != "mount")))
+    assert "mount" not in page.text.split("Where the model fails")[1]
+    assert "In each run the recorded distance is right to within" in page.text
+
+
+def test_the_legend_of_the_temperatures_covers_no_curve(levitation_model):
+    figure = settings_figure(bench_observations(levitation_model, campaign(levitation_model, 67, **SIZE)))
+    assert all(axes.get_legend() is None for axes in figure.axes)
+    assert [text.get_text() for text in figure.legends[1].get_texts()] == ["coil", "magnet"]

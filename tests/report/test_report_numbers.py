@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from markupsafe import Markup
 
 from femfit.report.formula import formula_label, formula_markup
-from femfit.report.numbers import force_scale, percent, quantity, significant
+from femfit.report.numbers import force_scale, noise_words, percent, quantity, significant
 from femfit.report.section import text
 
 PREFIX = {"f": 1e-15, "p": 1e-12, "n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
@@ -75,3 +75,8 @@ def test_exponents_of_formulas_are_raised():
 
 def test_values_in_a_paragraph_are_escaped_and_markup_is_kept():
     assert text("<b>{}</b> {}", "<i>", Markup("<i>")) == "<b>&lt;i&gt;</b> <i>"
+
+
+def test_a_noise_that_nobody_stated_is_not_zero():
+    assert noise_words(0.0) == "its noise not known"
+    assert noise_words(3.2e-3) == f"noise of {quantity(3.2e-3, 'V')} rms"
