@@ -2,7 +2,8 @@
 
 Whether a campaign tells an effect from one outside the catalogue cannot be tested with the catalogue's own effects as
 rivals. They serve as examples of what physics does to these readings: had one of them been the cause, as large as what
-was found, and not been listed, would the gate after naming have noticed?
+was found, and not been listed, would the gate after naming have noticed? What adds the same to every reading of a
+channel has more causes than any list holds, so that a constant error of each channel is always among the examples.
 
 References
 ----------
@@ -15,6 +16,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from femfit.core.arrays import FloatArray
+from femfit.diagnose.amounts import CHANNEL_WORDS
 from femfit.diagnose.candidate import Candidate
 from femfit.diagnose.evidence import Evidence
 from femfit.diagnose.whitening import orthonormal_basis
@@ -41,8 +43,8 @@ def look_alikes(
     Returns
     -------
     tuple of str
-        The rest of the classes, then the most alike first: an effect of any shape constants whose trace of the found
-        length has less beside the fitted one than the gate notices nine times in ten.
+        The rest of the classes, then the most alike first: an effect of any shape constants, or a constant error of a
+        channel, whose trace of the found length has less beside the fitted one than the gate notices nine times in ten.
     """
     observations = evidence.observations
     found = evidence.whitening.full(observations.predict(chosen.fit.effects) - observations.base)
@@ -52,6 +54,10 @@ def look_alikes(
         name = one.effect.name
         if name not in chosen.fit.names:
             beside[name] = min(beside.get(name, 1.0), _squared_sine(white, fitted))
+    for name in observations.channels:
+        constant = observations.of(name).astype(np.float64)[:, None]
+        words = f"a constant error of the {CHANNEL_WORDS.get(name, name)}"
+        beside[words] = _squared_sine(evidence.whitening.full(constant), fitted)
     unseen = _noticed(evidence, level) / max(float(found @ found), 1e-12)
     refitted = [name for members in classes for name in members[1:]]
     alike = sorted((name for name, sine in beside.items() if sine < unseen), key=beside.__getitem__)

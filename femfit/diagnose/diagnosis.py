@@ -129,7 +129,8 @@ class Diagnosis:
     gate_before, gate_after : Gate or None
         The lack-of-fit tests.
     look_alikes : tuple of str
-        Effects that would bear the same name on these data, had they been the cause and not been listed.
+        Effects, or constant errors of a channel, that would bear the same name on these data, had they been the cause
+        and not been listed.
     confident : bool
         Whether the verdict is ``named``, without look-alikes and with every parameter in its usual range.
     findings : tuple of str

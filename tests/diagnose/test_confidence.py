@@ -48,3 +48,11 @@ def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
     assert {name for one in found.missing for name in one.members[1:]} <= set(found.look_alikes)
     assert not found.confident
     assert "a cause not listed that acts like" in confidence_sentence(found)
+
+
+def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitation_model):
+    table = campaign(levitation_model, 3, [hidden("constant_force", pull=0.03)])
+    alone = diagnose_bench(levitation_model, table, replace(QUICK, exclude=("force_offset",)))
+    assert alone.missing[0].members == ("constant_force",)
+    assert not alone.confident
+    assert "a constant error of the force" in confidence_sentence(alone)
