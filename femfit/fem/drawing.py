@@ -1,10 +1,10 @@
 """From the actuator's parts to a mesh: faces, element sizes, the layer that carries the force.
 
-The moving part is wrapped in two offsets of its outline, at a fifth and at three fifths of the smallest clearance to
-any other part over the whole sweep. The force is evaluated in the layer between the two, which touches no corner; both
-move with the part.
+The moving part is wrapped in two offsets of its outline, at a fifth and at three fifths of the clearance to any other
+part. The force is evaluated in the layer between the two, which touches no corner; both move with the part.
 """
 
+from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
@@ -16,7 +16,7 @@ from ngsolve import Mesh
 
 from femfit.actuator.parts import Actuator, Region
 from femfit.core.errors import FieldSolverError
-from femfit.fem.layout import Layout, grown, mover_outline
+from femfit.fem.layout import Layout, layer_outlines, mover_outline
 from femfit.fem.settings import SolverSettings
 
 
@@ -66,13 +66,14 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
     coil = _face(actuator.coil.vertices_m)
     coil.faces.name = "coil"
     coil.faces.maxh = settings.region_fraction * _extent(actuator.coil.vertices_m)
-    outline = shapely.affinity.translate(mover_outline(actuator), 0.0, distance)
-    thickness = layout.outer_offset - layout.inner_offset
-    outlines = (outline, grown(outline, layout.inner_offset), grown(outline, layout.outer_offset))
+    outlines = [
+        shapely.affinity.translate(one, 0.0, distance)
+        for one in (mover_outline(actuator), *layer_outlines(actuator, layout))
+    ]
     mover, inner, outer = (_face(tuple(one.exterior.coords)[:-1]) for one in outlines)
     halo, layer = inner - mover, outer - inner
     halo.faces.name, layer.faces.name = "halo", "layer"
-    halo.faces.maxh = layer.faces.maxh = thickness
+    _grade(halo, layer, outlines[1:])
     pieces = [*solids, coil, halo, layer]
     rest = reduce(
         lambda left, right: left - right, [*solids[: len(actuator.fixed)], coil, outer], _half_disc(layout.outer_radius)
@@ -89,6 +90,21 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
         if np.hypot(edge.center.x, edge.center.y) > 0.6 * layout.outer_radius:
             edge.name = "outer"
     return shape
+
+
+def _grade(halo: Face, layer: Face, outlines: Sequence[shapely.Polygon]) -> None:
+    """Elements as large as the layer is thick, edge by edge of its two outlines."""
+    axis = shapely.LineString([(0.0, -1e3), (0.0, 1e3)])
+    inner, outer = (outline.exterior - axis for outline in outlines)
+    sizes = []
+    for edge in layer.edges:
+        line = shapely.LineString([(end.x, end.y) for end in (edge.start, edge.end)])
+        middle = line.interpolate(0.5, normalized=True)
+        near, far = sorted((inner, outer), key=middle.distance)
+        if near.distance(middle) < 1e-6 * far.distance(middle):  # not an edge on the axis, between the two
+            edge.maxh = line.distance(far)
+            sizes.append(edge.maxh)
+    halo.faces.maxh = layer.faces.maxh = max(sizes)
 
 
 def _part(region: Region, name: str, settings: SolverSettings) -> Face:

@@ -13,6 +13,7 @@ from femfit.fem.settings import SolverSettings
 
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
 LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer only costs elements
+LEVEL_RATIO = 4.0  # of the room from one step of the layer's width to the next
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,10 @@ class Layout:
     ----------
     clearance : float
         Smallest distance between the moving part and any other part or sensor over the sweep.
+    nearest : float
+        Smallest distance that the layer has to leave room at.
     inner_offset, outer_offset : float
-        Of the layer's two outlines from the moving part.
+        Of the layer's two outlines from the moving part, where the room is smallest.
     fixed_top : float
         Largest z of all fixed parts and the Hall element.
     radius : float
@@ -36,6 +39,7 @@ class Layout:
     """
 
     clearance: float
+    nearest: float
     inner_offset: float
     outer_offset: float
     fixed_top: float
@@ -71,6 +75,7 @@ def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
     fixed_top = still.bounds[3]
     return Layout(
         clearance=clearance,
+        nearest=distances[0],
         inner_offset=INNER_OFFSET * scale,
         outer_offset=outer,
         fixed_top=fixed_top,
@@ -99,7 +104,7 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     Returns
     -------
     Layout
-        With the group's own offsets.
+        With the group's own offsets; a single distance needs no stretch.
     """
     mover = mover_outline(actuator)
     near, far = group[0], group[-1]
@@ -108,9 +113,14 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     )
     if far > near:  # (far - top - outer) / (near - top - outer) within the limit
         outer = min(outer, near - layout.fixed_top - (far - near) / (settings.stretch_limit - 1.0))
-    if outer <= layout.outer_offset:
-        return layout
-    return replace(layout, inner_offset=INNER_OFFSET / OUTER_OFFSET * outer, outer_offset=outer)
+    outer = max(outer, layout.outer_offset)
+    return replace(
+        layout,
+        nearest=near,
+        inner_offset=INNER_OFFSET / OUTER_OFFSET * outer,
+        outer_offset=outer,
+        stretchable=layout.stretchable and far > near,
+    )
 
 
 def _fixed_parts(actuator: Actuator) -> list[Any]:
@@ -159,21 +169,47 @@ def mover_outline(actuator: Actuator) -> shapely.Polygon:
     return outline
 
 
-def grown(outline: shapely.Polygon, offset: float) -> shapely.Polygon:
-    """An outline all of whose edges are moved outwards, cut at the axis.
+def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon, shapely.Polygon]:
+    """The layer's inner and outer outline round the moving part at distance zero.
+
+    The offsets grow in steps with the room that there is: what of the moving part has a clearance of at least h to all
+    fixed parts is wrapped in offsets of h / 5 and 3 h / 5. So a narrow gap makes the layer, and the elements in it,
+    thin at the gap alone. Where the mesh is stretched, no step reaches below the lowest offset, down to which the layer
+    has to move as one.
 
     Parameters
     ----------
-    outline : shapely.Polygon
-        In m.
-    offset : float
-        In m.
+    actuator : Actuator
+        Checked.
+    layout : Layout
+        Of the distances that the mesh serves.
 
     Returns
     -------
-    shapely.Polygon
-        In m; higher and lower by more than the offset where the outline's corner on the axis is a cone's tip.
+    (shapely.Polygon, shapely.Polygon)
+        In m.
     """
+    mover = mover_outline(actuator)
+    outlines = [_grown(mover, offset) for offset in (layout.inner_offset, layout.outer_offset)]
+    lowest = [outline.bounds[1] for outline in outlines]
+    still = shapely.affinity.translate(shapely.union_all(_fixed_parts(actuator)), 0.0, -layout.nearest)
+    r0, z0, r1, z1 = mover.bounds
+    room = LEVEL_RATIO * layout.outer_offset / OUTER_OFFSET
+    while room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
+        free = mover - still.buffer(room, cap_style="square", join_style="mitre")
+        wider = [
+            one | _grown(free, share * room) for one, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
+        ]
+        if layout.stretchable:
+            wider = [one & shapely.box(0.0, low, 1e3, 1e3) for one, low in zip(wider, lowest, strict=True)]
+        if free.is_empty or any(one.geom_type != "Polygon" or one.interiors for one in wider):
+            break
+        outlines, room = [one.simplify(0.0) for one in wider], LEVEL_RATIO * room
+    return outlines[0], outlines[1]
+
+
+def _grown(outline: Any, offset: float) -> Any:
+    """An outline all of whose edges are moved outwards by an offset in m, cut at the axis."""
     return outline.buffer(offset, join_style="mitre").intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
 
 

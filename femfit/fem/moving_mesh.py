@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from femfit.actuator.parts import Actuator
 from femfit.fem.drawing import build_mesh
-from femfit.fem.layout import Layout, grown, layout_of_group, mover_outline, reference_distance
+from femfit.fem.layout import Layout, layer_outlines, layout_of_group, reference_distance
 from femfit.fem.motion import stretch, stretch_share
 from femfit.fem.settings import SolverSettings
 from femfit.fem.stress import AROUND_FIXED, weight
@@ -35,11 +35,11 @@ class MovingMesh:
         self.layout = layout_of_group(actuator, group, layout, settings)
         self.reference = reference_distance(group, self.layout)
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
-        _, low, _, high = grown(mover_outline(actuator), self.layout.outer_offset).bounds
+        _, low, _, high = layer_outlines(actuator, self.layout)[1].bounds
         self._layer_heights = (low + self.reference, high + self.reference)
         self.reaction_weight = weight(self.mesh, AROUND_FIXED)
         self.work_weight = self.reaction_weight
-        if layout.stretchable:
+        if self.layout.stretchable:
             self.work_weight = stretch_share(self.mesh, self.layout, self._layer_heights)
 
     def move_to(self, distance: float) -> None:

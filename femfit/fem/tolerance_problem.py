@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from femfit.fem.point_field import PointField
 
 
+ROUNDING = 1e-10
+"""Of the largest value at a distance: below it, a value is 0."""
+
+
 class RungProblem(Protocol):
     """What one rung solves."""
 
@@ -119,7 +123,7 @@ class ToleranceProblem:
         columns = self._problem.rows(distance, currents)
         if "force_N" in columns:
             error = self._relative(np.array(currents)) * scale(columns["force_N"], currents)
-            columns["force_error_N"] = np.fmax(error, columns[DISAGREEMENT]).tolist()
+            columns["force_error_N"] = np.maximum(error, columns[DISAGREEMENT]).tolist()
         return columns
 
     def field(self, distance: float, current: float) -> "PointField":
@@ -148,7 +152,8 @@ class ToleranceProblem:
 def scale(values: Sequence[float], currents: Sequence[float]) -> FloatArray:
     """What errors at one distance are relative to: a value, or that at the weakest current if it is larger.
 
-    Where the coil's force cancels the magnet's, the sum is no measure of what was computed.
+    Where the coil's force cancels the magnet's, the sum is no measure of what was computed. A force that vanishes by
+    symmetry leaves the solver's last digits, which are no measure of anything.
 
     Parameters
     ----------
@@ -160,7 +165,8 @@ def scale(values: Sequence[float], currents: Sequence[float]) -> FloatArray:
     Returns
     -------
     array, shape (currents,)
-        In the values' unit.
+        In the values' unit; 0 for what vanishes.
     """
     size = np.abs(np.array(values, dtype=np.float64))
-    return np.asarray(np.fmax(size, size[int(np.argmin(np.abs(currents)))]))
+    size = np.fmax(size, size[int(np.argmin(np.abs(currents)))])
+    return np.asarray(np.where(size <= ROUNDING * np.fmax.reduce(size), 0.0, size))

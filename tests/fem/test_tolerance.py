@@ -14,7 +14,7 @@ from femfit.fem.settings import SolverSettings, settings_for
 from femfit.fem.sweep import run_sweep
 from femfit.fem.tolerance import check_currents, ladder
 from femfit.fem.tolerance_problem import scale
-from support.actuators import GEOMETRY, assembly, magnet
+from support.actuators import GEOMETRY, assembly, magnet, rectangle
 
 
 def errors(actuator, tolerance, distances):
@@ -117,6 +117,15 @@ def test_rungs_refine_in_order_and_at_the_corners():
 def test_the_scale_of_an_error_does_not_vanish_where_the_force_does():
     np.testing.assert_array_equal(scale([0.2, 0.0, -0.5], (0.0, 1.0, 2.0)), [0.2, 0.2, 0.5])
     np.testing.assert_array_equal(scale([0.5, 0.0, 0.5], (-1.0, 0.0, 1.0)), [0.5, 0.0, 0.5])
+    np.testing.assert_array_equal(scale([0.5, 1e-16, 0.5], (-1.0, 0.0, 1.0)), [0.5, 0.0, 0.5])
+
+
+def test_a_force_that_vanishes_by_symmetry_does_not_end_in_the_finest_mesh():
+    body = [magnet(1.2, 0.005, 0.004, permeability=1.05)]
+    coil = rectangle(0.006, 0.009, -0.006, -0.001)
+    actuator = assembly(moving=body, distances=(0.002,), coil=coil, turns=100.0)  # no iron: no force without current
+    settings = SolverSettings(tolerance=1e-3)
+    assert prepare(actuator, (0.002,), layout_of(actuator, settings), settings).choice.rung <= 1
 
 
 def test_a_nonlinear_actuator_is_checked_at_the_ends_and_the_weakest_current():
