@@ -30,8 +30,8 @@ CELLS_IN_CURRENT = (1, 2, 3, 4, 6)
 BENT_CELLS = (3, 4, 6, 8, 12, 16)
 """Where the inductance tells of a bend, their knots lie denser at it."""
 
-MOST_CURRENTS = 16
-"""Up to so many currents have a knot each, and one between each two, if held-out rows ask for it."""
+MOST_CELLS = 16
+"""In each direction where the inductance bends: as many functions as a QP with shapes solves in seconds."""
 
 DISTANCES_PER_FUNCTION = 1.2
 """Beside a bend: with a function of u for each distance, the force between a pot magnet's currents was off by half."""
@@ -47,7 +47,7 @@ NEARLY_BEST_BENT = 1.02
 
 
 def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
-    """The smallest basis below :data:`HELD_OUT_TARGET` on held-out rows, or else the smallest that is nearly the best.
+    """The smallest basis below its target on held-out rows, or else the smallest that is nearly the best.
 
     Distance and current are searched in turn, each with what was chosen for the other.
 
@@ -171,9 +171,7 @@ def _bent_breaks(rows: FitRows) -> list[FloatArray]:
     reached = np.concatenate([[0.0], np.cumsum(np.repeat(density * np.diff(currents), 2))])
     between = 0.5 * (reached[1:] + reached[:-1])
     breaks = [halves[np.unique(np.searchsorted(between, np.linspace(0.0, reached[-1], n + 1)))] for n in BENT_CELLS]
-    if len(currents) <= MOST_CURRENTS:
-        breaks += [halves, currents]
-    return breaks
+    return breaks + [every for every in (halves, currents) if len(every) <= MOST_CELLS + 1]
 
 
 def _bending(currents: FloatArray, distance: FloatArray, current: FloatArray, inductance: FloatArray) -> FloatArray:
@@ -206,7 +204,7 @@ def _distance_trials(rows: FitRows) -> list[dict[str, Any]]:
         shift = part * float(np.ptp(rows.distances))
         d = rows.distances + shift
         for n in (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20):
-            if _fewest_distances(rows, n) > len(d):
+            if _fewest_distances(rows, n) > len(d) or (rows.inductance is not None and n > MOST_CELLS):
                 break
             # Breaks that follow the rows leave data in every cell, where uniform ones would not.
             even, following = np.linspace(d[0] / d[-1], 1.0, n + 1), d[0] / np.quantile(d, np.linspace(1.0, 0.0, n + 1))
