@@ -14,7 +14,7 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.diagnose.add_result import AddResult, Step
 from femfit.diagnose.add_size import effect_sizes, suspicious_values
-from femfit.diagnose.add_start import restart, starting_point
+from femfit.diagnose.add_start import restart, starting_point, without_untold
 from femfit.diagnose.columns import why_untestable
 from femfit.diagnose.gate import pattern_space
 from femfit.diagnose.measurement import Measurement, measurement_observations
@@ -32,6 +32,9 @@ from femfit.model.with_effects import with_effects
 _HELPS = 9.0
 """Fall of the weighted error on runs left out from which the base's amplitudes are used: three standard deviations."""
 
+_HARMS = 1.05
+"""Rise of a channel's error on runs left out from which they are not, whatever the other channels gain by them."""
+
 _PRIOR = {effect.name: PRIOR_SD for effect in BASE_AMPLITUDES}
 
 Observe = Callable[[ActuatorModel], Observations]
@@ -44,7 +47,8 @@ class AddOptions:
     Parameters
     ----------
     base : {"auto", "always", "never"}
-        Whether the base's amplitudes are fitted beside the effects; ``auto`` where that helps on runs left out.
+        Whether the base's amplitudes are fitted beside the effects; ``auto`` where that helps on runs left out
+        and makes no channel worse.
     coil_temperature_C, magnet_temperature_C : float or None
         At which the new model runs; None for the mean of what was recorded, or the model's own.
     """
@@ -198,6 +202,9 @@ def _require_testable(effects: Sequence[Effect], observations: Observations) -> 
 def _fitted(campaign: _Campaign, start: Sequence[Start], prior: bool = False) -> _Fitted:
     prior_sd = _PRIOR if prior else None
     fit = refit(campaign.observations, campaign.whitening, start, prior_sd=prior_sd)
+    told = without_untold(fit)
+    if any(len(one.amplitudes) < len(all_.amplitudes) for (one, _), all_ in zip(told, fit.start, strict=True)):
+        fit = refit(campaign.observations, campaign.whitening, told, prior_sd=prior_sd)
     return _Fitted(fit, unseen_error(campaign.observations, campaign.noise, restart(fit), prior_sd))
 
 
@@ -209,9 +216,9 @@ def _with_base(campaign: _Campaign, alone: _Fitted, options: AddOptions) -> _Fit
         return alone
     start = [*starting_point(observations, campaign.whitening, visible, at_null=True), *restart(alone.fit)]
     together = _fitted(campaign, start, prior=True)
-    if options.base == "always" or together.error.chi2 < alone.error.chi2 - _HELPS:
-        return together
-    return alone
+    helps = together.error.chi2 < alone.error.chi2 - _HELPS
+    harms = any(rms > _HARMS * alone.error.rms[name] for name, rms in together.error.rms.items())
+    return together if options.base == "always" or (helps and not harms) else alone
 
 
 def _at_temperature(model: ActuatorModel, observations: Observations, options: AddOptions) -> ActuatorModel:

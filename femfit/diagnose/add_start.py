@@ -10,7 +10,7 @@ from femfit.diagnose.columns import effect_columns
 from femfit.diagnose.observations import Observations
 from femfit.diagnose.refit import Refit, Start, bounded_amplitudes
 from femfit.diagnose.whitening import Whitening
-from femfit.effects.effect import Effect
+from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 
 
 def starting_point(
@@ -83,3 +83,36 @@ def restart(fit: Refit) -> list[Start]:
         amplitude = np.array([added.parameters[p.name] - p.null for p in one.amplitudes])
         result.append((replace(one, shape=shape), amplitude))
     return result
+
+
+def without_untold(fit: Refit) -> list[Start]:
+    """A fit as the start of another, without the amplitudes that the data do not tell.
+
+    Their interval holds the null and more than their usual range: a warming that takes hours is no part of a record of
+    seconds, but the new model would run with all of it.
+
+    Parameters
+    ----------
+    fit : Refit
+        Any.
+
+    Returns
+    -------
+    list of (EffectColumns, array of shape (k,))
+        One an effect, each with one amplitude at least.
+    """
+    result = []
+    for (one, amplitude), added in zip(restart(fit), fit.effects, strict=True):
+        keep = np.array([not _untold(added, p) for p in one.amplitudes])
+        if not keep.any() or keep.all():
+            result.append((one, amplitude))
+            continue
+        told = tuple(p for p, kept in zip(one.amplitudes, keep, strict=True) if kept)
+        fewer = replace(one, amplitudes=told, columns=one.columns[:, keep])
+        result.append((fewer, amplitude[keep]))
+    return result
+
+
+def _untold(added: AddedEffect, parameter: EffectParameter) -> bool:
+    low, high = added.ci95.get(parameter.name, (np.nan, np.nan))
+    return low < parameter.null < high and high - low > parameter.sane[1] - parameter.sane[0]

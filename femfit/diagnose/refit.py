@@ -174,6 +174,9 @@ def refit(
         for p in (*one.amplitudes, *_seen_constants(one, observations))
         if p.name not in fixed.get(one.effect.name, {})
     )
+    for k, (one, _) in enumerate(start):  # constants that nothing depends on stand where they usually are
+        seen = {p.name for number, p in free if number == k} | set(fixed.get(one.effect.name, {}))
+        initial[k] |= {p.name: p.null for p in one.effect.parameters if p.shape and p.name not in seen}
     width = np.array([p.sane[1] - p.sane[0] for _, p in free])
     low = np.array([p.lower for _, p in free]) / width
     high = np.array([p.upper for _, p in free]) / width

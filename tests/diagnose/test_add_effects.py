@@ -7,8 +7,14 @@ import pytest
 
 from femfit.core.errors import ModelFileError, TableError
 from femfit.core.measurement import CHANNELS
+from femfit.diagnose import add
 from femfit.diagnose.add import AddOptions, add_effects
+from femfit.diagnose.add_start import starting_point, without_untold
 from femfit.diagnose.add_text import add_lines
+from femfit.diagnose.noise import estimate_noise
+from femfit.diagnose.observations import bench_observations
+from femfit.diagnose.refit import refit
+from femfit.diagnose.whitening import Whitening, chains_of
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -214,3 +220,37 @@ def test_the_text_says_how_much_warmer_the_new_model_runs(levitation_model):
     result = add_effects(levitation_model, unread, ["coil_temperature"], AddOptions(base="never"))
     assert not result.suspicious
     assert any("with the coil at 20 C and the 25" in line for line in add_lines(result))
+
+
+def test_an_amplitude_that_the_data_do_not_tell_is_left_out_with_its_constant(levitation_model):
+    def hot(readings, rows):
+        return readings | {"voltage_V": (1.0 + 25 * 3.93e-3) * readings["voltage_V"]}
+
+    table = campaign(levitation_model, 47, change=hot, runs=3)
+    given = tuple(name for name in table.given if name != "coil_temperature_C")
+    unread = replace(table, rows=table.rows.assign(coil_temperature_C=np.nan), given=given)
+    observations = bench_observations(levitation_model, unread)
+    whitening = Whitening(observations, estimate_noise(observations), chains_of(observations))
+    fit = refit(observations, whitening, starting_point(observations, whitening, [effect_by_name("coil_temperature")]))
+    (added,) = fit.effects
+    wide = replace(added, ci95=dict(added.ci95) | {"warming_K": (-300.0, 200.0)})
+    ((start, amplitude),) = without_untold(replace(fit, effects=(wide,)))
+    assert [p.name for p in start.amplitudes] == ["warmer_K"]
+    (again,) = refit(observations, whitening, [(start, amplitude)]).effects
+    assert again.parameters["warmer_K"] == pytest.approx(25.0, abs=0.5)
+    assert (again.parameters["warming_K"], again.parameters["warming_time"]) == (0.0, 100.0)
+
+
+@pytest.mark.parametrize(("hall", "used"), [(1.0, True), (1.2, False)])
+def test_the_base_is_not_used_where_a_channel_would_be_worse(monkeypatch, levitation_model, hall, used):
+    table = campaign(levitation_model, 48, [STRONG_MAGNET, HALL], runs=3)
+    fitted = add._fitted
+
+    def worse(campaign_, start, prior=False):
+        found = fitted(campaign_, start, prior)
+        rms = dict(found.error.rms)
+        rms["hall_V"] = (hall if prior else 1.0) * 3e-3
+        return replace(found, error=replace(found.error, rms=rms))
+
+    monkeypatch.setattr(add, "_fitted", worse)
+    assert bool(add.add_effects(levitation_model, table, ["hall_offset"]).base) is used
