@@ -71,7 +71,13 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
         test_object=sidecar.test_object,
         notes=sidecar.notes,
     )
-    return table if planned else checked(table)
+    table = table if planned else checked(table)
+    if table.rows.empty:
+        raise TableError(
+            f"{path} must have rows with a distance above zero, counted from the electromagnet's face to the moving "
+            "part's; it has none. Add the thickness that was left out, or turn the sign."
+        )
+    return table
 
 
 def _require(names: Sequence[str], path: Path, unknown: Sequence[str] = ()) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit.core.errors import TableError
 from femfit.core.measurement_file import read_bench_table
 
 DISTANCES, CURRENTS = np.linspace(0.016, 0.044, 10), np.linspace(0.0, 1.4, 8)
@@ -153,3 +154,10 @@ def test_a_distance_that_is_none_is_said_once(tmp_path):
     assert [said.split(";")[0] for said in table.findings] == [
         "1 row has a distance <= 0 (down to 0 m) and was left out"
     ]
+
+
+def test_a_table_without_any_distance_above_zero_is_refused_for_that(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("current_A,distance_m,force_N\n1,0,0.03\n1,-0.02,0.03\n", encoding="utf-8")
+    with pytest.raises(TableError, match="distance above zero"):
+        read_bench_table(path)
