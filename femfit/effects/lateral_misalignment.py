@@ -7,8 +7,8 @@ the same term applies: none for an infinite plate, about 0.4 for a core that is 
 
 Iron without a magnet, a plunger in its bore, changes a gap of the circuit instead: at an eccentricity e of a clearance
 c the bore's permeance grows by 1 / sqrt(1 - (e/c)^2). A change of reluctance dR in series with the flux is
-W' -> W' - dR lambda^2 / 2, and the part of the flux that crosses the gap falls as the plunger leaves: a parabola in the
-distance.
+W' -> W' - dR lambda^2 / 2, and the part of the flux that crosses the gap falls as the plunger leaves: any parabola in
+the distance that falls and is not negative.
 
 References
 ----------
@@ -40,11 +40,15 @@ def _coenergy(
 def _with_gap(
     base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
 ) -> Jet:
-    """W' + (i_max / lambda_max) (g_0 + g_1 x + g_2 x^2) lambda^2 / 2 with x = d / d_max."""
+    """W' + (i_max / lambda_max) g lambda^2 / 2, g = a + n (1 - x)^2 + m (1 - x^2), with x = d / d_max."""
     far, nominal = at.nominal.distance_max_m, at.nominal
     x = d / far
-    bent = 2.0 * p["gap_2"] / far
-    growth = [p["gap_0"] + (p["gap_1"] + p["gap_2"] * x) * x, p["gap_1"] / far + bent * x, np.full_like(d, bent / far)]
+    near, middle = p["gap_near"], p["gap_middle"]
+    growth = [
+        p["gap_all"] + near * (1.0 - x) ** 2 + middle * (1.0 - x * x),
+        -2.0 * (near * (1.0 - x) + middle * x) / far,
+        np.full_like(d, (near - middle) / far**2),
+    ]
     energy = base(d, i, n_d, n_i + 1)
     linkage = energy.along_current()
     more = 0.5 * nominal.current_scale / nominal.flux_linkage_Wb * distance_jet(d, n_d, n_i).compose(growth)
@@ -67,15 +71,19 @@ LATERAL_MISALIGNMENT = Effect(
         ),
         *(
             EffectParameter(
-                name=f"gap_{power}",
+                name=f"gap_{part}",
                 unit="",
-                lower=-2.0,
-                upper=2.0,
-                sane=(-0.2, 0.2),
+                lower=0.0,
+                upper=0.4,
+                sane=(0.0, 0.2),
                 description="Without a magnet: growth of the largest flux linkage by a better gap in series, as a part "
-                f"of it; what goes with the power {power} of the distance over the largest.",
+                f"of it; what {course}.",
             )
-            for power in range(3)
+            for part, course in (
+                ("all", "is the same at all distances"),
+                ("near", "falls most where the gap is closed"),
+                ("middle", "falls most at the largest distance"),
+            )
         ),
         EffectParameter(
             name="image_share",

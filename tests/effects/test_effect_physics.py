@@ -242,7 +242,7 @@ def test_a_plunger_beside_its_axis_is_a_gap_of_less_reluctance_in_series(nominal
         return Jet(np.stack([along * bent, 0.0 * along * bent]))
 
     gap = bore * plunger.flux_linkage_Wb / plunger.current_scale
-    jet = effect.coenergy(base, d, i, 1, 1, Conditions(plunger), effect.null() | {"gap_0": gap})
+    jet = effect.coenergy(base, d, i, 1, 1, Conditions(plunger), effect.null() | {"gap_all": gap})
     # First order in 0.02 of 20 and more: the next is a thousandth of it
     np.testing.assert_allclose(jet.derivative(0, 1) - i / series, i / (series - bore) - i / series, rtol=2e-3)
     change = -0.5 * i**2 * 1000.0 * (1.0 / (series - bore) ** 2 - 1.0 / series**2)
