@@ -1,5 +1,8 @@
 """Fit results as lines of text, for the command line and the report."""
 
+from collections import Counter
+from collections.abc import Sequence
+
 import numpy as np
 
 from femfit.fit.build import FitResult
@@ -13,6 +16,9 @@ from femfit.fit.result_data import stage_one_data
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel, Misfit
 from femfit.model.magnetics import LawMagnetics
+
+_LABELS_SHOWN = 4
+"""Of active constraints; more are counted."""
 
 
 def fit_lines(result: FitResult) -> list[str]:
@@ -109,8 +115,15 @@ def _coenergy_lines(fit: CoenergyFit) -> list[str]:
         ),
         f"condition number {fit.qp.condition:.1e}, columns scaled {fit.qp.condition_scaled:.1e}",
         *(f"constraint: {SHAPES[name]}" for name in fit.constraints),
-        f"active constraints: {'; '.join(fit.active) or 'none'}",
+        f"active constraints: {_active(fit.active)}",
     ]
+
+
+def _active(labels: Sequence[str]) -> str:
+    if len(labels) <= _LABELS_SHOWN:
+        return "; ".join(labels) or "none"
+    counts = Counter(label.partition(" at ")[0] for label in labels)
+    return "; ".join(f"{name} at {count} places" for name, count in counts.items())
 
 
 def _hall_lines(hall: HallFit, model: ActuatorModel) -> list[str]:

@@ -132,20 +132,44 @@ def test_contradicting_inequalities_are_infeasible_for_both_solvers():
         active_set_least_squares(matrix, y, np.ones(3), inequalities=given)
 
 
-def test_a_solver_that_stops_early_is_refused(monkeypatch):
-    def careless(problem, *_):
-        return np.full(len(problem.right), 0.5), 1
+def careless(problem, *_):
+    return np.full(len(problem.right), 0.5), 1
 
-    monkeypatch.setattr(bounded_qp, "_osqp", careless)
-    with pytest.raises(FitError, match="independent active-set solver"):
-        solve_bounded_qp(F1E, noisy(), ONES)
+
+def give_up(*_):
+    raise FitError("OSQP stopped")
+
+
+@pytest.mark.parametrize("osqp_is", [careless, give_up])
+def test_where_osqp_fails_the_proved_solution_of_the_active_set_stands(monkeypatch, osqp_is):
+    given = Inequalities(np.array([[1.0, -1.0e3]]), np.array([0.0]), ("first at least a thousandth",))
+    bounds = [(None, None), (np.array([7e-9, 0.0]), None), (None, given)]
+    expected = [solve_bounded_qp(F1E, noisy(), ONES, lower, None, rows) for lower, rows in bounds]
+    monkeypatch.setattr(bounded_qp, "_osqp", osqp_is)
+    for (lower, rows), other in zip(bounds, expected, strict=True):
+        solution = solve_bounded_qp(F1E, noisy(), ONES, lower, None, rows)
+        np.testing.assert_allclose(solution.x, other.x, rtol=1e-7)
+        assert solution.iterations == 0
+
+
+@pytest.mark.parametrize("wrong", [lambda z: 1.001 * z, lambda z: z - 0.1])
+@pytest.mark.parametrize(
+    ("osqp_is", "reason"), [(careless, "independent active-set solver|violates"), (give_up, "OSQP stopped")]
+)
+def test_where_both_solvers_fail_the_reason_is_given(monkeypatch, osqp_is, reason, wrong):
+    right = bounded_qp._active_set
+    monkeypatch.setattr(bounded_qp, "_osqp", osqp_is)
+    monkeypatch.setattr(bounded_qp, "_active_set", lambda problem: wrong(right(problem)))
+    with pytest.raises(FitError, match=reason):
+        solve_bounded_qp(F1E, noisy(), ONES, lower=np.array([7e-9, 0.0]))
 
 
 def test_only_the_status_optimal_is_accepted(monkeypatch):
-    def give_up(self, **_):
+    def stop_early(self, **_):
         self._status = cp.OPTIMAL_INACCURATE
 
-    monkeypatch.setattr(cp.Problem, "solve", give_up)
+    monkeypatch.setattr(cp.Problem, "solve", stop_early)
+    monkeypatch.setattr(bounded_qp, "_is_optimal", lambda *_: False)
     with pytest.raises(FitError, match="only 'optimal' is accepted"):
         solve_bounded_qp(F1E, noisy(), ONES)
 
