@@ -21,6 +21,9 @@ LINES = 18
 DECADES = 3.0
 """Of |B| shown in colour below its largest value."""
 
+_NO_FIELD_T = 1e-6
+"""Of an actuator without a magnet and without current."""
+
 MM = 1e3
 
 
@@ -35,9 +38,9 @@ def colour_range(sample: FieldSample) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        In T.
+        In T; up to a microtesla where there is no field at all.
     """
-    top = float(np.percentile(sample.flux_density_T, 99.7))
+    top = max(float(np.percentile(sample.flux_density_T, 99.7)), _NO_FIELD_T)
     decade = 10.0 ** np.floor(np.log10(top))
     largest = next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= top)
     return float(largest / 10.0**DECADES), float(largest)
@@ -54,9 +57,11 @@ def flux_levels(flux: FloatArray) -> FloatArray:
     Returns
     -------
     array
-        Equally spaced, without zero, which is the axis.
+        Equally spaced, without zero, which is the axis; none where there is no flux.
     """
     low, high = min(float(flux.min()), 0.0), max(float(flux.max()), 0.0)
+    if low == high:
+        return np.zeros(0)
     step = (high - low) / (LINES + 1)
     levels = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
     inside = (levels > low + 0.5 * step) & (levels < high - 0.5 * step) & (np.abs(levels) > 0.5 * step)

@@ -147,6 +147,15 @@ def test_the_colours_span_the_field(rig_content):
     assert 0.99 < (rig_content.field.flux_density_T <= high).mean() <= 1.0
 
 
+def test_an_actuator_without_field_is_drawn_without_lines(rig_content):
+    field = rig_content.field
+    none = replace(field, flux_Wb=0.0 * field.flux_Wb, flux_density_T=0.0 * field.flux_density_T)
+    assert flux_levels(none.flux_Wb).size == 0
+    low, high = colour_range(none)
+    assert 0.0 < low < high <= 1e-6
+    field_figure(rig_content.actuator, none).draw_without_rendering()
+
+
 def test_the_currents_shown_are_those_of_the_papers_figure_9():
     currents = np.linspace(0.0, 1.4, 8)
     np.testing.assert_allclose(currents[shown_currents(8)], [0.0, 0.6, 1.2])
