@@ -104,7 +104,7 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     Returns
     -------
     Layout
-        With the group's own offsets; a single distance needs no stretch.
+        With the group's own offsets.
     """
     mover = mover_outline(actuator)
     near, far = group[0], group[-1]
@@ -114,13 +114,7 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     if far > near:  # (far - top - outer) / (near - top - outer) within the limit
         outer = min(outer, near - layout.fixed_top - (far - near) / (settings.stretch_limit - 1.0))
     outer = max(outer, layout.outer_offset)
-    return replace(
-        layout,
-        nearest=near,
-        inner_offset=INNER_OFFSET / OUTER_OFFSET * outer,
-        outer_offset=outer,
-        stretchable=layout.stretchable and far > near,
-    )
+    return replace(layout, nearest=near, inner_offset=INNER_OFFSET / OUTER_OFFSET * outer, outer_offset=outer)
 
 
 def _fixed_parts(actuator: Actuator) -> list[Any]:
@@ -174,8 +168,8 @@ def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon,
 
     The offsets grow in steps with the room that there is: what of the moving part has a clearance of at least h to all
     fixed parts is wrapped in offsets of h / 5 and 3 h / 5. So a narrow gap makes the layer, and the elements in it,
-    thin at the gap alone. Where the mesh is stretched, no step reaches below the lowest offset, down to which the layer
-    has to move as one.
+    thin at the gap alone. No step reaches below the lowest offset, down to which the layer has to move as one where the
+    mesh is stretched.
 
     Parameters
     ----------
@@ -191,17 +185,15 @@ def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon,
     """
     mover = mover_outline(actuator)
     outlines = [_grown(mover, offset) for offset in (layout.inner_offset, layout.outer_offset)]
-    lowest = [outline.bounds[1] for outline in outlines]
     still = shapely.affinity.translate(shapely.union_all(_fixed_parts(actuator)), 0.0, -layout.nearest)
     r0, z0, r1, z1 = mover.bounds
     room = LEVEL_RATIO * layout.outer_offset / OUTER_OFFSET
-    while room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
+    while 0.0 < room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
         free = mover - still.buffer(room, cap_style="square", join_style="mitre")
         wider = [
-            one | _grown(free, share * room) for one, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
+            one | (_grown(free, share * room) & shapely.box(0.0, one.bounds[1], 1e3, 1e3))
+            for one, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
         ]
-        if layout.stretchable:
-            wider = [one & shapely.box(0.0, low, 1e3, 1e3) for one, low in zip(wider, lowest, strict=True)]
         if free.is_empty or any(one.geom_type != "Polygon" or one.interiors for one in wider):
             break
         outlines, room = [one.simplify(0.0) for one in wider], LEVEL_RATIO * room
