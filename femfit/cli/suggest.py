@@ -47,6 +47,10 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
             say("Trying measurements")
             noise = examination.evidence.noise
             advice = suggest_measurements(actuator, measured, noise, explanations, considered_effects())
+    if examination.evidence is None:
+        write_json(json, {"explanations": [], "suggestions": []})
+        print(examination.diagnosis.findings[-1])
+        return
     names = [" + ".join(fit.names) for fit in explanations]
     write_json(json, {"explanations": names, "suggestions": [one.to_dict() for one in advice]})
     if names:

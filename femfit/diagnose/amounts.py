@@ -3,6 +3,8 @@
 import math
 from collections.abc import Mapping
 
+from femfit.effects.catalogue import all_effects
+
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 _UNITS = {"m": "m", "A": "A", "N": "N", "Wb": "Wb", "V": "V", "T": "T", "ohm": "ohm", "H": "H", "kg": "kg"}
 
@@ -84,18 +86,40 @@ def times(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio < 1e6 else f"{ratio:.1e}"
 
 
-def magnitudes(amplitudes: Mapping[str, float]) -> str:
+def magnitudes(effect: str, amplitudes: Mapping[str, float]) -> str:
     """Smallest magnitudes that data show.
 
     Parameters
     ----------
+    effect : str
+        Its name.
     amplitudes : mapping of str to float
         Infinite where the amplitude's bounds end before.
 
     Returns
     -------
     str
-        Those within the bounds, or that there is none.
+        Those within the bounds, with units, or that there is none.
     """
-    seen = ", ".join(f"{key} {value:.2g}" for key, value in amplitudes.items() if value < float("inf"))
-    return seen or "none within its bounds"
+    finite = ((key, value) for key, value in amplitudes.items() if value < float("inf"))
+    return ", ".join(f"{key} {value:.2g}{unit_of(effect, key)}" for key, value in finite) or "none within its bounds"
+
+
+def unit_of(effect: str, parameter: str) -> str:
+    """The unit of an effect's parameter, to be put behind a value.
+
+    Parameters
+    ----------
+    effect, parameter : str
+        Names; of an effect outside the catalogue nothing is said.
+
+    Returns
+    -------
+    str
+        `` V``, `` of force_N`` (a part of that quantity's largest value in the model's range), or empty.
+    """
+    known = all_effects().get(effect)
+    for p in known.parameters if known else ():
+        if p.name == parameter and (p.unit or p.of):
+            return f" {p.unit}" if p.unit else f" of {p.of}"
+    return ""

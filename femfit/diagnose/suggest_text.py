@@ -11,6 +11,10 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
 
 _SHOWN = 8
+_NOTHING = (
+    "There is nothing to separate: no effect of the catalogue is missing, see femfit diagnose.",
+    "There is nothing to separate: the data leave one explanation.",
+)
 
 
 def suggestion_lines(suggestions: Sequence[Suggestion], explanations: int) -> list[str]:
@@ -29,7 +33,7 @@ def suggestion_lines(suggestions: Sequence[Suggestion], explanations: int) -> li
         A line a measurement with what it tells apart, and a line with what it leaves in doubt.
     """
     if explanations < 2:
-        return ["There is nothing to separate: the data leave one explanation or none."]
+        return [_NOTHING[explanations]]
     if not suggestions:
         return ["No measurement that femfit knows would separate these explanations."]
     lines = []
@@ -63,7 +67,7 @@ def isolating_lines(explanations: Sequence[Refit]) -> list[str]:
     """
     names = list(dict.fromkeys(name for fit in explanations for name in fit.names))
     if len(explanations) < 2:
-        return ["There is nothing to separate: the data leave one explanation or none."]
+        return [_NOTHING[len(explanations)]]
     effects = all_effects()
     return ["What isolates each of them:", *(f"{name}: {effects[name].experiment}" for name in names)]
 
@@ -127,7 +131,7 @@ def plan_lines(report: PlanReport) -> list[str]:
         lines += [f"  {', '.join(n for n, w in report.invisible.items() if w == why)}: {why}" for why in reasons]
     lines.append("Smallest magnitudes that it would show nine times in ten:")
     for name, amplitudes in report.detectable.items():
-        lines.append(f"  {name}: {magnitudes(amplitudes)}")
+        lines.append(f"  {name}: {magnitudes(name, amplitudes)}")
     return lines
 
 

@@ -24,6 +24,9 @@ def test_diagnose_prints_what_the_data_could_show_and_names_what_is_missing(file
     done = femfit("diagnose", files / "model.json", files / "bench.csv", "--bootstrap", 5, "--json", files / "d.json")
     assert done.returncode == 0, done.stderr
     assert done.stdout.index("could have shown") < done.stdout.index("Missing: hall_offset")
+    assert "  hall_offset: offset_V 0.00" in done.stdout  # times ten is hidden
+    assert " V\n" in done.stdout
+    assert " of force_N" in done.stdout
     assert "clean campaigns of this noise in which something is named: 0.0 %" in done.stdout
     data = json.loads((files / "d.json").read_text())
     assert (data["verdict"], data["missing"][0]["name"]) == ("named", "hall_offset")
@@ -52,6 +55,14 @@ def test_suggest_answers_for_measured_data_and_for_a_plan(files):
     assert done.returncode == 0, done.stderr
     (line,) = (line for line in done.stdout.splitlines() if line.endswith(": these data lack hall_V"))
     assert "hall_offset" in line
+
+
+def test_suggest_asks_for_repeats_where_no_noise_is_known(files):
+    lines = (files / "bench.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    (files / "few.csv").write_text("".join(lines[:6]), encoding="utf-8")
+    done = femfit("suggest", files / "model.json", files / "few.csv")
+    assert done.returncode == 0, done.stderr
+    assert "Measure some settings twice" in done.stdout
 
 
 def test_suggest_without_data_and_plan_says_what_to_give(files):
