@@ -40,11 +40,17 @@ class Levels:
         The same where further effects add something.
     second : float
         Part that each of two effects must explain beyond the other.
+    apart : float
+        Part of the misfit in the channels that the other leaves alone that will do instead: there no form of the other
+        stands for it.
+    rest : float
+        Part of what one effect leaves of the excess that a second one must explain to be named beside it where the
+        second gate does not pass.
     against : float
         Cosine between the traces of two effects below which the one only mends the other's form.
     tie, tie_share : float
-        Two explanations are not told apart where their weighted sums of squares differ by less than ``tie``, or by less
-        than ``tie_share`` of what the better one explains.
+        Two effects are not told apart where the weighted sums of squares with them differ by less than ``tie``, or by
+        less than ``tie_share`` of what the better one explains, or of all that is explained where no form is exact.
     refitted, paired, continued : int
         How many of the best single effects are refitted, how many are tried in pairs with every other to first order,
         and how many refitted ones are continued by how many others.
@@ -60,6 +66,8 @@ class Levels:
     much: float = 0.6
     far_ahead: float = 0.5
     second: float = 0.01
+    apart: float = 0.5
+    rest: float = 0.9
     against: float = -0.75
     tie: float = 9.0
     tie_share: float = 0.01
@@ -129,16 +137,35 @@ def decide(evidence: Evidence, levels: Levels) -> Decision:
     starts = best_pairs(rest, best, levels.paired, levels.refitted // 2)
     starts += forward_pairs(singles, levels.continued, levels.continued)
     pairs = refitted_candidates(evidence, _without_repeats(starts))
-    pairs = [pair for pair in pairs if _both_needed(pair, singles, levels, excess)]
+    pairs = [pair for pair in pairs if _both_needed(evidence, pair, singles, levels, excess)]
     chosen = _first_passing(pairs, levels, excess)
     if chosen is not None and all(chosen.cost < one.cost for one in _explaining(singles, levels.enough, excess)):
         return _named("named", chosen, pairs, levels, before, excess, scores)
-    for found, share in ((singles, levels.enough), (pairs, levels.enough_of_two)):
-        for one in _explaining(found, share, excess):
-            return _named("form_insufficient", one, found, levels, before, excess, scores)
-    if _stands_alone(singles, levels, excess):
-        return _named("form_insufficient", singles[0], singles, levels, before, excess, scores)
+    found = _insufficient(evidence, singles, pairs, levels, excess)
+    if found is not None:
+        return _named("form_insufficient", *found, levels, before, excess, scores)
     return Decision("unexplained", None, (), before, excess, scores, tuple(sorted(singles + pairs, key=_cost)))
+
+
+def _insufficient(
+    evidence: Evidence, singles: Sequence[Candidate], pairs: Sequence[Candidate], levels: Levels, excess: float
+) -> tuple[Candidate, Sequence[Candidate]] | None:
+    """What explains most of the excess but not its exact form, with its rivals: one effect before two."""
+    leading = _explaining(singles, levels.enough, excess)
+    if not leading:
+        together = _explaining(pairs, levels.enough_of_two, excess)
+        if together:
+            return together[0], pairs
+        if not _stands_alone(singles, levels, excess):
+            return None
+        leading = list(singles[:1])
+    name = leading[0].fit.names[0]
+    for pair in pairs:
+        if name in pair.fit.names and (
+            pair.excess <= (1.0 - levels.rest) * leading[0].excess or _stands_apart(evidence, pair, leading[0], levels)
+        ):
+            return pair, pairs
+    return leading[0], singles
 
 
 def _explaining(candidates: Sequence[Candidate], share: float, excess: float) -> list[Candidate]:
@@ -171,16 +198,38 @@ def _first_passing(candidates: Sequence[Candidate], levels: Levels, excess: floa
     return min(passing, key=_cost) if passing else None
 
 
-def _both_needed(pair: Candidate, singles: Sequence[Candidate], levels: Levels, excess: float) -> bool:
+def _both_needed(
+    evidence: Evidence, pair: Candidate, singles: Sequence[Candidate], levels: Levels, excess: float
+) -> bool:
     """Whether each of two effects explains a share that the other cannot, and does not undo what the other does."""
     first, second = (pair.fit.trace(k) for k in range(2))
     if first @ second < levels.against * np.linalg.norm(first) * np.linalg.norm(second):
         return False
     alone = {one.fit.names[0]: one for one in singles}
     for name in pair.fit.names:
-        if name in alone and alone[name].fit.chi2 - pair.fit.chi2 < max(levels.tie, levels.second * excess):
-            return False
+        if name in alone:
+            fall = alone[name].fit.chi2 - pair.fit.chi2
+            if fall < levels.second * excess and not _stands_apart(evidence, pair, alone[name], levels):
+                return False
+            if fall < levels.tie:
+                return False
     return True
+
+
+def _stands_apart(evidence: Evidence, pair: Candidate, single: Candidate, levels: Levels) -> bool:
+    """Whether the second effect of a pair explains the misfit in channels that the first one leaves alone."""
+    observations, sigma = evidence.observations, evidence.noise.sigma
+    first = pair.fit.effects[pair.fit.names.index(single.fit.names[0])]
+    change = (observations.predict((first,)) - observations.base) / sigma[observations.channel]
+    untouched = [
+        observations.of(name) for name in observations.channels if np.sum(change[observations.of(name)] ** 2) < 1.0
+    ]
+    if not untouched:
+        return False
+    alone = np.any(untouched, axis=0)
+    before, after = (float(np.sum(one.fit.rest[alone] ** 2)) for one in (single, pair))
+    structured = before - np.count_nonzero(alone)
+    return before - after >= max(levels.tie, levels.apart * structured)
 
 
 def _named(
@@ -192,18 +241,20 @@ def _named(
     excess: float,
     scores: tuple[ScoredEffect, ...],
 ) -> Decision:
-    """The decision with the classes: rivals whose misfit is hardly larger, with the other effect the same."""
-    reach = max(levels.tie, levels.tie_share * excess)
-    close = [r for r in rivals if r.cost - chosen.cost <= reach]
-    order = np.argsort([-np.linalg.norm(chosen.fit.trace(k)) for k in range(len(chosen.fit.names))], kind="stable")
+    """The decision with the classes: rivals whose misfit is hardly larger, with the other effect the same.
+
+    Where the form is insufficient, that of the larger effect may as well decide between rivals of the smaller one.
+    """
+    explained = [min(float(np.sum(chosen.fit.trace(k) ** 2)), excess) for k in range(len(chosen.fit.names))]
+    shared = [excess] * len(explained) if verdict == "form_insufficient" else explained
     classes = []
-    for k in order:
-        name = chosen.fit.names[k]
+    for k in np.argsort(explained, kind="stable")[::-1]:
+        name, reach = chosen.fit.names[k], max(levels.tie, levels.tie_share * shared[k])
         others = set(chosen.fit.names) - {name}
         members = [name]
-        for rival in close:
+        for rival in rivals:
             rest = set(rival.fit.names) - others
-            if others <= set(rival.fit.names) and len(rest) == 1:
+            if rival.cost - chosen.cost <= reach and others <= set(rival.fit.names) and len(rest) == 1:
                 members += [n for n in rest if n not in members]
         classes.append(tuple(members))
     return Decision(verdict, chosen, tuple(classes), before, excess, scores, tuple(rivals))

@@ -53,6 +53,28 @@ def test_two_hidden_effects_are_both_named(levitation_model):
     assert {"core_saturation", "hall_offset"} == {one.name for one in result.missing}
 
 
+def crooked(readings, rows):
+    """A force sensor whose gain is 10 % wrong and whose characteristic bends: no form of the catalogue is exact."""
+    force = readings["force_N"]
+    return readings | {"force_N": 1.1 * force - 0.02 * force**2 / np.abs(force).max()}
+
+
+def test_a_second_effect_is_named_where_the_first_one_changes_nothing(levitation_model):
+    small = AddedEffect(HALL.effect, {"offset_V": 0.01})  # a fiftieth of what the force is off by, in units of noise
+    alone, beside = (
+        diagnose_bench(levitation_model, campaign(levitation_model, 14, effects, change=crooked), QUICK)
+        for effects in ([], [small])
+    )
+    assert [one.name for one in alone.missing] == ["force_gain"]
+    assert [one.name for one in beside.missing] == ["force_gain", "hall_offset"]
+    assert {alone.verdict, beside.verdict} == {"form_insufficient"}
+    low, high = beside.missing[1].ci95["offset_V"]
+    assert low < 0.01 < high
+    assert (
+        "hall_temperature" not in beside.missing[1].members
+    )  # told apart by a hundred, 2 % of what the offset explains
+
+
 def test_something_that_is_no_known_effect_is_unexplained_and_located(levitation_model):
     def ripple(readings, rows):  # a stage's leadscrew of 9 mm pitch felt by the force sensor alone
         wave = 1.2e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
