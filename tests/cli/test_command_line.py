@@ -13,7 +13,7 @@ import pytest
 from femfit.cli.main import COMMANDS
 from femfit.model.json_file import write_model
 from support.actuators import GEOMETRY
-from support.command import FEMFIT, femfit
+from support.command import FEMFIT, femfit, separate_femfit
 
 RIG = str(GEOMETRY / "emaws-rig.toml")
 
@@ -93,8 +93,13 @@ def test_a_newer_model_file_is_refused_by_every_command_that_reads_one(levitatio
 
 
 def test_interrupted_sweep_keeps_its_points_and_goes_on(small_actuator, tmp_path):
+    lines = small_actuator.read_text().splitlines()
+    place = next(n for n, line in enumerate(lines) if line.startswith("distance_mm = ["))
+    lines[place] = "distance_mm = { start = 15, stop = 45, step = 0.5 }"  # it must not end before it is interrupted
+    many = tmp_path / "many.toml"
+    many.write_text("\n".join(lines))
     journal = tmp_path / "run" / "journal.jsonl"
-    command = [FEMFIT, "sweep", str(small_actuator), "-o", str(tmp_path / "run"), "--workers", "2"]
+    command = [FEMFIT, "sweep", str(many), "-o", str(tmp_path / "run"), "--workers", "2"]
     child = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and child.poll() is None:
@@ -107,14 +112,14 @@ def test_interrupted_sweep_keeps_its_points_and_goes_on(small_actuator, tmp_path
     assert "what was finished is kept" in stderr
     kept = journal.read_bytes().count(b"\n") - 1
     assert kept >= 2
-    result = femfit("sweep", small_actuator, "-o", tmp_path / "run", "--json", tmp_path / "summary.json")
+    result = femfit("sweep", many, "-o", tmp_path / "run", "--json", tmp_path / "summary.json")
     assert result.returncode == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
-    assert (summary["rows"], summary["failed"]) == (36, 0)
+    assert (summary["rows"], summary["failed"]) == (244, 0)
 
 
 def test_progress_is_quiet_where_there_is_no_terminal(small_actuator, tmp_path):
-    result = femfit("sweep", small_actuator, "-o", tmp_path / "run")
+    result = separate_femfit("sweep", small_actuator, "-o", tmp_path / "run")
     assert result.returncode == 0
     assert result.stderr == ""
     assert "36 points, 0 failed" in result.stdout

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from femfit.model.hall import HallSpline
+from femfit.simulate.design import design_loop
 from femfit.simulate.study import closed_loop_study
 from femfit.simulate.text import study_data, study_lines
 from support.splines import REFERENCE_DISTANCE, fitted_spline
@@ -107,6 +108,7 @@ def test_the_study_can_be_printed_and_written(study):
     assert len(data["holds"]) == len(study.holds)
 
 
+@pytest.mark.long
 def test_loops_that_are_all_lost_have_no_spectrum_and_no_warning(levitation_model):
     study = closed_loop_study(levitation_model, noise_V=1.0)  # of the 0.9 V that the magnet moves the output
     assert all(row.held == 0 for row in study.holds)
@@ -123,6 +125,7 @@ def turning(levitation_model):
     return replace(levitation_model, sensor=replace(levitation_model.sensor, field=field))
 
 
+@pytest.mark.long
 def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning, study):
     alone = closed_loop_study(turning, seed=1)
     assert "it turns at 36.8 mm" in alone.no_direct
@@ -142,9 +145,22 @@ def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning
     assert study_data(study)["no_direct"] == ""
 
 
-def test_a_coil_too_slow_for_a_pid_is_studied_with_the_other_controller(levitation_model):
-    circuit = replace(levitation_model.circuit, resistance_ohm=0.15, voltage_min_V=0.0)
-    slow = closed_loop_study(replace(levitation_model, circuit=circuit), seed=1)
+@pytest.fixture(scope="module")
+def sluggish(levitation_model):
+    """A coil whose current answers more slowly than the body falls."""
+    return replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=0.15, voltage_min_V=0.0))
+
+
+def test_what_a_study_must_leave_out_is_known_from_its_design(turning, sluggish):
+    assert "it turns at 36.8 mm" in design_loop(turning).why_no_direct
+    design = design_loop(sluggish)
+    assert design.controllers == ("backstepping",)
+    assert "needs a coil that is faster" in design.why_no_pid
+
+
+@pytest.mark.long
+def test_a_coil_too_slow_for_a_pid_is_studied_with_the_other_controller(sluggish):
+    slow = closed_loop_study(sluggish, seed=1)
     assert {row.controller for row in slow.table6} == {row.controller for row in slow.holds} == {"backstepping"}
     assert any(row.held for row in slow.holds)
     assert any("no PID: A PID controller needs a coil that is faster" in line for line in study_lines(slow))

@@ -1,14 +1,46 @@
-"""The ``femfit`` command of the interpreter that runs the tests, whether its environment is activated or not."""
+"""The ``femfit`` command, in this process or in one of its own."""
 
+import contextlib
+import io
+import os
 import subprocess
 import sys
+import traceback
 from pathlib import Path
+from unittest import mock
+
+from femfit.cli.main import main
 
 FEMFIT = str(Path(sys.executable).with_name("femfit"))
+"""Of the interpreter that runs the tests, whether its environment is activated or not."""
 
 
-def femfit(*arguments, **options):
-    """Run the command and keep what it prints."""
+def femfit(*arguments, cwd=None):
+    """Run the command in this process, which saves the imports of one of its own, and keep what it prints."""
+    words = ["femfit", *map(str, arguments)]
+    out, err, home = io.StringIO(), io.StringIO(), Path.cwd()
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        mock.patch.object(sys, "argv", words),
+        mock.patch.dict(os.environ),
+    ):
+        os.chdir(cwd or home)
+        try:
+            main()
+            code = 0
+        except SystemExit as stop:
+            code = stop.code or 0
+        except Exception:  # as an interpreter of its own would end
+            traceback.print_exc()
+            code = 1
+        finally:
+            os.chdir(home)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def separate_femfit(*arguments, **options):
+    """Run the command in a process of its own, as a shell would."""
     return subprocess.run(
         [FEMFIT, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=180, **options
     )

@@ -23,6 +23,7 @@ def judged(trial_directory, directory):
     return run_trial(directory, commitments, options)
 
 
+@pytest.mark.long
 def test_every_record_is_answered_and_its_key_names_the_balance_that_shows_it(judged, directory):
     assert len(judged) >= CASES - 1  # an effect that the loop cannot hold is left out
     assert "error" not in {one.verdict for one in judged}
@@ -34,12 +35,14 @@ def test_every_record_is_answered_and_its_key_names_the_balance_that_shows_it(ju
             assert one.right_channel is not None
 
 
+@pytest.mark.long
 def test_nothing_is_named_in_a_record_of_the_body_as_drawn(judged):
     clean = [one for one in judged if not one.effects]
     assert clean
     assert not any(one.named for one in clean)  # 1 % each
 
 
+@pytest.mark.long
 def test_the_same_seed_records_the_same_samples(trial_directory, directory, judged):
     again = trial_directory / "again"
     (again / "tables").parent.mkdir(exist_ok=True)
