@@ -70,9 +70,6 @@ def test_a_second_effect_is_named_where_the_first_one_changes_nothing(levitation
     assert {alone.verdict, beside.verdict} == {"form_insufficient"}
     low, high = beside.missing[1].ci95["offset_V"]
     assert low < 0.01 < high
-    assert (
-        "hall_temperature" not in beside.missing[1].members
-    )  # told apart by a hundred, 2 % of what the offset explains
 
 
 def test_something_that_is_no_known_effect_is_unexplained_and_located(levitation_model):
