@@ -95,6 +95,10 @@ def test_the_steps_near_the_hover_currents_predict_them_within_the_floor(rig):
     assert np.abs(error).max() < 0.045  # runs differ by 2.5 %, one standard deviation
     result = answer(rig, "compare", "steady.json", "hover.csv")
     assert result["channels"][0]["rms"] < 1.25 * result["channels"][0]["noise_floor"]
+    diagnosis = answer(rig, "diagnose", "steady.json", "hover.csv", "--bootstrap", 0)
+    together = diagnosis["missing"][0]["class"]
+    assert {"core_saturation", "distance_scale", "current_gain", "force_gain", "constant_force"} <= set(together)
+    assert not diagnosis["confident"]
 
 
 def test_steps_that_saturate_the_core_are_what_spoils_the_first_model(rig):
