@@ -13,6 +13,13 @@ from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
+LONGEST_ROOMS = ("notebooks", "trial")
+"""Their files take a minute each: begun first, they leave no worker alone at the end."""
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: item.path.parent.name not in LONGEST_ROOMS)
+
 
 def _coenergy(d: np.ndarray, i: np.ndarray) -> np.ndarray:
     """A magnet under a 308-turn coil: F(20 mm, i) = 0.0262 N + 0.088 N/A i, L = 16 mH; falling as they do."""

@@ -21,6 +21,7 @@ def simulate(*arguments):
     return femfit("simulate", *arguments)
 
 
+@pytest.mark.long
 def test_the_default_prints_table_6_with_the_papers_numbers_beside_ours(model_file, tmp_path):
     result = simulate(model_file, "--json", tmp_path / "result.json")
     assert result.returncode == 0, result.stderr

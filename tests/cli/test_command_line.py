@@ -100,7 +100,10 @@ def test_interrupted_sweep_keeps_its_points_and_goes_on(small_actuator, tmp_path
     many.write_text("\n".join(lines))
     journal = tmp_path / "run" / "journal.jsonl"
     command = [FEMFIT, "sweep", str(many), "-o", str(tmp_path / "run"), "--workers", "2"]
+    # Where the tests run in the background, SIGINT is ignored, and a child would inherit that
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     child = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    signal.signal(signal.SIGINT, before)
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and child.poll() is None:
         if journal.exists() and journal.read_bytes().count(b"\n") > 2:

@@ -12,15 +12,15 @@ from support.trial import FAMILIES
 
 @pytest.fixture(scope="module")
 def judged(trial_directory, rig_truth):
-    options = TrialOptions(cases=14, seed=4, workers=1, baselines=False, withhold=False, families=FAMILIES)
+    options = TrialOptions(cases=10, seed=4, workers=1, baselines=False, withhold=False, families=FAMILIES)
     commitments = make_trial([trial_directory / "rig.toml"], trial_directory, options)
     return run_trial(trial_directory, commitments, options)
 
 
 def test_nothing_is_named_where_nothing_is_hidden(judged):
-    # 2 % may be named: one of the four cases in 8 % of seeds, two in 0.2 %
+    # 2 % may be named: one of three cases in 6 % of seeds, two in 0.1 %
     clean = [j for j in judged if not j.effects]
-    assert len(clean) >= 4
+    assert len(clean) >= 3
     assert sum(bool(j.named) for j in clean) <= 1
 
 
@@ -32,11 +32,11 @@ def test_what_is_hidden_is_mostly_found(judged):
 
 
 def test_every_case_is_answered_and_listed(judged, trial_directory):
-    assert [j.case for j in judged] == list(range(1, 15))
+    assert [j.case for j in judged] == list(range(1, 11))
     assert "error" not in {j.verdict for j in judged}
     answers = json.loads((trial_directory / "answers" / "0001.json").read_text())
     assert answers["full"]["verdict"] == judged[0].verdict
     write_cases_csv(judged, trial_directory / "cases.csv")
     with (trial_directory / "cases.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == 14
+        assert len(list(csv.DictReader(file))) == 10
     assert {line.group for line in trial_table(judged)} >= {"no effect", "two effects"}
