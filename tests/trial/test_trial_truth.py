@@ -1,5 +1,6 @@
 """The truths of the trial against closed forms, limits and reciprocity."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.constants import mu_0
 from femfit.actuator.load import read_actuator
 from femfit.trial.truth import off_axis
 from femfit.trial.truth.bench import true_readings
-from femfit.trial.truth.bench_effects import BENCH_EFFECTS
+from femfit.trial.truth.bench_effects import BENCH_EFFECTS, possible_effects
 from femfit.trial.truth.drawing_variants import remembering_core
 from femfit.trial.truth.off_axis import core_response, displaced
 from femfit.trial.truth.preisach import relay_ensemble
@@ -85,6 +86,12 @@ def test_the_core_seen_as_an_equipotential_attracts_like_the_solved_one(rig_trut
         force = (energy[1] - energy[0]) / 2e-4
         solved = rig_truth.base.at(np.array([d]), np.zeros(1)).force[0]
         assert 1.0 < force / solved < 1.12
+
+
+def test_a_coil_without_a_core_is_not_given_an_effect_that_needs_one(rig_truth):
+    bare = replace(rig_truth, actuator=replace(rig_truth.actuator, fixed=()))
+    assert "lateral_misalignment" in possible_effects(rig_truth)
+    assert "lateral_misalignment" not in possible_effects(bare)
 
 
 def test_a_displaced_magnet_changes_with_the_square_of_the_displacement(rig_truth):

@@ -11,6 +11,7 @@ from femfit.trial.truth import hidden_sensor as sensor
 from femfit.trial.truth.bench import Hidden
 from femfit.trial.truth.drawing_variants import moves_magnet
 from femfit.trial.truth.families import Truth
+from femfit.trial.truth.off_axis import has_one_core
 
 Build = Callable[[Truth, np.random.Generator], Hidden]
 """Signature of every hidden truth: (actuator's field solutions, randomness for its shape) -> what is hidden."""
@@ -121,7 +122,8 @@ def possible_effects(truth: Truth) -> list[str]:
             continue
         if entry.channels == ("hall_V",) and truth.actuator.hall is None:
             continue
-        if name == "lateral_misalignment" and not ("bore" in truth.families or moves_magnet(truth.actuator)):
+        beside = moves_magnet(truth.actuator) and has_one_core(truth.actuator)
+        if name == "lateral_misalignment" and not ("bore" in truth.families or beside):
             continue
         result.append(name)
     return result

@@ -15,6 +15,7 @@ A. Karageorghis, Adv. Comput. Math. 9 (1998) 69: the method of fundamental solut
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -74,24 +75,44 @@ class CoreResponse:
         return result
 
 
+def has_one_core(actuator: Actuator) -> bool:
+    """Whether the soft fixed parts are one body, as :func:`core_response` needs it; an air coil has none.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        As drawn.
+
+    Returns
+    -------
+    bool
+        Parts that touch are one body.
+    """
+    return _core(actuator).geom_type == "Polygon" and not _core(actuator).is_empty
+
+
+def _core(actuator: Actuator) -> Any:
+    import shapely  # noqa: PLC0415
+
+    return shapely.union_all([shapely.Polygon(part.vertices_m) for part in actuator.fixed if is_soft(part)])
+
+
 def core_response(actuator: Actuator) -> CoreResponse:
     """The core of a drawing as rings of charge.
 
     Parameters
     ----------
     actuator : Actuator
-        With soft fixed parts.
+        With one core.
 
     Returns
     -------
     CoreResponse
         For points outside of the core.
     """
-    import shapely  # noqa: PLC0415
-
-    polygons = [shapely.Polygon(part.vertices_m) for part in actuator.fixed if is_soft(part)]
-    body = shapely.union_all(polygons)
-    depth = _INSET * min(min(np.diff(np.array(p.bounds).reshape(2, 2), axis=0)[0]) for p in polygons)
+    body = _core(actuator)
+    sizes = [np.ptp(np.array(part.vertices_m), axis=0) for part in actuator.fixed if is_soft(part)]
+    depth = _INSET * float(np.min(sizes))
     surface = _along(body.exterior, 120)
     rings = _along(body.buffer(-depth, join_style="mitre").exterior, 50)
     inverse = []
