@@ -12,6 +12,7 @@ from femfit.trial.truth import off_axis
 from femfit.trial.truth.bench import true_readings
 from femfit.trial.truth.bench_effects import BENCH_EFFECTS, possible_effects
 from femfit.trial.truth.drawing_variants import remembering_core
+from femfit.trial.truth.families import family_drawings
 from femfit.trial.truth.off_axis import core_response, displaced
 from femfit.trial.truth.preisach import relay_ensemble
 from femfit.trial.truth.thermal import COPPER_PER_K, ThermalNetwork, heat
@@ -89,9 +90,10 @@ def test_the_core_seen_as_an_equipotential_attracts_like_the_solved_one(rig_trut
 
 
 def test_a_coil_without_a_core_is_not_given_an_effect_that_needs_one(rig_truth):
-    bare = replace(rig_truth, actuator=replace(rig_truth.actuator, fixed=()))
+    bare = replace(rig_truth.actuator, fixed=())
+    assert set(family_drawings(rig_truth.actuator)) - set(family_drawings(bare)) >= {"core", "memory", "saturation-1"}
     assert "lateral_misalignment" in possible_effects(rig_truth)
-    assert "lateral_misalignment" not in possible_effects(bare)
+    assert "lateral_misalignment" not in possible_effects(replace(rig_truth, actuator=bare))
 
 
 def test_a_displaced_magnet_changes_with_the_square_of_the_displacement(rig_truth):

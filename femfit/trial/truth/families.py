@@ -113,10 +113,10 @@ def family_drawings(actuator: Actuator) -> dict[str, dict[float, Actuator]]:
         To be solved.
     """
     steps = (-CORE_STEP, CORE_STEP)
-    result = {
-        "core": {step: drawn.remanent_core(actuator, step) for step in steps},
-        "memory": {step: drawn.remembering_core(actuator, step) for step in steps},
-    }
+    result = {}
+    if any(map(drawn.is_soft, actuator.fixed)):
+        result["core"] = {step: drawn.remanent_core(actuator, step) for step in steps}
+        result["memory"] = {step: drawn.remembering_core(actuator, step) for step in steps}
     if drawn.has_magnet(actuator):
         result["magnets"] = {step: drawn.scaled_magnets(actuator, step) for step in (-REMANENCE_STEP, REMANENCE_STEP)}
         result["layer"] = {step: drawn.weak_layer(actuator, step) for step in (-LAYER_STEP, -2.0 * LAYER_STEP)}
@@ -129,7 +129,8 @@ def family_drawings(actuator: Actuator) -> dict[str, dict[float, Actuator]]:
         result["bore"] = {offset**2: drawn.eccentric_bore(actuator, offset) for offset in offsets}
         result["ring"] = {1.0: drawn.with_bore(actuator, plunger + 1.3 * (bore - plunger))}
     iron = any(region.material.relative_permeability > _IRON for region in actuator.fixed)
-    for sharpness, polarisation in _POLARISATION_T.items():
+    soft = any(map(drawn.is_soft, (*actuator.fixed, *actuator.moving.regions)))
+    for sharpness, polarisation in _POLARISATION_T.items() if soft else ():
         hold = (4.0 if iron else 1.0) * polarisation
         result[f"saturation-{sharpness:g}"] = {1.0: drawn.saturable_core(actuator, hold, sharpness)}
     return result
