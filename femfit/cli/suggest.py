@@ -47,15 +47,13 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
             say("Trying measurements")
             noise = examination.evidence.noise
             advice = suggest_measurements(actuator, measured, noise, explanations, considered_effects())
-    if examination.evidence is None:
-        write_json(json, {"explanations": [], "suggestions": []})
-        print(examination.diagnosis.findings[-1])
-        return
     names = [" + ".join(fit.names) for fit in explanations]
     write_json(json, {"explanations": names, "suggestions": [one.to_dict() for one in advice]})
     if names:
         print(f"The data leave: {'; '.join(names)}.")
-    if isinstance(measured, BenchTable):
+    if examination.evidence is None:
+        print(examination.diagnosis.findings[-1])
+    elif isinstance(measured, BenchTable):
         print("\n".join(suggestion_lines(advice, len(explanations))))
     else:
         print("\n".join(isolating_lines(explanations)))

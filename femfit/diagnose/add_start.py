@@ -8,7 +8,7 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.diagnose.columns import effect_columns
 from femfit.diagnose.observations import Observations
-from femfit.diagnose.refit import Refit, Start, bounded_amplitudes
+from femfit.diagnose.refit import Refit, Start, bounded_amplitudes, continued
 from femfit.diagnose.whitening import Whitening
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 
@@ -77,12 +77,7 @@ def restart(fit: Refit) -> list[Start]:
     list of (EffectColumns, array of shape (k,))
         One an effect, at the fitted values.
     """
-    result = []
-    for one, added in zip(fit.start, fit.effects, strict=True):
-        shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
-        amplitude = np.array([added.parameters[p.name] - p.null for p in one.amplitudes])
-        result.append((replace(one, shape=shape), amplitude))
-    return result
+    return [continued(one, added) for one, added in zip(fit.start, fit.effects, strict=True)]
 
 
 def without_untold(fit: Refit) -> list[Start]:

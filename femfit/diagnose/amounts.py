@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from femfit.effects.catalogue import all_effects
+from femfit.effects.effect import Effect
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 _UNITS = {"m": "m", "A": "A", "N": "N", "Wb": "Wb", "V": "V", "T": "T", "ohm": "ohm", "H": "H", "kg": "kg"}
@@ -86,13 +86,13 @@ def times(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio < 1e6 else f"{ratio:.1e}"
 
 
-def magnitudes(effect: str, amplitudes: Mapping[str, float]) -> str:
+def magnitudes(effect: Effect | None, amplitudes: Mapping[str, float]) -> str:
     """Smallest magnitudes that data show.
 
     Parameters
     ----------
-    effect : str
-        Its name.
+    effect : Effect or None
+        None for one outside the catalogue, of whose units nothing is said.
     amplitudes : mapping of str to float
         Infinite where the amplitude's bounds end before.
 
@@ -105,21 +105,22 @@ def magnitudes(effect: str, amplitudes: Mapping[str, float]) -> str:
     return ", ".join(f"{key} {value:.2g}{unit_of(effect, key)}" for key, value in finite) or "none within its bounds"
 
 
-def unit_of(effect: str, parameter: str) -> str:
+def unit_of(effect: Effect | None, parameter: str) -> str:
     """The unit of an effect's parameter, to be put behind a value.
 
     Parameters
     ----------
-    effect, parameter : str
-        Names; of an effect outside the catalogue nothing is said.
+    effect : Effect or None
+        As for :func:`magnitudes`.
+    parameter : str
+        Its name.
 
     Returns
     -------
     str
         `` V``, `` of force_N`` (a part of that quantity's largest value in the model's range), or empty.
     """
-    known = all_effects().get(effect)
-    for p in known.parameters if known else ():
+    for p in effect.parameters if effect else ():
         if p.name == parameter and (p.unit or p.of):
             return f" {p.unit}" if p.unit else f" of {p.of}"
     return ""

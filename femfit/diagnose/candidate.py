@@ -1,13 +1,11 @@
 """An explanation: one effect, or two, refitted within bounds and tested again."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from femfit.diagnose.diagnosis import Gate
 from femfit.diagnose.evidence import Evidence
-from femfit.diagnose.refit import Refit, refit
+from femfit.diagnose.refit import Refit, continued, refit
 from femfit.diagnose.scoring import Scored, further_effects, parameter_price
 from femfit.effects.effect import AddedEffect
 
@@ -105,9 +103,8 @@ def _whole_family(evidence: Evidence, item: Scored, added: AddedEffect) -> Score
         ((one, white) for one, white in evidence.columns if one.effect.name == added.effect.name),
         key=lambda other: len(other[0].amplitudes),
     )
-    shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
-    amplitude = np.array([added.parameters[p.name] - p.null for p in columns.amplitudes])
-    return replace(columns, shape=shape), white, amplitude, item[3]
+    columns, amplitude = continued(columns, added)
+    return columns, white, amplitude, item[3]
 
 
 def forward_pairs(singles: Sequence[Candidate], leading: int, wanted: int) -> list[list[Scored]]:
@@ -133,8 +130,6 @@ def forward_pairs(singles: Sequence[Candidate], leading: int, wanted: int) -> li
     pairs = []
     for one in singles[:leading]:
         (columns, white, _, fall), (added,) = one.start[0], one.fit.effects
-        shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
-        amplitude = np.array([added.parameters[p.name] - p.null for p in columns.amplitudes])
-        first = (replace(columns, shape=shape), white, amplitude, fall)
-        pairs += [[first, second] for second in one.beside[:wanted]]
+        columns, amplitude = continued(columns, added)
+        pairs += [[(columns, white, amplitude, fall), second] for second in one.beside[:wanted]]
     return pairs

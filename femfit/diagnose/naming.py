@@ -209,9 +209,8 @@ def _both_needed(
     for name in pair.fit.names:
         if name in alone:
             fall = alone[name].fit.chi2 - pair.fit.chi2
-            if fall < levels.second * excess and not _stands_apart(evidence, pair, alone[name], levels):
-                return False
-            if fall < levels.tie:
+            small = fall < levels.second * excess
+            if fall < levels.tie or (small and not _stands_apart(evidence, pair, alone[name], levels)):
                 return False
     return True
 
@@ -221,12 +220,7 @@ def _stands_apart(evidence: Evidence, pair: Candidate, single: Candidate, levels
     observations, sigma = evidence.observations, evidence.noise.sigma
     first = pair.fit.effects[pair.fit.names.index(single.fit.names[0])]
     change = (observations.predict((first,)) - observations.base) / sigma[observations.channel]
-    untouched = [
-        observations.of(name) for name in observations.channels if np.sum(change[observations.of(name)] ** 2) < 1.0
-    ]
-    if not untouched:
-        return False
-    alone = np.any(untouched, axis=0)
+    alone = (np.bincount(observations.channel, change**2) < 1.0)[observations.channel]
     before, after = (float(np.sum(one.fit.rest[alone] ** 2)) for one in (single, pair))
     structured = before - np.count_nonzero(alone)
     return before - after >= max(levels.tie, levels.apart * structured)

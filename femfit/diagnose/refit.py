@@ -88,6 +88,26 @@ class Refit:
         return tuple(all(usual(added, p) for p in added.effect.parameters) for added in self.effects)
 
 
+def continued(columns: EffectColumns, added: AddedEffect) -> Start:
+    """An effect's columns and amplitudes as a fit left them: where another one starts.
+
+    Parameters
+    ----------
+    columns : EffectColumns
+        Of the same effect.
+    added : AddedEffect
+        As fitted.
+
+    Returns
+    -------
+    tuple of (EffectColumns, array of shape (k,))
+        With the fitted shape constants; amplitudes count from null.
+    """
+    shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
+    amplitude = np.array([added.parameters[p.name] - p.null for p in columns.amplitudes])
+    return replace(columns, shape=shape), amplitude
+
+
 def usual(added: AddedEffect, parameter: EffectParameter) -> bool:
     """Whether a fitted parameter, or part of its interval, lies in its usual range.
 

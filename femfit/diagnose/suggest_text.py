@@ -131,7 +131,7 @@ def plan_lines(report: PlanReport) -> list[str]:
         lines += [f"  {', '.join(n for n, w in report.invisible.items() if w == why)}: {why}" for why in reasons]
     lines.append("Smallest magnitudes that it would show nine times in ten:")
     for name, amplitudes in report.detectable.items():
-        lines.append(f"  {name}: {magnitudes(name, amplitudes)}")
+        lines.append(f"  {name}: {magnitudes(effects.get(name), amplitudes)}")
     return lines
 
 

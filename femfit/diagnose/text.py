@@ -81,8 +81,9 @@ def _could_show(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.detectable:
         return []
     lines = ["These data could have shown (smallest magnitude, nine times in ten):"]
+    effects = all_effects()
     for name, amplitudes in diagnosis.detectable.items():
-        lines.append(f"  {name}: {magnitudes(name, amplitudes)}")
+        lines.append(f"  {name}: {magnitudes(effects.get(name), amplitudes)}")
     notes = [f"{score.name} ({score.note})" for score in diagnosis.ranking if score.note]
     return lines + ([f"  not: {'; '.join(notes)}"] if notes else [])
 
@@ -105,7 +106,7 @@ def _named(one: NamedEffect, together: bool) -> list[str]:
         if name not in one.ci95 and name in silent:
             continue
         interval = f" (95 %: {one.ci95[name][0]:.4g} to {one.ci95[name][1]:.4g})" if name in one.ci95 else ""
-        lines.append(f"  {name} = {value:.4g}{unit_of(one.name, name)}{interval}")
+        lines.append(f"  {name} = {value:.4g}{unit_of(effect, name)}{interval}")
     who = "together they explain" if together else "explains"
     fall = f"{100 * one.error_fall:.0f} %"
     lines.append(f"  {who} {fall} of the structured misfit on runs left out; {chance(one.p_value)}")

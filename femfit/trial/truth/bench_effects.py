@@ -122,8 +122,12 @@ def possible_effects(truth: Truth) -> list[str]:
             continue
         if entry.channels == ("hall_V",) and truth.actuator.hall is None:
             continue
-        beside = moves_magnet(truth.actuator) and has_one_core(truth.actuator)
-        if name == "lateral_misalignment" and not ("bore" in truth.families or beside):
+        if name == "lateral_misalignment" and not _may_stand_beside(truth):
             continue
         result.append(name)
     return result
+
+
+def _may_stand_beside(truth: Truth) -> bool:
+    """Whether the body has a truth of its sideways offset: a plunger's bore, or a magnet below one core."""
+    return "bore" in truth.families or (moves_magnet(truth.actuator) and has_one_core(truth.actuator))

@@ -88,7 +88,7 @@ def has_one_core(actuator: Actuator) -> bool:
     bool
         Parts that touch are one body.
     """
-    return _core(actuator).geom_type == "Polygon" and not _core(actuator).is_empty
+    return bool(_core(actuator).geom_type == "Polygon")
 
 
 def _core(actuator: Actuator) -> Any:
