@@ -31,11 +31,6 @@ def audit_model(model: ActuatorModel) -> list[AuditFinding]:
     ----------
     model : ActuatorModel
         With its effects, as it runs.
-
-    Returns
-    -------
-    list of AuditFinding
-        For the parts that it has.
     """
     box = model.validity
     d, i = (

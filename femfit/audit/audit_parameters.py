@@ -12,11 +12,6 @@ from femfit.audit.parameters import ParameterSet
 def audit_parameters(parameters: ParameterSet) -> list[AuditFinding]:
     """Everything that follows from the numbers themselves.
 
-    Parameters
-    ----------
-    parameters : ParameterSet
-        As printed.
-
     Returns
     -------
     list of AuditFinding

@@ -5,10 +5,10 @@ Resistance grows with the turns N, force per ampere with N, inductance with N^2:
 
 import math
 
-from femfit.actuator.winding import smallest_winding_area, wire_resistance
 from femfit.audit.finding import AuditFinding
 from femfit.audit.law import current_slope
 from femfit.audit.parameters import CoilSection, ForceSection, Magnet
+from femfit.device.winding import smallest_winding_area, wire_resistance
 
 _MM = 1e-3
 _RESISTANCE_SHARE = 0.15
@@ -19,18 +19,7 @@ _MASS_SHARE = 0.05
 
 
 def check_magnet(magnet: Magnet) -> list[AuditFinding]:
-    """The magnet's mass against its volume times density.
-
-    Parameters
-    ----------
-    magnet : Magnet
-        A cylinder.
-
-    Returns
-    -------
-    list of AuditFinding
-        One.
-    """
+    """The magnet's mass against its volume times density."""
     volume = math.pi / 4.0 * (magnet.diameter_mm * _MM) ** 2 * magnet.height_mm * _MM
     grams = 1e3 * volume * magnet.density_kg_m3
     off = abs(magnet.mass_g / grams - 1.0) > _MASS_SHARE
@@ -46,15 +35,8 @@ def check_coil(coil: CoilSection, force: ForceSection | None) -> list[AuditFindi
 
     Parameters
     ----------
-    coil : CoilSection
-        As printed.
     force : ForceSection or None
         Whose slope in the current tells turns too.
-
-    Returns
-    -------
-    list of AuditFinding
-        For what is given.
     """
     implied: dict[str, float] = {}
     findings = []

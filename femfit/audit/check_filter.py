@@ -24,18 +24,7 @@ _REACHABLE = 1.1
 
 
 def check_weights(section: FilterSection) -> list[AuditFinding]:
-    """Sigma-point weights: their exact values and sums, the printed digits, and single precision.
-
-    Parameters
-    ----------
-    section : FilterSection
-        As printed.
-
-    Returns
-    -------
-    list of AuditFinding
-        For what is given.
-    """
+    """Sigma-point weights: their exact values and sums, the printed digits, and single precision."""
     n, alpha = section.states, section.alpha
     spread = alpha**2 * (n + section.kappa)
     centre, other = 1.0 - n / spread, 0.5 / spread
@@ -68,13 +57,6 @@ def check_weights(section: FilterSection) -> list[AuditFinding]:
 def check_noise(section: FilterSection, supply: SupplySection | None) -> list[AuditFinding]:
     """Whether the noise covariances have a unit, and what they would mean.
 
-    Parameters
-    ----------
-    section : FilterSection
-        As printed.
-    supply : SupplySection or None
-        With the range of distances.
-
     Returns
     -------
     list of AuditFinding
@@ -104,11 +86,6 @@ def check_reduction(
         With rms values before and after.
     force, magnet, supply : ForceSection, Magnet, SupplySection
         That give the unstable pole lambda over the range.
-
-    Returns
-    -------
-    list of AuditFinding
-        One, where rms values are given.
     """
     if not section.direct_rms_m or len(section.direct_rms_m) != len(section.filtered_rms_m):
         return []
@@ -130,18 +107,7 @@ def check_reduction(
 
 
 def check_pid(section: PidSection) -> list[AuditFinding]:
-    """Poles and zeros of a printed difference equation.
-
-    Parameters
-    ----------
-    section : PidSection
-        As printed.
-
-    Returns
-    -------
-    list of AuditFinding
-        One.
-    """
+    """Poles and zeros of a printed difference equation."""
     poles = np.sort(np.abs(np.roots([1.0, *(-p for p in section.past)])))[::-1]
     zeros = np.sort(np.abs(np.roots(section.error)))[::-1]
     outside = [float(z) for z in zeros if z > 1.0 + 1e-3]

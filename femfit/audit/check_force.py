@@ -21,18 +21,7 @@ _MISPRINT = 5.0
 
 
 def check_force(section: ForceSection) -> list[AuditFinding]:
-    """Every check of a force law.
-
-    Parameters
-    ----------
-    section : ForceSection
-        As printed.
-
-    Returns
-    -------
-    list of AuditFinding
-        For what is given.
-    """
+    """Every check of a force law."""
     findings = [*_bounds(section), *_again(section), *_differences(section)]
     if len(section.rows) > 3:
         findings += [*_second_stage(section), *_linearity(section), *_residuals(section), *_misprints(section.rows)]

@@ -20,17 +20,8 @@ def check_hall(section: HallSection, magnet: Magnet | None, supply: SupplySectio
 
     Parameters
     ----------
-    section : HallSection
-        As printed.
     magnet : Magnet or None
         With its remanence: the field that the element sees.
-    supply : SupplySection or None
-        With the range.
-
-    Returns
-    -------
-    list of AuditFinding
-        For what is given.
     """
     as_printed, subtracted = (
         float(np.polyval(section.polynomial_mm, section.quiescent_V + sign * section.constant_V))
@@ -65,20 +56,7 @@ def _magnets_field(section: HallSection, magnet: Magnet, supply: SupplySection) 
 
 
 def axis_field(magnet: Magnet, distance_mm: FloatArray) -> FloatArray:
-    """B on the axis of a cylinder magnet, Br/2 ((d + h)/sqrt((d + h)^2 + R^2) - d/sqrt(d^2 + R^2)).
-
-    Parameters
-    ----------
-    magnet : Magnet
-        With remanence.
-    distance_mm : array
-        From its near face.
-
-    Returns
-    -------
-    array
-        In T, in air.
-    """
+    """B on the axis of a cylinder magnet, Br/2 ((d + h)/sqrt((d + h)^2 + R^2) - d/sqrt(d^2 + R^2))."""
     d, far, radius = distance_mm, distance_mm + magnet.height_mm, 0.5 * magnet.diameter_mm
     remanence = magnet.remanence_T or 0.0
     return np.asarray(0.5 * remanence * (far / np.hypot(far, radius) - d / np.hypot(d, radius)))

@@ -22,19 +22,10 @@ def check_equations(
 
     Parameters
     ----------
-    equations : EquationSection
-        As printed.
     force_section : ForceSection or None
         The law that they should contain.
-    magnet : Magnet or None
-        Whose mass divides it.
     supply : SupplySection or None
         Whose range says where the back-EMF is told.
-
-    Returns
-    -------
-    list of AuditFinding
-        For what is given.
     """
     findings = _gravity(equations.gravity_m_s2)
     if force_section is not None and magnet is not None:
@@ -89,24 +80,7 @@ def _acceleration(equations: EquationSection, section: ForceSection, mass: float
 
 
 def check_range(supply: SupplySection, section: ForceSection, magnet: Magnet, resistance: float) -> list[AuditFinding]:
-    """The distances at which the supply's clamp can hold the body, against the range that is said.
-
-    Parameters
-    ----------
-    supply : SupplySection
-        Clamp and range.
-    section : ForceSection
-        The law.
-    magnet : Magnet
-        The weight.
-    resistance : float
-        Of the winding, ohm.
-
-    Returns
-    -------
-    list of AuditFinding
-        One.
-    """
+    """The distances at which the supply's clamp can hold the body, against the range that is said."""
     weight = 1e-3 * magnet.mass_g * GRAVITY
     d = np.arange(section.distance_min_mm, section.distance_max_mm + _GRID_MM, _GRID_MM)
     voltage = resistance * holding_current(section.terms, d * _MM, weight)
@@ -125,22 +99,7 @@ def check_range(supply: SupplySection, section: ForceSection, magnet: Magnet, re
 
 
 def unstable_rate(section: ForceSection, magnet: Magnet, distance_m: float) -> float:
-    """The rate at which the held body leaves, sqrt(-F_d/m), in rad/s; 0 where it does not.
-
-    Parameters
-    ----------
-    section : ForceSection
-        The law.
-    magnet : Magnet
-        The mass.
-    distance_m : float
-        Where it is held.
-
-    Returns
-    -------
-    float
-        Without back-EMF.
-    """
+    """The rate at which the held body leaves, sqrt(-F_d/m), in rad/s; 0 where it does not."""
     mass = 1e-3 * magnet.mass_g
     current = float(holding_current(section.terms, distance_m, mass * GRAVITY))
     step = 1e-4 * distance_m

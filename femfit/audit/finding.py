@@ -12,8 +12,6 @@ class AuditFinding:
 
     Parameters
     ----------
-    code : str
-        Short stable name.
     severity : str
         ``holds``: recomputed and right; ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic.
     about : str
@@ -38,11 +36,6 @@ class AuditFinding:
 
 def audit_lines(findings: "tuple[AuditFinding, ...] | list[AuditFinding]") -> list[str]:
     """Findings as lines of text, what is wrong first.
-
-    Parameters
-    ----------
-    findings : sequence of AuditFinding
-        Of an audit.
 
     Returns
     -------

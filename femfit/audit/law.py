@@ -9,33 +9,13 @@ from femfit.core.arrays import FloatArray
 
 
 def force(terms: Sequence[Term], distance: FloatArray | float, current: FloatArray | float) -> FloatArray:
-    """F in N.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Of the law.
-    distance, current : array or float
-        In m and A.
-
-    Returns
-    -------
-    array
-        In their broadcast shape.
-    """
+    """F in N."""
     d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
     return np.asarray(sum(t.value * d**t.distance_power * i**t.current_power for t in terms))
 
 
 def current_slope(terms: Sequence[Term], distance: float, current: float) -> float:
     """dF/di = k_m in N/A.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Of the law.
-    distance, current : float
-        In m and A.
 
     Returns
     -------
@@ -52,21 +32,6 @@ def current_slope(terms: Sequence[Term], distance: float, current: float) -> flo
 
 
 def holding_current(terms: Sequence[Term], distance: FloatArray | float, weight: float) -> FloatArray:
-    """Current at which a law that is linear in it carries a weight.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Of the law.
-    distance : array or float
-        In m.
-    weight : float
-        In N.
-
-    Returns
-    -------
-    array
-        In A.
-    """
+    """Current at which a law that is linear in it carries a weight."""
     passive = force(terms, distance, 0.0)
     return np.asarray((weight - passive) / (force(terms, distance, 1.0) - passive))

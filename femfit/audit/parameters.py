@@ -154,11 +154,6 @@ class ParameterSet(Section):
 def read_parameters(path: Path) -> ParameterSet:
     """Read a parameter set.
 
-    Parameters
-    ----------
-    path : Path
-        TOML.
-
     Returns
     -------
     ParameterSet

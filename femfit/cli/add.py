@@ -49,9 +49,9 @@ def add(
     from dataclasses import replace
 
     from femfit.cli.output import status, write_json
-    from femfit.diagnose.add import AddOptions, add_effects
-    from femfit.diagnose.add_text import add_lines
-    from femfit.diagnose.measurement import read_measurement
+    from femfit.identify.readings.load import read_measurement
+    from femfit.identify.refit.add_effects import AddOptions, add_effects
+    from femfit.identify.refit.add_text import add_lines
     from femfit.model.json_file import read_model, write_model
 
     options = AddOptions(base, coil_temperature_C, magnet_temperature_C)
@@ -68,8 +68,8 @@ def add(
     print("\n".join([*add_lines(result), f"written: {output}"]))
     if report is not None:
         from femfit.cli.diagnosis_report import write_report
-        from femfit.diagnose.diagnose import DiagnosisOptions, examine
-        from femfit.diagnose.measurement import measurement_observations
+        from femfit.identify.decision.diagnose import DiagnosisOptions, examine
+        from femfit.identify.readings.load import measurement_observations
 
         with status("Diagnosing the model as it was") as say:
             examination = examine(measurement_observations(actuator, measured), DiagnosisOptions(bootstrap=0), say)

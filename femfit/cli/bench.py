@@ -9,8 +9,8 @@ from cyclopts.validators import Number
 if TYPE_CHECKING:
     import pandas as pd
 
-    from femfit.estimate.integrate.plateaus import PlateauOptions
-    from femfit.estimate.integrate.record_watch import Finding
+    from femfit.integrate.plateaus import PlateauOptions
+    from femfit.integrate.record_watch import Finding
     from femfit.model.actuator_model import ActuatorModel
 
 NotNegative = Number(gte=0.0)
@@ -63,8 +63,8 @@ def bench(
 
     from femfit.cli.output import write_json
     from femfit.core.errors import TableError
-    from femfit.estimate.integrate.bench_watch import resistance_finding
-    from femfit.estimate.integrate.plateaus import PlateauOptions
+    from femfit.integrate.bench_watch import resistance_finding
+    from femfit.integrate.plateaus import PlateauOptions
     from femfit.model.json_file import read_model
 
     if output.suffix != ".csv" or output.resolve() == record.resolve():
@@ -111,8 +111,8 @@ def _read(record: Path) -> "pd.DataFrame":
     import pandas as pd
 
     from femfit.core.errors import TableError
-    from femfit.core.measurement_cells import cell_numbers, read_cells
-    from femfit.core.measurement_columns import BENCH_COLUMNS, recognise
+    from femfit.tables.measurement_cells import cell_numbers, read_cells
+    from femfit.tables.measurement_columns import BENCH_COLUMNS, recognise
 
     names = ("time_s", "coil_voltage_V", *(name for name in BENCH_COLUMNS if name != "flux_linkage_Wb"))
     cells = read_cells(record)
@@ -139,8 +139,8 @@ def _table(
     import pandas as pd
 
     from femfit.effects.conditions import Conditions
-    from femfit.estimate.integrate.bench_watch import watch_run
-    from femfit.estimate.integrate.plateaus import plateau_flux
+    from femfit.integrate.bench_watch import watch_run
+    from femfit.integrate.plateaus import plateau_flux
     from femfit.model.readings import predict_readings
     from femfit.model.with_effects import nominal_of
 

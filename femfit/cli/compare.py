@@ -28,9 +28,9 @@ def compare(
         File for the result as JSON, with the maps.
     """
     from femfit.cli.output import status, write_json
-    from femfit.diagnose.compare import compare_observations
-    from femfit.diagnose.compare_text import comparison_lines
-    from femfit.diagnose.measurement import measurement_observations, read_measurement
+    from femfit.identify.comparison.compare import compare_observations
+    from femfit.identify.comparison.compare_text import comparison_lines
+    from femfit.identify.readings.load import measurement_observations, read_measurement
 
     with status("Reading") as say:
         actuator, base = _model(model), None if reference is None else _model(reference)
@@ -50,8 +50,8 @@ def compare(
 
 def _model(path: Path) -> "ActuatorModel":
     """A model file's model, or the co-energy of a sweep table."""
-    from femfit.core.sweep_table import read_sweep_table
     from femfit.fit.build import fit_model
     from femfit.model.json_file import read_model
+    from femfit.tables.sweep_table import read_sweep_table
 
     return read_model(path) if path.suffix == ".json" else fit_model(read_sweep_table(path)).model

@@ -37,9 +37,9 @@ def diagnose(
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
-    from femfit.diagnose.diagnose import DiagnosisOptions, examine
-    from femfit.diagnose.measurement import measurement_observations, read_measurement
-    from femfit.diagnose.text import diagnosis_lines
+    from femfit.identify.decision.diagnose import DiagnosisOptions, examine
+    from femfit.identify.decision.diagnosis_text import diagnosis_lines
+    from femfit.identify.readings.load import measurement_observations, read_measurement
     from femfit.model.json_file import read_model
 
     options = DiagnosisOptions(exclude=exclude, bootstrap=bootstrap, seed=seed)

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from femfit.diagnose.add_result import AddResult
-    from femfit.diagnose.diagnose import Examination
-    from femfit.diagnose.measurement import Measurement
+    from femfit.identify.decision.diagnose import Examination
+    from femfit.identify.readings.load import Measurement
+    from femfit.identify.refit.add_result import AddResult
     from femfit.model.actuator_model import ActuatorModel
 
 
@@ -38,12 +38,12 @@ def write_report(
     """
     from hashlib import sha256
 
-    from femfit.core.measurement import BenchTable
-    from femfit.diagnose.diagnose import considered_effects
-    from femfit.diagnose.measurement import measurement_observations
-    from femfit.diagnose.suggest import suggest_measurements
+    from femfit.identify.decision.diagnose import considered_effects
+    from femfit.identify.experiments.suggest import suggest_measurements
+    from femfit.identify.readings.load import measurement_observations
     from femfit.report.diagnosis_content import content_of
     from femfit.report.diagnosis_html import write_diagnosis_report
+    from femfit.tables.measurement import BenchTable
 
     suggestions = []
     evidence, several = examination.evidence, len(examination.explanations) > 1

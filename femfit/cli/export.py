@@ -27,8 +27,8 @@ def export(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.export.targets import export_target
     from femfit.model.json_file import read_model
+    from femfit.targets.targets import export_target
 
     target = export_target(to)
     files = target.export(read_model(model), output)

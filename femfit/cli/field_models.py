@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.coil_record import CoilRecord, open_coil_record
 from femfit.core.errors import DomainError, MissingPartError, TableError
 from femfit.effects.conditions import Conditions
-from femfit.estimate.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
-from femfit.estimate.integrate.uncertainty import SensingCoil
 from femfit.fit.hysteresis import PATH_INTERVAL, LabRun, identify_field
+from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
+from femfit.integrate.uncertainty import SensingCoil
 from femfit.model.field_of_current import FieldModel, field_model_of_sweep, read_field_model, write_field_model
 from femfit.model.json_file import read_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
+from femfit.tables.coil_record import CoilRecord, open_coil_record
 
 SWEPT_SHARE = 0.01
 """Of its largest field that a swept model is believed to be off by where nothing else is said."""

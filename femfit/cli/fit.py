@@ -64,15 +64,15 @@ def fit(
     json : Path
         File for the result as JSON.
     """
-    from femfit.actuator.load import read_actuator
-    from femfit.actuator.summary import sweep_manifest_entry
     from femfit.cli.output import write_json
-    from femfit.core.inductance_table import is_inductance_table
-    from femfit.core.sweep_table import read_sweep_table
-    from femfit.core.variant_choice import choose_variant
+    from femfit.device.load import read_actuator
+    from femfit.device.summary import sweep_manifest_entry
     from femfit.fit.build import FitOptions, fit_model
     from femfit.fit.text import fit_lines
     from femfit.model.json_file import write_model
+    from femfit.tables.inductance_table import is_inductance_table
+    from femfit.tables.sweep_table import read_sweep_table
+    from femfit.tables.variant_choice import choose_variant
 
     if is_inductance_table(table):
         _fit_inductances(table, output, model, (mass_g, resistance_ohm, _range(supply_V)), json)
@@ -107,9 +107,9 @@ def _fit_inductances(
 ) -> None:
     from femfit.cli.output import write_json
     from femfit.core.errors import FitError
-    from femfit.core.inductance_table import read_inductance_table
     from femfit.fit.inductance import InductanceOptions, fit_inductance, inductance_lines
     from femfit.model.json_file import write_model
+    from femfit.tables.inductance_table import read_inductance_table
 
     if law in {"coenergy", "all"}:
         raise FitError(

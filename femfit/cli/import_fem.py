@@ -63,8 +63,8 @@ def import_fem(
         File for the findings as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.importer.fem_file.options import FemOptions, axis_option
-    from femfit.importer.fem_file.read import import_fem_file
+    from femfit.tables.femm.options import FemOptions, axis_option
+    from femfit.tables.femm.read import import_fem_file
 
     options = FemOptions(
         moving_groups=moving_group,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from femfit.importer.table.read import ImportedTable
+    from femfit.tables.foreign.read import ImportedTable
 
 
 def import_table(
@@ -120,13 +120,13 @@ def import_table(
     json : Path
         File for mapping and findings as JSON.
     """
-    from femfit.actuator.load import read_actuator
-    from femfit.actuator.summary import sweep_manifest_entry
     from femfit.cli.output import write_json
     from femfit.core.errors import TableError
-    from femfit.core.sweep_table import write_sweep_table
-    from femfit.importer.table.options import ImportOptions
-    from femfit.importer.table.read import read_foreign_table, with_actuator
+    from femfit.device.load import read_actuator
+    from femfit.device.summary import sweep_manifest_entry
+    from femfit.tables.foreign.options import ImportOptions
+    from femfit.tables.foreign.read import read_foreign_table, with_actuator
+    from femfit.tables.sweep_table import write_sweep_table
 
     if flip_force and keep_force:
         raise TableError("--flip-force and --keep-force exclude each other; give one of them.")
@@ -192,7 +192,7 @@ def _numbers(text: str | None, option: str) -> tuple[float, ...]:
 
 def _lines(imported: "ImportedTable") -> Sequence[str]:
     """The result in plain words."""
-    from femfit.importer.table.quantities import QUANTITIES
+    from femfit.tables.foreign.quantities import QUANTITIES
 
     rows = imported.table.valid_rows()
     current, distance = rows["current_A"], 1e3 * rows["distance_m"]

@@ -7,9 +7,9 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 if TYPE_CHECKING:
-    from femfit.core.coil_record import CoilRecord
-    from femfit.estimate.integrate.methods import IntegrationOptions
-    from femfit.estimate.integrate.record_watch import Finding
+    from femfit.integrate.methods import IntegrationOptions
+    from femfit.integrate.record_watch import Finding
+    from femfit.tables.coil_record import CoilRecord
 
 MethodOption = Literal["trapezoid", "ffa1", "ffa2", "cs1", "cs2", "cs1-offset", "cs2-identified"]
 Positive = Number(gt=0.0)
@@ -103,10 +103,10 @@ def integrate(
     """
     from femfit.cli.field_models import identified_field, swept_field
     from femfit.cli.output import write_json
-    from femfit.core.coil_record import open_coil_record
     from femfit.core.errors import TableError
-    from femfit.estimate.integrate.methods import IntegrationOptions
-    from femfit.estimate.integrate.uncertainty import SensingCoil, Systematics
+    from femfit.integrate.methods import IntegrationOptions
+    from femfit.integrate.uncertainty import SensingCoil, Systematics
+    from femfit.tables.coil_record import open_coil_record
 
     source = open_coil_record(record)
     chosen = method or ("cs1-offset" if coil_area is not None and "hall_T" in source.columns else "ffa2")
@@ -149,8 +149,8 @@ def integrate(
 
 def _require_free(record: Path, output: Path, json: Path | None) -> None:
     """Refuse an output that would replace the record, its sidecar, or the result in JSON."""
-    from femfit.core.coil_record import RAW_SUFFIXES
     from femfit.core.errors import TableError
+    from femfit.tables.coil_record import RAW_SUFFIXES
 
     written = {output.resolve()}
     if output.suffix in RAW_SUFFIXES:
@@ -182,10 +182,10 @@ def _stream(
     import numpy as np
 
     from femfit.cli.output import progress_bar
-    from femfit.core.coil_record import RecordWriter
-    from femfit.estimate.integrate.methods import integrate_blocks, make_integrator
-    from femfit.estimate.integrate.record_watch import RecordWatch, no_plateau
-    from femfit.estimate.integrate.smoother import smooth_blocks
+    from femfit.integrate.methods import integrate_blocks, make_integrator
+    from femfit.integrate.record_watch import RecordWatch, no_plateau
+    from femfit.integrate.smoother import smooth_blocks
+    from femfit.tables.coil_record import RecordWriter
 
     begin = time.perf_counter()
     blocks = source.blocks()

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 if TYPE_CHECKING:
-    from femfit.actuator.parts import Actuator
-    from femfit.core.sweep_table import SweepTable
+    from femfit.device.parts import Actuator
     from femfit.fit.build import FitResult
     from femfit.model.actuator_model import ActuatorModel
-    from femfit.simulate.study import ClosedLoopStudy
+    from femfit.simulation.study import ClosedLoopStudy
+    from femfit.tables.sweep_table import SweepTable
 
 STEP_WIDTH = 15  # of the steps' names on the terminal
 NO_HALL = "the actuator has no Hall element to tell an estimator the distance."
@@ -48,8 +48,8 @@ def run(
     from multiprocessing import get_context
 
     from femfit.cli.output import progress_bar, write_json
-    from femfit.fem.sweep import run_sweep
-    from femfit.fem.sweep_summary import summarise
+    from femfit.field.sweep import run_sweep
+    from femfit.field.sweep_summary import summarise
 
     parts = _single_actuator(actuator)
     directory = output or Path("runs") / parts.name
@@ -100,8 +100,8 @@ def run(
 
 def _single_actuator(path: Path) -> "Actuator":
     """The file's actuator, refused before the sweep where the fit would refuse it after."""
-    from femfit.actuator.variants import read_variants
     from femfit.core.errors import ActuatorFileError
+    from femfit.device.variants import read_variants
     from femfit.fit.coenergy_choice import check_grid
 
     sweep = read_variants(path)
@@ -153,7 +153,7 @@ def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | N
     if model.sensor is None:
         return None, NO_HALL
     from femfit.core.errors import DomainError, FilterError, MissingPartError
-    from femfit.simulate.study import closed_loop_study
+    from femfit.simulation.study import closed_loop_study
 
     try:
         return closed_loop_study(model, seed), ""
@@ -163,7 +163,7 @@ def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | N
 
 def _export(model: "ActuatorModel", directory: Path) -> str:
     from femfit.core.errors import FilterError
-    from femfit.export.estimator import export_estimator
+    from femfit.targets.estimator import export_estimator
 
     if model.sensor is None:
         return f"none: {NO_HALL} Describe one by [hall] in the actuator file."
@@ -186,7 +186,7 @@ def _loop_line(study: "ClosedLoopStudy") -> str:
 
 
 def _loop_data(study: "ClosedLoopStudy | None") -> dict[str, object] | None:
-    from femfit.simulate.text import study_data
+    from femfit.simulation.text import study_data
 
     return None if study is None else dict(study_data(study))
 

@@ -8,8 +8,8 @@ from cyclopts.validators import Number
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
-    from femfit.simulate.design import LoopDesign
-    from femfit.simulate.experiment import Experiment
+    from femfit.simulation.design import LoopDesign
+    from femfit.simulation.experiment import Experiment
 
 ControllerOption = Literal["backstepping", "pid"]
 FilterOption = Literal["direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4"]
@@ -73,16 +73,16 @@ def simulate(
     """
     from femfit.cli.output import write_json
     from femfit.model.json_file import read_model
-    from femfit.simulate.design import design_loop
-    from femfit.simulate.experiment import Experiment
+    from femfit.simulation.design import design_loop
+    from femfit.simulation.experiment import Experiment
 
     actuator = read_model(model)
     noise = None if noise_mV is None else 1e-3 * noise_mV
     chosen = (controller, observer, runs, seconds, plant, csv, stuck_after_s)
     faults = (hall_bias_mV, drift_mV_per_s, force_scale - 1.0, dropout)
     if all(choice is None for choice in chosen) and not any(faults):
-        from femfit.simulate.study import closed_loop_study
-        from femfit.simulate.text import study_data, study_lines
+        from femfit.simulation.study import closed_loop_study
+        from femfit.simulation.text import study_data, study_lines
 
         study = closed_loop_study(actuator, seed, noise)
         print("\n".join(study_lines(study)))
@@ -119,9 +119,9 @@ def _repeat(
     import numpy as np
 
     from femfit.cli.output import write_json
-    from femfit.simulate.monte_carlo import monte_carlo
-    from femfit.simulate.text import design_lines, json_ready, summary_lines
-    from femfit.simulate.time_series_csv import write_time_series
+    from femfit.simulation.monte_carlo import monte_carlo
+    from femfit.simulation.text import design_lines, json_ready, summary_lines
+    from femfit.simulation.time_series_csv import write_time_series
 
     summary, result = monte_carlo(
         design,

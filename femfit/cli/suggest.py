@@ -21,14 +21,14 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.measurement import BenchTable
-    from femfit.core.measurement_file import read_bench_table
-    from femfit.diagnose.diagnose import DiagnosisOptions, considered_effects, examine
-    from femfit.diagnose.measurement import measurement_observations, read_measurement
-    from femfit.diagnose.plan import examine_plan
-    from femfit.diagnose.suggest import suggest_measurements
-    from femfit.diagnose.suggest_text import isolating_lines, plan_lines, suggestion_lines
+    from femfit.identify.decision.diagnose import DiagnosisOptions, considered_effects, examine
+    from femfit.identify.experiments.plan import examine_plan
+    from femfit.identify.experiments.suggest import suggest_measurements
+    from femfit.identify.experiments.suggest_text import isolating_lines, plan_lines, suggestion_lines
+    from femfit.identify.readings.load import measurement_observations, read_measurement
     from femfit.model.json_file import read_model
+    from femfit.tables.measurement import BenchTable
+    from femfit.tables.measurement_file import read_bench_table
 
     actuator = read_model(model)
     if plan is not None and data is None:

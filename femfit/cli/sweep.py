@@ -36,11 +36,11 @@ def sweep(
     """
     from time import perf_counter
 
-    from femfit.actuator.variants import read_variants
     from femfit.cli.output import progress_bar, write_json
     from femfit.core.errors import FieldSolverError
-    from femfit.fem.sweep import run_sweep
-    from femfit.fem.sweep_summary import summarise
+    from femfit.device.variants import read_variants
+    from femfit.field.sweep import run_sweep
+    from femfit.field.sweep_summary import summarise
 
     variants = read_variants(actuator)
     name = variants.actuator.name

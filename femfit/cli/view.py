@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter, validators
 
 if TYPE_CHECKING:
-    from femfit.actuator.parts import Actuator
-    from femfit.fem.settings import SolverSettings
+    from femfit.device.parts import Actuator
+    from femfit.field.settings import SolverSettings
 
 What = Literal["geometry", "mesh", "flux-lines", "flux-density", "permeability", "vtu"]
 FORMATS = (".png", ".svg", ".pdf")
@@ -44,9 +44,9 @@ def view(
     json : Path
         File for the point, its force, and the files written, as JSON.
     """
-    from femfit.actuator.load import read_actuator
     from femfit.cli.output import status, write_json
     from femfit.core.errors import DomainError
+    from femfit.device.load import read_actuator
     from femfit.report.solved_point import solve_point
     from femfit.report.view import write_views
     from femfit.report.view_figures import point_title
@@ -87,10 +87,11 @@ def view(
 
 def _swept(directory: Path, row: int | None) -> "tuple[Actuator, SolverSettings, tuple[float, float] | None]":
     """The actuator and settings of a sweep, and the point of a row of its table."""
-    from femfit.actuator.record import actuator_from_record
     from femfit.core.errors import DomainError, RunDirectoryError
-    from femfit.core.sweep_table import VARIANT, read_sweep_table
-    from femfit.fem.settings import SolverSettings
+    from femfit.core.sweep_columns import VARIANT
+    from femfit.device.record import actuator_from_record
+    from femfit.field.settings import SolverSettings
+    from femfit.tables.sweep_table import read_sweep_table
 
     table = read_sweep_table(directory)
     if "inputs" not in table.manifest:

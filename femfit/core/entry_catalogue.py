@@ -25,8 +25,6 @@ class EntryCatalogue(Generic[Item]):
 
     Parameters
     ----------
-    kind : type
-        Every item's.
     title : str
         What it is called in messages.
     built_in : sequence
@@ -42,11 +40,6 @@ class EntryCatalogue(Generic[Item]):
 
     def all(self, entries: Iterable[EntryPoint]) -> dict[str, Item]:
         """Every item by its name: those of femfit, then those of installed packages.
-
-        Parameters
-        ----------
-        entries : iterable of EntryPoint
-            Of the catalogue's group.
 
         Returns
         -------
@@ -72,11 +65,6 @@ class EntryCatalogue(Generic[Item]):
             As in the model file, and as the entry point is called; case counts.
         entries : callable
             Gives those of the catalogue's group; called only for a name that is not built in.
-
-        Returns
-        -------
-        Item
-            The item.
 
         Raises
         ------

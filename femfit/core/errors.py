@@ -53,8 +53,6 @@ class FemFileError(FemfitError, ValueError):
 
     Parameters
     ----------
-    source : str
-        File that was read.
     problems : sequence of str
         One line a problem: what the file has, why it cannot be taken, what to do.
     """

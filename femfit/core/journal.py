@@ -38,13 +38,6 @@ class JournalHeader:
 class Journal:
     """Append-only record of finished items, used as a context manager; one process at a time.
 
-    Parameters
-    ----------
-    directory : Path
-        Run directory; made if absent.
-    header : JournalHeader
-        Of this run.
-
     Raises
     ------
     RunDirectoryError
@@ -78,8 +71,6 @@ class Journal:
         ----------
         key : str
             Of the item; unique in the run.
-        result : mapping
-            JSON-ready.
         """
         self.finished[key] = result
         self._write_line({"key": key, "result": result})

@@ -99,11 +99,6 @@ def effect_by_name(name: str) -> Effect:
     name : str
         As in the model file, and as the entry point is called; case counts.
 
-    Returns
-    -------
-    Effect
-        The effect.
-
     Raises
     ------
     ModelFileError

@@ -19,16 +19,10 @@ class Nominal:
 
     Parameters
     ----------
-    distance_min_m, distance_max_m, current_min_A, current_max_A : float
-        The validity box.
-    force_N, flux_linkage_Wb : float
-        Largest magnitudes over the box.
     magnet_share : float
         The larger of force and flux linkage without current, over their largest; next to 0 without a magnet.
     resistance_ohm, mass_kg : float
         NaN where the model has no circuit or no motion.
-    gravity_m_s2 : float
-        Along growing distance.
     hall_sensitivity_V_per_T, hall_quiescent_V, hall_min_V, hall_max_V : float
         NaN where the model has no Hall element.
     inductance_H, hall_T_per_A : float
@@ -37,8 +31,6 @@ class Nominal:
         Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element.
     voltage_V : float
         Largest magnitude that the driver gives; NaN where the model has no circuit.
-    sample_time_s : float
-        Of controller and filter.
     """
 
     distance_min_m: float
@@ -78,8 +70,6 @@ class Conditions:
 
     Parameters
     ----------
-    nominal : Nominal
-        Of the base model.
     branch : array or float
         +1 while the current rises, -1 while it falls, 0 where unknown.
     coil_temperature_C, magnet_temperature_C : array or float
@@ -89,8 +79,6 @@ class Conditions:
     elapsed : array or float
         Since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
         anew with a run.
-    velocity_m_s, current_rate_A_s : array or float
-        Zero on a static bench.
     motional_V : array or float
         Voltage that the motion induces, k_m v, as the model has it.
     running : bool
@@ -120,20 +108,7 @@ class Conditions:
 
 
 def like(value: FloatArray | float, points: FloatArray) -> FloatArray:
-    """A condition, given as an array or as one number, at every point.
-
-    Parameters
-    ----------
-    value : array or float
-        Broadcasts against ``points``.
-    points : array
-        Any.
-
-    Returns
-    -------
-    array
-        In the shape of ``points``.
-    """
+    """A condition, given as an array or as one number, at every point."""
     return np.broadcast_to(np.asarray(value, dtype=np.float64), points.shape)
 
 
@@ -142,12 +117,8 @@ def known_or(value: FloatArray | float, points: FloatArray, otherwise: FloatArra
 
     Parameters
     ----------
-    value : array or float
-        NaN where unknown.
     points : array, shape (n,)
         Points.
-    otherwise : array or float
-        In place of NaN.
 
     Returns
     -------

@@ -41,8 +41,6 @@ class EffectParameter:
         Bounds of the fit: what physics allows at all.
     sane : (float, float)
         What is usual; outside, the fit is reported as suspicious.
-    description : str
-        One plain sentence.
     null : float
         Where the effect vanishes (amplitudes: 0). A shape's own constant has its usual value here.
     shape : bool
@@ -87,8 +85,6 @@ class Memory:
 
     Parameters
     ----------
-    names : tuple of str
-        Unique over all effects.
     amplitudes : tuple of str
         Parameters without which, all at null, the states do nothing and are left out.
     spread : float
@@ -149,16 +145,12 @@ class Effect:
         one in the model.
     experiment : str
         The measurement that isolates it, as an instruction.
-    reference : str
-        Source of the formula.
     setting, coenergy, force, circuit, readings : callable or None
         The stages where it acts; see the module's table. ``coenergy`` depends on distance and current, and of the
         conditions on temperatures and the effect's own states alone. ``circuit`` maps (resistance in ohm, voltage in
         V) at a current in A.
     mass : callable or None
         (mass in kg, p) -> mass in kg.
-    memory : Memory or None
-        States of its own.
     hall_point : callable or None
         Maps (distance, current) as ``setting`` does.
     calibrations : tuple of Calibration
@@ -198,10 +190,6 @@ class AddedEffect:
 
     Parameters
     ----------
-    effect : Effect
-        From the catalogue.
-    parameters : mapping of str to float
-        Every one of the effect's.
     ci95 : mapping of str to (float, float)
         95 % intervals, where they were estimated.
     """
@@ -222,20 +210,5 @@ class AddedEffect:
 def with_channel(
     values: Mapping[str, FloatArray], name: str, change: Callable[[FloatArray], FloatArray]
 ) -> Mapping[str, FloatArray]:
-    """Readings with one channel changed, where it is among them.
-
-    Parameters
-    ----------
-    values : mapping of str to array
-        Readings by channel.
-    name : str
-        Of the channel.
-    change : callable
-        Reading -> changed reading.
-
-    Returns
-    -------
-    mapping of str to array
-        All channels.
-    """
+    """Readings with one channel changed, where it is among them."""
     return {**values, name: change(values[name])} if name in values else values

@@ -85,11 +85,6 @@ class Jet:
         ----------
         distance, current, hall : array of shape (n,) or float
             Factor of each variable.
-
-        Returns
-        -------
-        Jet
-            Of the same orders.
         """
         n_d, n_i = self.orders
         a = np.arange(n_d + 1)[:, None, None]
@@ -105,11 +100,6 @@ class Jet:
         ----------
         derivatives : sequence of array, each of shape (n,)
             g, g', g'', ... at ``value``; those of an order above A + B + 1 are not needed, missing ones count as zero.
-
-        Returns
-        -------
-        Jet
-            Of the same orders.
         """
         n_d, n_i = self.orders
         rest = self.coefficients.copy()
@@ -157,13 +147,6 @@ def distance_jet(distance: FloatArray, in_distance: int, in_current: int) -> Jet
     ----------
     distance : array, shape (n,)
         Points in m.
-    in_distance, in_current : int
-        Orders A and B.
-
-    Returns
-    -------
-    Jet
-        Coefficient d at [0, 0, 0] and 1 at [0, 1, 0].
     """
     result = np.zeros((2, in_distance + 1, in_current + 1, len(distance)))
     result[0, 0, 0] = distance
@@ -179,13 +162,6 @@ def current_jet(current: FloatArray, in_distance: int, in_current: int) -> Jet:
     ----------
     current : array, shape (n,)
         Points in A.
-    in_distance, in_current : int
-        Orders A and B.
-
-    Returns
-    -------
-    Jet
-        Coefficient i at [0, 0, 0] and 1 at [0, 0, 1].
     """
     result = np.zeros((2, in_distance + 1, in_current + 1, len(current)))
     result[0, 0, 0] = current

@@ -27,14 +27,10 @@ def remanence_scaled(
 
     Parameters
     ----------
-    base : callable
-        W'.
     scale : array, shape (n,), or float
         s > 0.
     d, i : array, shape (n,)
         Points.
-    n_d, n_i : int
-        Orders.
 
     Returns
     -------

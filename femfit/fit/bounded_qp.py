@@ -57,18 +57,10 @@ class QPSolution:
         Which rows of G x >= h hold with equality.
     covariance : array, shape (k, k)
         Of the free coefficients, from the residual variance; zero for those on a bound. White residuals assumed.
-    degrees_of_freedom : int
-        Rows minus free coefficients.
-    weighted_sse : float
-        || (A x - y) / sigma ||^2.
     residual : array, shape (n,)
         A x - y.
     condition : float
         Of A / sigma before columns are scaled.
-    condition_scaled : float
-        After.
-    iterations : int
-        OSQP's.
     """
 
     x: FloatArray
@@ -102,15 +94,8 @@ def solve_bounded_qp(
         Data and their standard deviations (> 0), in the same unit.
     lower, upper : array, shape (k,), or None
         Bounds; infinite entries bound nothing.
-    inequalities : Inequalities or None
-        G x >= h.
     names : sequence of str or None
         Names of the coefficients for messages.
-
-    Returns
-    -------
-    QPSolution
-        The optimum.
 
     Raises
     ------

@@ -10,7 +10,6 @@ import numpy as np
 
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import FitError
-from femfit.core.sweep_table import SweepTable
 from femfit.fit.bounded_qp import solve_bounded_qp
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.hall import HallFit, fit_hall
@@ -26,6 +25,7 @@ from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
+from femfit.tables.sweep_table import SweepTable
 
 COENERGY = "coenergy"
 ALL = "all"
@@ -54,8 +54,6 @@ class FitOptions:
         Inductance at the largest distance, for a table without flux linkage.
     actuator : mapping or None
         Replaces values of the manifest's ``actuator`` entry.
-    mass_kg, resistance_ohm : float or None
-        Replace single values of it.
     """
 
     model: str = COENERGY
@@ -111,12 +109,8 @@ class FitResult:
         Table 2 of the paper, on these data.
     misfits : tuple of Misfit
         Of the model, against the sweep first, then of a law against the co-energy reference.
-    rows : FitRows
-        What was fitted.
     notes : tuple of str
         What the model lacks, and how to give it.
-    data : mapping
-        All of it, JSON-ready.
     of_data : tuple of str
         What the table's import warned of.
     """
@@ -143,11 +137,6 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
         Of the sweep or an import.
     options : FitOptions or None
         None for a co-energy with everything by default.
-
-    Returns
-    -------
-    FitResult
-        Model and report.
 
     Raises
     ------
@@ -234,17 +223,10 @@ def _coenergy(rows: FitRows, options: FitOptions, needed: bool) -> CoenergyFit |
 def actuator_entry(table: SweepTable, options: FitOptions) -> dict[str, Any]:
     """The manifest's actuator entry with the options' replacements.
 
-    Parameters
-    ----------
-    table : SweepTable
-        Any.
-    options : FitOptions
-        Any.
-
     Returns
     -------
     dict
-        Keys as in :class:`femfit.core.sweep_table.SweepTable`.
+        Keys as in :class:`femfit.tables.sweep_table.SweepTable`.
     """
     entry = dict(table.manifest.get("actuator") or {})
     entry.update(options.actuator or {})
@@ -260,17 +242,10 @@ def law_magnetics(law: LawFit, rows: FitRows, options: FitOptions) -> LawMagneti
 
     Parameters
     ----------
-    law : LawFit
-        A fitted law.
     rows : FitRows
         Whose flux linkage gives the constants.
     options : FitOptions
         ``stages`` chooses the coefficients; ``inductance_H`` serves where there is no flux linkage.
-
-    Returns
-    -------
-    LawMagnetics
-        For the model.
     """
     if options.stages == "two":
         values = law.two_stage

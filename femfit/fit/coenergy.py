@@ -41,19 +41,11 @@ class CoenergyFit:
 
     Parameters
     ----------
-    magnetics : CoenergySpline
-        With W'(d_max, 0) = 0.
-    basis : CoenergyBasis
-        What held-out rows chose.
     held_out : float
         Rms error of the chosen basis on held-out rows, the larger of force (relative to itself) and flux linkage
         (relative to its change over the distance).
-    constraints : tuple of str
-        Shape constraints in force.
     active : tuple of str
         Where they act: one sentence a place.
-    qp : QPSolution
-        The solved programme.
     """
 
     magnetics: CoenergySpline
@@ -71,8 +63,6 @@ def fit_coenergy(
 
     Parameters
     ----------
-    rows : FitRows
-        With or without flux linkage.
     constraints : sequence of str or None
         Names of :data:`SHAPES`; None: those that the raw data obey everywhere.
     open_inductance_H : float
@@ -141,11 +131,6 @@ def _solve_with_shapes(
 
 def obeyed_shapes(rows: FitRows) -> list[str]:
     """The shape constraints that the raw data obey between all neighbouring rows.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Of the sweep.
 
     Returns
     -------

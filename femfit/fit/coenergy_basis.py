@@ -18,8 +18,6 @@ class CoenergyBasis:
     ----------
     reference_distance_m, distance_shift_m : float
         d_0 and s of u = d_0 / (d + s).
-    u_knots, current_knots : array
-        Clamped knot vectors.
     current_degree : int
         Polynomial degree in the current.
     """

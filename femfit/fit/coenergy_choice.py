@@ -51,11 +51,6 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
 
     Distance and current are searched in turn, each with what was chosen for the other.
 
-    Parameters
-    ----------
-    system : CoenergySystem
-        Of the sweep.
-
     Returns
     -------
     tuple of CoenergyBasis and float
@@ -115,8 +110,6 @@ def check_grid(currents: int, distances: int, fewest_distances: int = FEWEST_DIS
 
     Parameters
     ----------
-    currents, distances : int
-        How many there are.
     fewest_distances : int
         How many distances are needed; by default with flux linkages, as a sweep has them.
 

@@ -45,8 +45,6 @@ class Channel:
     ----------
     order : (int, int)
         Derivative of W' in d and i.
-    sign : float
-        What it is multiplied by.
     which : array of int
         Rows of the table that have the column.
     value, scale, sigma : array
@@ -67,8 +65,6 @@ class CoenergySystem:
 
     Parameters
     ----------
-    rows : FitRows
-        Of the sweep.
     channels : tuple of Channel
         Force, then flux linkage and inductance where the table has them.
     """
@@ -78,11 +74,6 @@ class CoenergySystem:
 
     def equations(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Those of the table, and where it has inductances, d^3W'/di^3 = 0 with a sigma that only fills gaps.
-
-        Parameters
-        ----------
-        basis : CoenergyBasis
-            Of the spline.
 
         Returns
         -------
@@ -151,11 +142,6 @@ def coenergy_system(rows: FitRows) -> CoenergySystem:
     ----------
     rows : FitRows
         With or without flux linkage and inductance.
-
-    Returns
-    -------
-    CoenergySystem
-        For any basis.
     """
     every, scale = np.arange(len(rows.force)), rows.force_scale
     channels = [Channel((1, 0), -1.0, every, rows.force, scale, np.hypot(rows.force_error, RELATIVE_SIGMA * scale))]
@@ -179,18 +165,6 @@ def determined(basis: CoenergyBasis, rows: FitRows) -> IntArray:
 
     Force and flux leave a constant open (one coefficient); force alone leaves any function of the current open (the
     whole first row, which is W' at the largest distance).
-
-    Parameters
-    ----------
-    basis : CoenergyBasis
-        Of the spline.
-    rows : FitRows
-        With or without flux linkage.
-
-    Returns
-    -------
-    array of int
-        Into the flat coefficients.
     """
     indices = np.arange(basis.shape[0] * basis.shape[1])
     return indices[1:] if rows.flux_linkage is not None else indices[basis.shape[1] :]
@@ -203,16 +177,6 @@ def held_out_masks(rows: FitRows) -> list[BoolArray]:
     forbids. Between them every fourth distance is left out, and each single current; where inductances stand beside
     the flux linkages, single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves
     with the distance is narrower than what a whole distance or current would leave open.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Of the sweep.
-
-    Returns
-    -------
-    list of array of bool
-        One mask a fold.
     """
     distances, currents = rows.distances, rows.currents
     if rows.inductance is None or len(currents) <= FEWEST_CURRENTS:

@@ -31,18 +31,12 @@ class HallFit:
 
     Parameters
     ----------
-    field : HallSpline
-        B(d, i).
-    rms_T, max_T : float
-        Misfit on the sweep.
     held_out : float
         Rms error on held-out rows over the field's range.
     coil_slope_T_per_A : (float, float)
         Least and largest dB/di over the sweep: the paper's CH; their difference is the magnet's own permeability.
     magnet_field_T : (float, float)
         B without current at the largest and the least distance: the paper's MH.
-    qp : QPSolution
-        The solved programme.
     """
 
     field: HallSpline
@@ -63,11 +57,6 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
         Of the sweep; at least two currents.
     hall : array, shape (n,)
         B_z in T.
-
-    Returns
-    -------
-    HallFit
-        The characteristic.
 
     Raises
     ------

@@ -61,11 +61,6 @@ def usual_terms(current_max: float, lag_times: Sequence[float] = (3.0, 10.0, 30.
         Largest current of the magnet's cycles, A.
     lag_times : sequence of float
         Time constants in s; the fit weighs them.
-
-    Returns
-    -------
-    FieldTerms
-        For :func:`identify_field`.
     """
     return FieldTerms(current_max, 7, tuple(current_max * fraction for fraction in _RADII), tuple(lag_times))
 

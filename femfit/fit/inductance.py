@@ -20,11 +20,11 @@ from scipy.optimize import least_squares, nnls
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.core.inductance_table import InductanceTable
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel, Circuit, Motion, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.tables.inductance_table import InductanceTable
 
 
 @dataclass(frozen=True)
@@ -33,14 +33,8 @@ class InductanceOptions:
 
     Parameters
     ----------
-    law : str
-        In the catalogue.
-    mass_kg, resistance_ohm : float or None
-        For motion and circuit.
     supply_V : (float, float) or None
         The driver's lowest and highest voltage, for the circuit.
-    sample_time_s : float
-        Of the controller.
     """
 
     law: str = "two-exponentials"
@@ -60,8 +54,6 @@ class InductanceFit:
         To write with :func:`femfit.model.json_file.write_model`.
     rms_H, max_H : float
         Root mean square and largest of model minus table.
-    rows : int
-        Of the table.
     notes : tuple of str
         What the model lacks, and how to give it.
     of_data : tuple of str
@@ -87,8 +79,6 @@ def fit_inductance(table: InductanceTable, options: InductanceOptions | None = N
     ----------
     table : InductanceTable
         Apparent inductances, weighted as flux linkages: a small current tells its inductance badly.
-    options : InductanceOptions or None
-        Defaults where None.
 
     Returns
     -------
@@ -138,18 +128,7 @@ def fit_inductance(table: InductanceTable, options: InductanceOptions | None = N
 
 
 def inductance_lines(fit: InductanceFit) -> list[str]:
-    """What ``femfit fit`` prints.
-
-    Parameters
-    ----------
-    fit : InductanceFit
-        Any.
-
-    Returns
-    -------
-    list of str
-        Lines.
-    """
+    """What ``femfit fit`` prints."""
     model, magnetics = fit.model, fit.model.magnetics
     box = model.validity
     at = np.array([box.distance_min_m, box.distance_max_m])

@@ -56,15 +56,8 @@ def term_names(law: ForceLaw, functions: Sequence[str]) -> tuple[tuple[str, int]
 
     Parameters
     ----------
-    law : ForceLaw
-        Any.
     functions : sequence of str
         One of :data:`FUNCTIONS` for each column.
-
-    Returns
-    -------
-    tuple of (str, int)
-        Names.
     """
     return tuple((basis, power) for basis, name in zip(law.basis, functions, strict=True) for power in FUNCTIONS[name])
 
@@ -76,8 +69,6 @@ def design_matrix(
 
     Parameters
     ----------
-    law : ForceLaw
-        Any.
     shape : mapping of str to float
         Its nonlinear parameters.
     functions : sequence of str
@@ -102,12 +93,8 @@ class TermBounds:
 
     Parameters
     ----------
-    names : tuple of str
-        Of the terms.
     lower, upper : array, shape (terms,)
         A box, from currents at which a single term makes up the coefficient.
-    inequalities : Inequalities or None
-        From the other currents.
     sides : tuple of str
         ``lower`` or ``upper`` for each inequality.
     """
@@ -149,8 +136,6 @@ def term_bounds(
         Name of each column, for reports.
     currents : array
         Distinct currents of the sweep, A.
-    bounds : CoefficientBounds
-        On c_k(i).
 
     Returns
     -------

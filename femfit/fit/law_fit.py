@@ -48,28 +48,16 @@ class LawFit:
 
     Parameters
     ----------
-    law : ForceLaw
-        Which.
     shape : mapping of str to float
         Its nonlinear parameters.
     shape_interval : mapping of str to (float, float)
         Their 95 % block-jackknife intervals.
-    functions : tuple of str
-        Coefficient function of each column.
     terms : tuple of (str, int)
         Column and power of current of each term.
-    stage_one : StageOne
-        The law at each current.
-    stage_two : tuple of CoefficientFunction
-        One a column.
     two_stage : array, shape (terms,)
         Coefficients of the two-stage fit.
     joint : QPSolution
         The one-stage fit of the same terms to all rows.
-    limits : TermBounds
-        The bounds that it obeys.
-    interval : Interval
-        Of the joint fit's terms.
     """
 
     law: ForceLaw
@@ -97,11 +85,6 @@ class LawFit:
 def law_sigma(rows: FitRows) -> FloatArray:
     """Standard deviation for which a law's rows are weighted: the same everywhere, and the row's own error.
 
-    Parameters
-    ----------
-    rows : FitRows
-        Of the sweep.
-
     Returns
     -------
     array, shape (n,)
@@ -115,11 +98,6 @@ def default_bounds(law: ForceLaw) -> CoefficientBounds:
 
     The paper bounds them at its currents, all of which attract (0 to 1.4 A). At negative ones the coil's part of the
     force, b(i) = m i, repels, and a bound there would leave only b = 0.
-
-    Parameters
-    ----------
-    law : ForceLaw
-        Any.
 
     Returns
     -------
@@ -139,19 +117,10 @@ def fit_law(
 
     Parameters
     ----------
-    law : ForceLaw
-        Any.
-    rows : FitRows
-        Of the sweep.
     bounds : CoefficientBounds or None
         On every c_k(i); None for the law's own.
     functions : sequence of str or None
         Coefficient functions to take without choosing.
-
-    Returns
-    -------
-    LawFit
-        Everything that the report tells.
 
     Raises
     ------
@@ -200,14 +169,8 @@ def fit_joint(
 
     Parameters
     ----------
-    law : ForceLaw
-        Any.
     shape : mapping of str to float
         Its nonlinear parameters.
-    functions : sequence of str
-        Coefficient function of each column.
-    rows : FitRows
-        Of the sweep.
     sigma : array, shape (n,)
         N.
     bounds : CoefficientBounds
@@ -235,17 +198,10 @@ def fit_shape(
     ----------
     law : ForceLaw
         Any; without shape parameters the result is empty.
-    rows : FitRows
-        Of the sweep.
     sigma : array, shape (n,)
         N.
     start : mapping of str to float or None
         Where to start; None: the law's first guess, and three further ones between its bounds.
-
-    Returns
-    -------
-    dict of str to float
-        By name.
 
     Raises
     ------

@@ -41,8 +41,6 @@ class LinearityTest:
         F test of the quadratic part over all distances, its degrees of freedom below; None with fewer than four
         currents, and where a parabola leaves nothing but rounding (a superposed sweep): there is then no noise to test
         against. A small p proves a curvature; the two shares above say whether it matters.
-    degrees_of_freedom : (int, int)
-        Numerator and denominator.
     """
 
     pairs_A: FloatArray
@@ -58,11 +56,6 @@ class LinearityTest:
 
 def linearity_test(rows: FitRows) -> LinearityTest | None:
     """Test whether the force is linear in the current.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Of the sweep.
 
     Returns
     -------

@@ -13,17 +13,8 @@ def misfit_to_rows(magnetics: Magnetics, rows: FitRows, hall_rms_T: float | None
 
     Parameters
     ----------
-    magnetics : Magnetics
-        Fitted.
-    rows : FitRows
-        Of the sweep.
     hall_rms_T : float or None
         Misfit of the Hall characteristic, where there is one.
-
-    Returns
-    -------
-    Misfit
-        Against ``sweep``.
     """
     force = magnetics.force(rows.distance, rows.current)
     flux = None
@@ -33,22 +24,7 @@ def misfit_to_rows(magnetics: Magnetics, rows: FitRows, hall_rms_T: float | None
 
 
 def misfit_between(magnetics: Magnetics, reference: Magnetics, rows: FitRows) -> Misfit:
-    """Model minus co-energy reference, on the sweep's points.
-
-    Parameters
-    ----------
-    magnetics : Magnetics
-        A law.
-    reference : Magnetics
-        The co-energy.
-    rows : FitRows
-        Whose points to compare at.
-
-    Returns
-    -------
-    Misfit
-        Against ``co-energy reference``.
-    """
+    """Model minus co-energy reference, on the sweep's points."""
     d, i = rows.distance, rows.current
     flux = None
     if rows.flux_linkage is not None:

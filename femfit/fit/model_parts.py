@@ -17,8 +17,6 @@ class ModelParts:
     ----------
     circuit : Circuit or None
         Needs resistance, supply and an inductance.
-    motion : Motion or None
-        Needs the mass.
     sensor : HallSensor or None
         Needs a Hall field in the table, and the element.
     notes : tuple of str
@@ -37,11 +35,7 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
     Parameters
     ----------
     entry : mapping
-        Of the manifest, as in :class:`femfit.core.sweep_table.SweepTable`.
-    rows : FitRows
-        Of the sweep.
-    hall : HallFit or None
-        Of the Hall field.
+        Of the manifest, as in :class:`femfit.tables.sweep_table.SweepTable`.
     inductance_given : bool
         Whether an inductance stands in for a missing flux linkage.
 

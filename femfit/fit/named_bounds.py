@@ -40,19 +40,10 @@ def bounds_by_name(
 
     Parameters
     ----------
-    name : str
-        One of :data:`BOUNDS`.
     law : ForceLaw
         Any without shape parameters, for the paper's boxes.
-    rows : FitRows
-        Of the sweep.
     single : mapping of str to (float, float), or None
         Bounds of single columns' coefficients, over the named ones.
-
-    Returns
-    -------
-    CoefficientBounds
-        On every c_k(i).
 
     Raises
     ------
@@ -90,12 +81,8 @@ def require_slack_box(law: ForceLaw, rows: FitRows, box: CoefficientBounds, slac
 
     Parameters
     ----------
-    law : ForceLaw
-        Any without shape parameters.
     rows : FitRows
         Of the sweep; each current is checked by itself, as in stage one.
-    box : CoefficientBounds
-        On the coefficients.
     slack : float
         Largest F_j - law(d_j), N; the smallest is zero.
 

@@ -1,9 +1,9 @@
 """What a fit says of its data and of its own limits, one plain sentence each."""
 
-from femfit.core.sweep_table import SweepTable
 from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows
+from femfit.tables.sweep_table import SweepTable
 
 _COARSE = 0.01
 """Misfit of the co-energy to its own sweep that the user is warned of."""
@@ -18,11 +18,6 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
     ----------
     table : SweepTable
         Any; a sweep's own has none.
-
-    Returns
-    -------
-    tuple of str
-        Findings with their remedies.
     """
     findings = [one for one in table.manifest.get("findings") or () if isinstance(one, dict)]
     grave = [one for one in findings if one.get("severity") == "warning" or one.get("code") == _UNITS_ASSUMED]
@@ -30,20 +25,7 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
 
 
 def coarse_note(coenergy: CoenergyFit | None, rows: FitRows) -> tuple[str, ...]:
-    """A warning where the co-energy misses the sweep that it was fitted to.
-
-    Parameters
-    ----------
-    coenergy : CoenergyFit or None
-        Fitted to the rows.
-    rows : FitRows
-        Of the sweep.
-
-    Returns
-    -------
-    tuple of str
-        At most one.
-    """
+    """A warning where the co-energy misses the sweep that it was fitted to."""
     misfit = None if coenergy is None else misfit_to_rows(coenergy.magnetics, rows)
     if misfit is None or misfit.force_rms_relative < _COARSE:
         return ()

@@ -35,16 +35,12 @@ class Candidate:
     ----------
     fit : LawFit or None
         To all rows; None where the law could not be fitted.
-    law : ForceLaw
-        Which.
     held_out_rms, held_out_max : float
         Error on the rows left out, as a part of the weight (or of the rms force).
     held_out_of_force : float
         Rms of error over force (its scale, where it passes through zero) on the rows left out.
     rms : float
         Error of the joint fit to all rows, as a part of the same.
-    parameters : int
-        Coefficients and shape parameters.
     failure : str
         Why it could not be fitted, or empty.
     """
@@ -65,8 +61,6 @@ class Ranking:
 
     Parameters
     ----------
-    candidates : tuple of Candidate
-        Those that failed last.
     recommended : Candidate
         The cheapest within :data:`TARGET`, or else the best.
     reached : bool
@@ -86,18 +80,6 @@ class Ranking:
 
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
     """Fit every law, and rank them by their error on held-out rows.
-
-    Parameters
-    ----------
-    laws : sequence of ForceLaw
-        Candidates.
-    rows : FitRows
-        Of the sweep.
-
-    Returns
-    -------
-    Ranking
-        With a recommendation.
 
     Raises
     ------
@@ -129,11 +111,6 @@ def _why_of(rows: FitRows) -> str:
 
 def ranking_folds(rows: FitRows) -> list[BoolArray]:
     """The rows that are left out together.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Of the sweep.
 
     Returns
     -------

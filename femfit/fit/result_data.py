@@ -15,13 +15,6 @@ from femfit.fit.rows import FitRows
 def stage_one_data(fit: LawFit, rows: FitRows) -> list[dict[str, Any]]:
     """Stage one at each current, and what is left of it in the final law (Tables 3 and 5 of the paper).
 
-    Parameters
-    ----------
-    fit : LawFit
-        Any.
-    rows : FitRows
-        That it was fitted to.
-
     Returns
     -------
     list of dict
@@ -52,13 +45,6 @@ def stage_one_data(fit: LawFit, rows: FitRows) -> list[dict[str, Any]]:
 
 def law_data(fit: LawFit, rows: FitRows) -> dict[str, Any]:
     """A law's fit.
-
-    Parameters
-    ----------
-    fit : LawFit
-        Any.
-    rows : FitRows
-        That it was fitted to.
 
     Returns
     -------
@@ -107,11 +93,6 @@ def law_data(fit: LawFit, rows: FitRows) -> dict[str, Any]:
 def ranking_data(ranking: Ranking) -> dict[str, Any]:
     """A ranking of laws.
 
-    Parameters
-    ----------
-    ranking : Ranking
-        Any.
-
     Returns
     -------
     dict
@@ -148,11 +129,6 @@ def ranking_data(ranking: Ranking) -> dict[str, Any]:
 def coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
     """A co-energy's fit.
 
-    Parameters
-    ----------
-    fit : CoenergyFit
-        Any.
-
     Returns
     -------
     dict
@@ -171,18 +147,7 @@ def coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
 
 
 def hall_data(fit: HallFit) -> dict[str, Any]:
-    """A Hall characteristic's fit.
-
-    Parameters
-    ----------
-    fit : HallFit
-        Any.
-
-    Returns
-    -------
-    dict
-        Coil part, magnet part and misfit.
-    """
+    """A Hall characteristic's fit."""
     return {
         "coil_slope_T_per_A": list(fit.coil_slope_T_per_A),
         "magnet_field_T": list(fit.magnet_field_T),
@@ -196,11 +161,6 @@ def hall_data(fit: HallFit) -> dict[str, Any]:
 
 def linearity_data(test: LinearityTest) -> dict[str, Any]:
     """The linearity test.
-
-    Parameters
-    ----------
-    test : LinearityTest
-        Any.
 
     Returns
     -------

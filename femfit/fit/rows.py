@@ -7,8 +7,8 @@ import pandas as pd
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import TableError
-from femfit.core.sweep_table import SweepTable
 from femfit.fit.incremental import incremental_inductance
+from femfit.tables.sweep_table import SweepTable
 
 FEWEST_ROWS = 12
 FEWEST_DISTANCES = 4
@@ -24,10 +24,6 @@ class FitRows:
 
     Parameters
     ----------
-    distance, current, force : array
-        d, i and F.
-    flux_linkage, hall : array or None
-        Where every row has them.
     inductance : array or None
         d(flux linkage)/di, beside the flux linkage; NaN in rows without.
     force_error : array
@@ -107,20 +103,6 @@ class FitRows:
 
 def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float) -> FitRows:
     """Check a sweep table and give its rows.
-
-    Parameters
-    ----------
-    table : SweepTable
-        Any.
-    mass_kg : float or None
-        Mass of the moving part.
-    gravity_m_s2 : float
-        g.
-
-    Returns
-    -------
-    FitRows
-        Rows with status ``ok``.
 
     Raises
     ------

@@ -47,16 +47,12 @@ class ScaledQP:
         R.
     right : array, shape (k,)
         q.
-    outside : float
-        What no z explains.
     lower, upper : array, shape (k,)
         Bounds of z.
     inequalities : Inequalities or None
         On z, rows of length one.
     column_scale : array, shape (k,)
         Norms of the columns of A / sigma.
-    scale : float
-        Norm of y / sigma.
     """
 
     triangle: FloatArray
@@ -103,15 +99,6 @@ def scaled_qp(
         Data and their standard deviations.
     lower, upper : array, shape (k,), or None
         Bounds of x.
-    inequalities : Inequalities or None
-        On x.
-    names : sequence of str
-        Of the coefficients, for messages.
-
-    Returns
-    -------
-    ScaledQP
-        In z.
 
     Raises
     ------

@@ -22,18 +22,7 @@ _LABELS_SHOWN = 4
 
 
 def fit_lines(result: FitResult) -> list[str]:
-    """Everything that ``femfit fit`` prints.
-
-    Parameters
-    ----------
-    result : FitResult
-        Any.
-
-    Returns
-    -------
-    list of str
-        Lines.
-    """
+    """Everything that ``femfit fit`` prints."""
     model = result.model
     lines = [*(f"note: {note}" for note in result.of_data), f"{model.name}: {len(result.rows.force)} rows"]
     if result.ranking is not None:
@@ -66,18 +55,7 @@ def _derived_line(result: FitResult) -> str:
 
 
 def ranking_lines(ranking: Ranking) -> list[str]:
-    """The table of candidates.
-
-    Parameters
-    ----------
-    ranking : Ranking
-        Any.
-
-    Returns
-    -------
-    list of str
-        Lines, the recommendation last.
-    """
+    """The table of candidates."""
     lines = [
         f"candidates, errors in % of the {ranking.of} (held-out rows: blocks of distances, single currents):",
         (
@@ -153,11 +131,6 @@ def _si(value: float, unit: str, digits: int = 4) -> str:
 def misfit_line(misfit: Misfit) -> str:
     """One misfit in a sentence.
 
-    Parameters
-    ----------
-    misfit : Misfit
-        Any.
-
     Returns
     -------
     str
@@ -219,18 +192,7 @@ def _term(basis: str, power: int) -> str:
 
 
 def linearity_lines(test: LinearityTest) -> list[str]:
-    """Table 2 of the paper on these data.
-
-    Parameters
-    ----------
-    test : LinearityTest
-        Any.
-
-    Returns
-    -------
-    list of str
-        Lines.
-    """
+    """Table 2 of the paper on these data."""
     lines = ["linearity in the current (differences of adjacent currents, over the distances):"]
     for pair, mean, sd in zip(test.pairs_A, test.mean_N, test.sd_N, strict=True):
         lines.append(f"  {pair[0]:.4g} to {pair[1]:.4g} A: mean {_si(mean, 'N', 5)}, sd {_si(sd, 'N', 5)}")

@@ -36,8 +36,6 @@ class StageOne:
         c_k at each current.
     residual_sums : array, shape (m,)
         J in N^2.
-    solutions : tuple of QPSolution
-        One a current.
     """
 
     currents: FloatArray
@@ -86,21 +84,10 @@ def fit_each_current(
 
     Parameters
     ----------
-    law : ForceLaw
-        Any.
     shape : mapping of str to float
         Its nonlinear parameters, the same at all currents.
-    rows : FitRows
-        Of the sweep.
     sigma : array, shape (n,)
         Standard deviation of each row's force, N.
-    bounds : CoefficientBounds
-        On c_k.
-
-    Returns
-    -------
-    StageOne
-        One solution a current.
 
     Raises
     ------
@@ -142,8 +129,6 @@ def fit_coefficient_function(
     ----------
     currents, values : array, shape (m,)
         c at each current.
-    label : str
-        Name of the coefficient.
     bounds : CoefficientBounds or None
         Of c, one column; None for none.
     name : str or None
@@ -245,21 +230,10 @@ def fit_functions(
 
     Parameters
     ----------
-    law : ForceLaw
-        Any.
-    stage_one : StageOne
-        Its coefficients at each current.
-    bounds : CoefficientBounds
-        On c_k(i).
     functions : sequence of str or None
         Functions to take without choosing, one a column.
     negligible : array, shape (k,), or None
         Held-out error of each coefficient that does not matter.
-
-    Returns
-    -------
-    tuple of CoefficientFunction
-        One a column.
     """
     return tuple(
         fit_coefficient_function(

@@ -62,11 +62,6 @@ def law_by_name(name: str) -> ForceLaw:
     name : str
         As in the model file, and as the entry point is called; case counts.
 
-    Returns
-    -------
-    ForceLaw
-        The law.
-
     Raises
     ------
     ModelFileError

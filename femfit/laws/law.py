@@ -14,21 +14,7 @@ from femfit.core.arrays import FloatArray
 
 @dataclass(frozen=True)
 class ShapeParameter:
-    """A parameter of a law's columns that does not enter linearly.
-
-    Parameters
-    ----------
-    name : str
-        As in the model file.
-    unit : str
-        SI unit.
-    lower, upper : float
-        Bounds of the search.
-    start : float
-        First guess.
-    description : str
-        One plain sentence.
-    """
+    """A parameter of a law's columns that does not enter linearly."""
 
     name: str
     unit: str
@@ -47,10 +33,6 @@ class ForceLaw:
 
     Parameters
     ----------
-    name : str
-        As typed by users.
-    formula : str
-        In plain text.
     basis : tuple of str
         Name of each column, for example ``d^-4``.
     coefficient_units : tuple of str
@@ -64,8 +46,6 @@ class ForceLaw:
     column_operations : int
         Floating-point operations of the columns at one distance: each addition, multiplication, division and square
         root counts one (division and square root take the same time on common microcontrollers), exp counts 20.
-    reference : str
-        Where the law comes from.
     shape : tuple of ShapeParameter
         Parameters that enter nonlinearly; empty for most laws.
     nonnegative : tuple of bool

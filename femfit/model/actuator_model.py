@@ -18,15 +18,7 @@ from femfit.model.magnetics import Magnetics
 
 @dataclass(frozen=True)
 class Circuit:
-    """The winding and its driver: U = R i + d(flux linkage)/dt.
-
-    Parameters
-    ----------
-    resistance_ohm : float
-        R.
-    voltage_min_V, voltage_max_V : float
-        The driver's clamp.
-    """
+    """The winding and its driver: U = R i + d(flux linkage)/dt."""
 
     resistance_ohm: float
     voltage_min_V: float
@@ -35,15 +27,7 @@ class Circuit:
 
 @dataclass(frozen=True)
 class Motion:
-    """A body hanging under the electromagnet: m d'' = m g - F.
-
-    Parameters
-    ----------
-    mass_kg : float
-        m.
-    gravity_m_s2 : float
-        g along growing distance.
-    """
+    """A body hanging under the electromagnet: m d'' = m g - F."""
 
     mass_kg: float
     gravity_m_s2: float = GRAVITY
@@ -55,10 +39,6 @@ class HallSensor:
 
     Parameters
     ----------
-    field : HallField
-        B_z(d, i).
-    sensitivity_V_per_T, quiescent_V : float
-        Output = quiescent + sensitivity B.
     output_min_V, output_max_V : float
         Range of the output and converter.
     adc_bits : int
@@ -87,15 +67,7 @@ class HallSensor:
 
 @dataclass(frozen=True)
 class ValidityBox:
-    """Where the model was fitted.
-
-    Parameters
-    ----------
-    distance_min_m, distance_max_m : float
-        Range of distances.
-    current_min_A, current_max_A : float
-        Range of currents.
-    """
+    """Where the model was fitted."""
 
     distance_min_m: float
     distance_max_m: float
@@ -146,8 +118,6 @@ class Misfit:
         ``force_rms_N`` over the moving part's weight, where it can hang within the sweep.
     flux_linkage_rms_Wb, hall_rms_T : float or None
         The same for the other columns, where the sweep has them.
-    rows : int
-        Number of rows compared.
     against : str
         What it was compared with, for example ``sweep`` or ``co-energy reference``.
     """
@@ -168,16 +138,10 @@ class ActuatorModel:
 
     Parameters
     ----------
-    name : str
-        Of the actuator.
     magnetics : Magnetics
         Co-energy spline or force law.
-    validity : ValidityBox
-        Where it was fitted.
     circuit, motion, sensor : optional
         Absent where the sweep's source did not tell them.
-    misfit : Misfit or None
-        Distance from the sweep.
     sample_time_s : float
         Period of the controller and filter.
     reference_distances_m : tuple of float
@@ -193,8 +157,6 @@ class ActuatorModel:
         The effects at work while something moves or changes; None where there are none.
     coil_temperature_C, magnet_temperature_C : float
         At which plant and filters run; matters only to effects that know temperatures.
-    provenance : mapping
-        Versions, hashes, the fit's report.
     """
 
     name: str

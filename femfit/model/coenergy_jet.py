@@ -17,8 +17,6 @@ def coenergy_jet(magnetics: Magnetics, hall: HallField | None) -> CoenergyJet:
 
     Parameters
     ----------
-    magnetics : Magnetics
-        W'.
     hall : HallField or None
         B at the Hall element; zero where None.
 
@@ -52,17 +50,8 @@ def changed_jet(inner: CoenergyJet, effects: Iterable[AddedEffect], at: Conditio
 
     Parameters
     ----------
-    inner : callable
-        The base's.
     effects : iterable of AddedEffect
         Those without a ``coenergy`` are passed over.
-    at : Conditions
-        Of the points.
-
-    Returns
-    -------
-    callable
-        As ``inner``.
     """
     for added in sorted(effects, key=lambda added: added.effect.memory is not None):
         if added.effect.coenergy is not None:

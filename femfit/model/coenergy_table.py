@@ -100,13 +100,6 @@ class CoenergyTable:
         ----------
         distance, current : array, shape (n,)
             In m and A.
-        in_distance, in_current : int
-            Orders.
-
-        Returns
-        -------
-        Jet
-            Of these orders.
         """
         if max(in_distance, in_current) > _DEGREE:
             return self.exact(distance, current, in_distance, in_current)

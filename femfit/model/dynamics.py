@@ -23,8 +23,6 @@ def state_derivative(
 
     Parameters
     ----------
-    model : ActuatorModel
-        With circuit and motion.
     state : array, shape (..., n)
         Distance in m, velocity in m/s (positive: falling away), current in A; after them ``model.memory_names``.
     voltage : array, shape (...)
@@ -54,14 +52,10 @@ def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, ste
 
     Parameters
     ----------
-    model : ActuatorModel
-        With circuit and motion.
     state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Held over the step, in V.
-    step : float
-        In s.
 
     Returns
     -------
@@ -83,14 +77,10 @@ def runge_kutta_step(
 
     Parameters
     ----------
-    model : ActuatorModel
-        With circuit and motion.
     state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Held over the step, in V.
-    step : float
-        In s.
     substeps : int
         Number of equal parts of the step.
     disturbance : array or float
@@ -120,8 +110,6 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
 
     Parameters
     ----------
-    model : ActuatorModel
-        With circuit and motion.
     state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
@@ -161,8 +149,6 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
 
     Parameters
     ----------
-    model : ActuatorModel
-        With a sensor.
     state : array, shape (..., 3 or more)
         As in :func:`state_derivative`.
     time : float
@@ -184,14 +170,10 @@ def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray,
 
     Parameters
     ----------
-    model : ActuatorModel
-        With circuit and motion.
     state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Held over the step, in V.
-    step : float
-        In s.
 
     Returns
     -------
@@ -206,14 +188,10 @@ def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
 
     Parameters
     ----------
-    model : ActuatorModel
-        With circuit and motion.
     state : array, shape (..., n)
         As in :func:`state_derivative`.
     voltage : array, shape (...)
         Held over the step, in V.
-    step : float
-        In s.
 
     Returns
     -------

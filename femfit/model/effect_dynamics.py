@@ -40,14 +40,8 @@ class EffectDynamics:
     ----------
     motion_jet, hall_jet : callable
         The co-energy without what ``later`` does to it, without and with the field at the Hall element.
-    effects : tuple of AddedEffect
-        In the order of adding.
     later : tuple of AddedEffect
         Those of the effects whose change of the co-energy depends on states.
-    at : Conditions
-        Nominal values and temperatures.
-    resistance_ohm : float
-        Of the base.
     """
 
     motion_jet: CoenergyJet
@@ -113,8 +107,6 @@ class EffectDynamics:
             As commanded, in V.
         disturbance : array or float
             Further force along growing distance, in N.
-        mass, gravity : float
-            In kg and m/s^2.
 
         Returns
         -------
@@ -238,8 +230,6 @@ class EffectDynamics:
             Without them.
         distance, current : array, shape (n,)
             In m and A.
-        at : Conditions
-            Of every point.
 
         Returns
         -------
@@ -264,12 +254,8 @@ def seen_point(
 
     Parameters
     ----------
-    effects : tuple of AddedEffect
-        In the order of adding.
     distance, current : array, shape (n,)
         Now, in m and A.
-    at : Conditions
-        Of every point.
 
     Returns
     -------
@@ -289,14 +275,8 @@ def hall_field(
 
     Parameters
     ----------
-    jet : callable
-        The base's co-energy.
-    effects : tuple of AddedEffect
-        In the order of adding.
     distance, current : array, shape (n,)
         Now, in m and A.
-    at : Conditions
-        Of every point.
 
     Returns
     -------

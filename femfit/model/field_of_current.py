@@ -38,12 +38,6 @@ class FieldTerms:
     ----------
     current_max_A : float
         I_max, which the magnet was cycled to before the record.
-    degree : int
-        Of the polynomial.
-    play_radii_A : tuple of float
-        r_j.
-    lag_times_s : tuple of float
-        tau_l.
     """
 
     current_max_A: float
@@ -87,8 +81,6 @@ class FieldModel:
 
     Parameters
     ----------
-    terms : FieldTerms
-        What the coefficients belong to.
     coefficients : array, shape (k,)
         In the order of ``terms.names``.
     rms_T : float
@@ -141,10 +133,6 @@ def field_columns(
 
     Parameters
     ----------
-    terms : FieldTerms
-        Which.
-    state : MagnetState
-        Before the first sample.
     time, current : array, shape (n,)
         In s and A.
 
@@ -228,11 +216,6 @@ def field_model_of_sweep(
         included.
     degree : int
         Of the polynomial; a linear material needs 1.
-
-    Returns
-    -------
-    FieldModel
-        A polynomial alone.
     """
     terms = FieldTerms(current_max, degree)
     nodes = np.polynomial.chebyshev.chebpts1(4 * (degree + 1))
@@ -250,8 +233,6 @@ def write_field_model(model: FieldModel, path: Path) -> None:
 
     Parameters
     ----------
-    model : FieldModel
-        Any.
     path : Path
         Of the file; its directory is made.
     """
@@ -272,11 +253,6 @@ def read_field_model(path: Path) -> FieldModel:
     ----------
     path : Path
         Written by :func:`write_field_model`.
-
-    Returns
-    -------
-    FieldModel
-        The model.
 
     Raises
     ------

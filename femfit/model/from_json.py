@@ -28,13 +28,6 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
     ----------
     data : mapping
         As written by :func:`model_to_dict`.
-    source : str
-        Name for messages.
-
-    Returns
-    -------
-    ActuatorModel
-        The model.
 
     Raises
     ------

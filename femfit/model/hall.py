@@ -34,8 +34,6 @@ class HallField(ABC):
 
         Parameters
         ----------
-        distance, current : array
-            Points; broadcast against each other.
         orders : tuple of (int, int)
             Order in distance and in current of each.
 
@@ -54,18 +52,7 @@ class HallField(ABC):
         return self.partials(distance, current, ((0, 0),))[0]
 
     def derivatives(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """B_z in T, dB_z/dd in T/m and dB_z/di in T/A.
-
-        Parameters
-        ----------
-        distance, current : array
-            Points; broadcast against each other.
-
-        Returns
-        -------
-        tuple of three arrays
-            In the broadcast shape.
-        """
+        """B_z in T, dB_z/dd in T/m and dB_z/di in T/A."""
         value, in_d, in_i = self.partials(distance, current, ((0, 0), (1, 0), (0, 1)))
         return value, in_d, in_i
 
@@ -76,8 +63,6 @@ class HallSpline(HallField):
 
     Parameters
     ----------
-    reference_distance_m : float
-        d_0.
     spline : TensorSpline
         In (d_0 / (d + s), i), in T; a polynomial in the current is a spline with one cell.
     distance_shift_m : float

@@ -27,8 +27,6 @@ def partial_derivatives(
 
     Parameters
     ----------
-    spline : TensorSpline
-        In (u, i).
     reference_distance : float
         d_0 in m.
     shifted_distance : array, shape (n,)

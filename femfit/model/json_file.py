@@ -14,8 +14,6 @@ def write_model(model: ActuatorModel, path: Path) -> None:
 
     Parameters
     ----------
-    model : ActuatorModel
-        Any.
     path : Path
         Of the JSON file; its directory must exist.
 
@@ -42,16 +40,6 @@ def write_model(model: ActuatorModel, path: Path) -> None:
 
 def read_model(path: Path) -> ActuatorModel:
     """Read a model file.
-
-    Parameters
-    ----------
-    path : Path
-        Of the JSON file.
-
-    Returns
-    -------
-    ActuatorModel
-        The model.
 
     Raises
     ------

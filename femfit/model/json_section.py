@@ -17,12 +17,8 @@ class Section:
 
     Parameters
     ----------
-    source : str
-        File name, for messages.
     path : str
         Keys that lead to it, joined by dots; empty at the top.
-    data : mapping
-        The object.
     """
 
     source: str

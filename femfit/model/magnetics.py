@@ -58,8 +58,6 @@ class Magnetics(ABC):
 
         Parameters
         ----------
-        distance, current : array
-            Points; broadcast against each other.
         orders : tuple of (int, int)
             Order in distance and in current of each.
 
@@ -110,8 +108,6 @@ class CoenergySpline(Magnetics):
 
     Parameters
     ----------
-    reference_distance_m : float
-        d_0.
     spline : TensorSpline
         In (u, i), in J.
     distance_shift_m : float
@@ -137,12 +133,6 @@ class Coefficient:
     ----------
     basis : str
         Name of the column phi_k.
-    current_power : int
-        n.
-    value : float
-        c.
-    unit : str
-        Its unit.
     ci95 : (float, float) or None
         95 % interval, where it was estimated.
     bounds : (float, float)
@@ -169,16 +159,8 @@ class LawMagnetics(Magnetics):
 
     Parameters
     ----------
-    law_name : str
-        In the catalogue.
-    coefficients : tuple of Coefficient
-        c_kn.
     shape : mapping of str to float
         The law's nonlinear parameters.
-    constant_inductance_H : float
-        L_0.
-    constant_flux_linkage_Wb : float
-        flux_linkage_0.
     """
 
     law_name: str

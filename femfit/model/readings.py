@@ -31,8 +31,6 @@ def predict_readings(
         Its base and its effects count; it is evaluated outside of its validity box as well.
     distance, current : array, shape (n,)
         As recorded, in m and A.
-    at : Conditions
-        Of every row.
     effects : iterable of AddedEffect or None
         In place of the model's own.
 

@@ -16,11 +16,6 @@ SCHEMA_VERSION = 1
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data.
 
-    Parameters
-    ----------
-    model : ActuatorModel
-        Any.
-
     Returns
     -------
     dict

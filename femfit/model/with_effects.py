@@ -21,11 +21,6 @@ from femfit.model.magnetics import Magnetics
 def nominal_of(model: ActuatorModel) -> Nominal:
     """Facts of a base model by which effects scale their parameters.
 
-    Parameters
-    ----------
-    model : ActuatorModel
-        The base.
-
     Returns
     -------
     Nominal
@@ -71,11 +66,6 @@ def nominal_of(model: ActuatorModel) -> Nominal:
 def base_jet(model: ActuatorModel) -> CoenergyJet:
     """The base model's co-energy and Hall field as a series.
 
-    Parameters
-    ----------
-    model : ActuatorModel
-        Of which the base counts.
-
     Returns
     -------
     callable
@@ -87,13 +77,7 @@ def base_jet(model: ActuatorModel) -> CoenergyJet:
 
 @dataclass(frozen=True, eq=False)
 class EffectMagnetics(Magnetics):
-    """The co-energy of a base model as effects change it, under fixed conditions.
-
-    Parameters
-    ----------
-    jet : callable
-        As from :func:`changed_jet`.
-    """
+    """The co-energy of a base model as effects change it, under fixed conditions."""
 
     jet: CoenergyJet
 
@@ -110,8 +94,6 @@ class EffectHallField(HallField):
 
     Parameters
     ----------
-    dynamics : EffectDynamics
-        Of which the reading counts.
     quiescent_V, sensitivity_V_per_T : float
         Of the sensor, by which the reading is told as a field.
     """
@@ -158,8 +140,6 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
 
     Parameters
     ----------
-    model : ActuatorModel
-        Of which the base counts.
     effects : iterable of AddedEffect
         In the order of adding; empty for the base itself.
 

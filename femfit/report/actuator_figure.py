@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.actuator.parts import Actuator, Region
 from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator, Region
 from femfit.report.kinds import COLOURS, HALL_COLOUR, kind_of
 from femfit.report.mirror import full_section, moving_corners, standing_corners
 from femfit.report.numbers import plain
@@ -27,8 +27,6 @@ def actuator_figure(actuator: Actuator, distance: float) -> "Figure":
 
     Parameters
     ----------
-    actuator : Actuator
-        Any.
     distance : float
         At which the moving part is drawn, in m.
 
@@ -52,17 +50,7 @@ def actuator_figure(actuator: Actuator, distance: float) -> "Figure":
 
 
 def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
-    """The parts' full section, labelled, in mm.
-
-    Parameters
-    ----------
-    axes : Axes
-        Of the picture.
-    actuator : Actuator
-        Any.
-    distance : float
-        In m.
-    """
+    """The parts' full section, labelled, in mm."""
     labelled: set[str] = set()
     labels = [_region_label(region, moving=False) for region in actuator.fixed]
     labels += [_coil_label(actuator)]
@@ -90,21 +78,7 @@ def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
 
 
 def draw_outlines(axes: "Axes", actuator: Actuator, distance: float, *, edge: str, opacity: float = 0.0) -> None:
-    """The parts' outlines in the full section, as over a field, in mm.
-
-    Parameters
-    ----------
-    axes : Axes
-        Of the picture.
-    actuator : Actuator
-        Any.
-    distance : float
-        In m.
-    edge : str
-        Colour of the lines.
-    opacity : float
-        Of the parts' colours inside.
-    """
+    """The parts' outlines in the full section, as over a field, in mm."""
     for outline, kind in _outlines(actuator, distance):
         for piece in outline:
             if opacity:

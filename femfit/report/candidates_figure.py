@@ -25,8 +25,6 @@ def local_exponents(magnetics: Magnetics, rows: FitRows) -> dict[str, tuple[Floa
 
     Parameters
     ----------
-    magnetics : Magnetics
-        The co-energy reference.
     rows : FitRows
         Whose range of distances and currents is taken.
 
@@ -52,18 +50,7 @@ def local_exponents(magnetics: Magnetics, rows: FitRows) -> dict[str, tuple[Floa
 
 @styled
 def exponent_figure(exponents: dict[str, tuple[FloatArray, FloatArray]]) -> "Figure":
-    """Draw the local exponents beside what F1e allows.
-
-    Parameters
-    ----------
-    exponents : dict
-        From :func:`local_exponents`.
-
-    Returns
-    -------
-    Figure
-        With the lines n = 4 and n = 2.
-    """
+    """Draw the local exponents beside what F1e allows."""
     figure = new_figure(3.0)
     axes = figure.subplots()
     for colour, (label, (d, n)) in zip((BLUE, VERMILION), exponents.items(), strict=False):
@@ -87,11 +74,6 @@ def exponent_figure(exponents: dict[str, tuple[FloatArray, FloatArray]]) -> "Fig
 @styled
 def ranking_figure(ranking: Ranking) -> "Figure":
     """Held-out error against floating-point operations, a point a candidate.
-
-    Parameters
-    ----------
-    ranking : Ranking
-        Of the laws.
 
     Returns
     -------
@@ -131,16 +113,10 @@ def place_labels(
 
     Parameters
     ----------
-    axes : Axes
-        Already laid out.
     x, y : array, shape (n,)
         Points.
-    labels : sequence of str
-        Their names.
     bold : int
         Index of the point that is written bold.
-    points_per_pixel : float
-        Of the figure.
     """
     points = points_per_pixel * axes.transData.transform(np.column_stack([x, y]))
     taken = [(px - 3.0, py - 3.0, px + 3.0, py + 3.0) for px, py in points]
@@ -178,8 +154,6 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
 
     Parameters
     ----------
-    rows : FitRows
-        The sweep, a full grid.
     forces : sequence of (str, array)
         Name and force of each model at the rows, N.
 
@@ -219,13 +193,6 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
 
 def law_force(fit: LawFit, rows: FitRows) -> FloatArray:
     """A law's force at the rows, with its two-stage coefficients, in N.
-
-    Parameters
-    ----------
-    fit : LawFit
-        Of any law.
-    rows : FitRows
-        Where.
 
     Returns
     -------

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from femfit.diagnose.compare import Comparison
-from femfit.diagnose.observations import Observations
+from femfit.identify.comparison.compare import Comparison
+from femfit.identify.readings.observations import Observations
 from femfit.report.measured_figures import covariate_figure, residual_maps_figure
 from femfit.report.style import style
 
@@ -13,22 +13,7 @@ PANELS = 3
 
 
 def save_comparison_pictures(observations: Observations, comparison: Comparison, directory: Path) -> list[Path]:
-    """Write ``misfit-maps.png`` and ``misfit-CHANNEL-1.png`` and so on.
-
-    Parameters
-    ----------
-    observations : Observations
-        What was compared.
-    comparison : Comparison
-        Of them.
-    directory : Path
-        Made if absent.
-
-    Returns
-    -------
-    list of Path
-        Of the pictures.
-    """
+    """Write ``misfit-maps.png`` and ``misfit-CHANNEL-1.png`` and so on."""
     floors = {one.channel: one.noise_floor for one in comparison.channels if one.noise_floor is not None}
     known = len(floors) == len(comparison.channels)
     scale = floors if known else dict.fromkeys(observations.channels, 1.0)

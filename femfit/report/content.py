@@ -2,15 +2,15 @@
 
 from dataclasses import dataclass
 
-from femfit.actuator.parts import Actuator
 from femfit.core.errors import DomainError
-from femfit.core.sweep_table import SweepTable
-from femfit.estimate.theory import holding_current
+from femfit.device.parts import Actuator
+from femfit.filters.theory import holding_current
 from femfit.fit.build import FitResult
 from femfit.fit.law_fit import LawFit
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.field_sample import FieldSample
-from femfit.simulate.study import ClosedLoopStudy
+from femfit.simulation.study import ClosedLoopStudy
+from femfit.tables.sweep_table import SweepTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,14 +19,8 @@ class ReportContent:
 
     Parameters
     ----------
-    actuator : Actuator
-        As read from its file.
-    sweep : SweepTable
-        With its manifest.
     fit : FitResult
         Of ``FitOptions(model="all")``: candidates, co-energy, Hall characteristic.
-    study : ClosedLoopStudy or None
-        The closed loop.
     no_study : str
         Why there is none, as the error said.
     field : FieldSample or None
@@ -67,13 +61,6 @@ class ReportContent:
 
 def picture_point(actuator: Actuator, model: ActuatorModel) -> tuple[float, float]:
     """Where the field is drawn: the first reference distance at its holding current.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        With its sweep.
-    model : ActuatorModel
-        Of it.
 
     Returns
     -------

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator
 from femfit.report.field_figure import colour_range, flux_levels
 from femfit.report.field_sample import FieldSample
 from femfit.report.kinds import COLOURS, HALL_COLOUR, kind_of
@@ -29,13 +29,6 @@ SUBDIVISIONS = 6
 
 def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     """Draw the cut-away with pyvista, which may end this process where it cannot draw.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Any.
-    sample : FieldSample
-        Of it.
 
     Returns
     -------

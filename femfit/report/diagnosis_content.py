@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from femfit.core.arrays import FloatArray
-from femfit.diagnose.add_result import AddResult
-from femfit.diagnose.diagnose import Examination
-from femfit.diagnose.diagnosis import Diagnosis
-from femfit.diagnose.measurement import Measurement, measurement_observations
-from femfit.diagnose.observations import Observations
-from femfit.diagnose.suggest import Suggestion
+from femfit.identify.decision.diagnose import Examination
+from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.experiments.suggest import Suggestion
+from femfit.identify.readings.load import Measurement, measurement_observations
+from femfit.identify.readings.observations import Observations
+from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
 
 
@@ -19,22 +19,10 @@ class DiagnosisContent:
 
     Parameters
     ----------
-    model : ActuatorModel
-        That was compared.
-    observations : Observations
-        The readings beside it.
     examination : Examination
         The diagnosis with what it rests on.
-    suggestions : sequence of Suggestion
-        Next measurements, best first.
-    added : AddResult or None
-        Where an effect was added.
     after : array, shape (M,), or None
         Recorded minus what the model predicts with the effects that were added, or that the diagnosis names.
-    source : str
-        Name of the measurement's file.
-    test_object, notes : str
-        From its sidecar.
     hashes : tuple of (str, str)
         Files and their SHA-256.
     """
@@ -80,18 +68,6 @@ def content_of(
 
     Parameters
     ----------
-    model : ActuatorModel
-        That was compared.
-    data : BenchTable or TimeSeries
-        As read.
-    observations : Observations
-        Of model and data.
-    examination : Examination
-        Of the observations.
-    suggestions : sequence of Suggestion
-        Next measurements, best first.
-    added : AddResult or None
-        Where an effect was added.
     hashes : tuple of (str, str)
         Files and their SHA-256.
 

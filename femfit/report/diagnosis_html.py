@@ -21,15 +21,8 @@ def write_diagnosis_report(content: DiagnosisContent, path: Path) -> Path:
 
     Parameters
     ----------
-    content : DiagnosisContent
-        Results.
     path : Path
         Of the HTML file; its directory is made if absent.
-
-    Returns
-    -------
-    Path
-        Of the written file.
 
     Raises
     ------
@@ -40,18 +33,7 @@ def write_diagnosis_report(content: DiagnosisContent, path: Path) -> Path:
 
 
 def render_diagnosis(content: DiagnosisContent) -> str:
-    """The report as HTML text.
-
-    Parameters
-    ----------
-    content : DiagnosisContent
-        Results.
-
-    Returns
-    -------
-    str
-        A whole page.
-    """
+    """The report as HTML text."""
     sections = [
         measured_section(content),
         misfit_section(content),

@@ -18,15 +18,8 @@ def svg_uri(figure: "Figure", name: str) -> str:
 
     Parameters
     ----------
-    figure : Figure
-        Any.
     name : str
         Seeds the identifiers inside, so that the same figure gives the same bytes.
-
-    Returns
-    -------
-    str
-        ``data:image/svg+xml;base64,...``.
     """
     buffer = io.BytesIO()
     with style(svg__hashsalt=name):
@@ -35,18 +28,7 @@ def svg_uri(figure: "Figure", name: str) -> str:
 
 
 def png_uri(image: bytes) -> str:
-    """A PNG file's content as data URI.
-
-    Parameters
-    ----------
-    image : bytes
-        Of the file.
-
-    Returns
-    -------
-    str
-        ``data:image/png;base64,...``.
-    """
+    """A PNG file's content as data URI."""
     return _uri("image/png", image)
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.diagnose.amounts import CHANNEL_WORDS
-from femfit.diagnose.diagnosis import ScoredEffect
+from femfit.identify.decision.diagnosis import ScoredEffect
+from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.report.numbers import plain
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, VERMILION, WIDTH, new_figure, styled
 
@@ -26,12 +26,6 @@ def ranking_figure(
 
     Parameters
     ----------
-    ranking : sequence of ScoredEffect
-        Testable ones, best first.
-    excess : float
-        Structured misfit in whitened units.
-    named : sequence of str
-        What the verdict names.
     members : sequence of str
         What the data cannot tell from it.
 

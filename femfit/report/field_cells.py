@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.actuator.bh_curve import BHCurve
-from femfit.actuator.parts import AIR, LinearMaterial, Material
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.constants import MU_0
+from femfit.device.bh_curve import BHCurve
+from femfit.device.parts import AIR, LinearMaterial, Material
 from femfit.report.solved_point import SolvedPoint
 
 SUBDIVISIONS = 6
@@ -60,19 +60,12 @@ def field_cells(point: SolvedPoint, subdivisions: int = SUBDIVISIONS) -> FieldCe
 
     Parameters
     ----------
-    point : SolvedPoint
-        Of any actuator.
     subdivisions : int
         Of each side of an element.
-
-    Returns
-    -------
-    FieldCells
-        On the whole domain.
     """
     import ngsolve as ng
 
-    from femfit.fem.weak_form import flux_density, materials
+    from femfit.field.weak_form import flux_density, materials
 
     lattice, pattern, corners = _lattice(subdivisions)
     rule = ng.IntegrationRule(points=lattice, weights=[0.0] * len(lattice))

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator
 from femfit.report.actuator_figure import draw_outlines
 from femfit.report.field_sample import FieldSample
 from femfit.report.mirror import mirrored
@@ -29,11 +29,6 @@ MM = 1e3
 
 def colour_range(sample: FieldSample) -> tuple[float, float]:
     """Least and largest |B| of the colours, in T: whole steps of 1, 2 and 5.
-
-    Parameters
-    ----------
-    sample : FieldSample
-        Any with a field.
 
     Returns
     -------
@@ -69,17 +64,7 @@ def flux_levels(flux: FloatArray) -> FloatArray:
 
 
 def draw_flux_lines(axes: "Axes", sample: FieldSample, **line_style: Any) -> None:
-    """Draw flux lines on the full section, in mm.
-
-    Parameters
-    ----------
-    axes : Axes
-        Of the picture.
-    sample : FieldSample
-        The field.
-    **line_style : Any
-        Of matplotlib's lines.
-    """
+    """Draw flux lines on the full section, in mm."""
     from contourpy import contour_generator
 
     x, flux = mirrored(sample.radius_m, sample.flux_Wb)
@@ -98,8 +83,6 @@ def field_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
     ----------
     actuator : Actuator
         Whose outlines are drawn over it.
-    sample : FieldSample
-        The field.
 
     Returns
     -------

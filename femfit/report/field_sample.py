@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from femfit.actuator.parts import Actuator, Region
 from femfit.core.arrays import FloatArray
-from femfit.fem.settings import SolverSettings
+from femfit.device.parts import Actuator, Region
+from femfit.field.settings import SolverSettings
 from femfit.report.mirror import moving_corners, standing_corners
 
 if TYPE_CHECKING:
@@ -30,8 +30,6 @@ class FieldSample:
 
     Parameters
     ----------
-    distance_m, current_A : float
-        Where.
     radius_m : array, shape (n,)
         From 0.
     height_m : array, shape (m,)
@@ -41,14 +39,10 @@ class FieldSample:
     flux_Wb : array, shape (m, n)
         2 pi r A_phi, the flux through the circle of radius r: flux lines are its contours, with equal flux between
         equally spaced ones.
-    force_N : float
-        On the moving part.
     self_force_N : float
         What the stress of the moving part's own field integrates to on this mesh, taken away from the force.
     part_flux_density_T : dict of str to float
         The largest |B| of each part off its corners.
-    unknowns : int
-        Of the solution.
     """
 
     distance_m: float
@@ -70,12 +64,6 @@ def sample_field(
 
     Parameters
     ----------
-    actuator : Actuator
-        Checked.
-    distance : float
-        In m, within the sweep.
-    current : float
-        In A.
     settings : SolverSettings, optional
         As those of the sweep; the defaults otherwise.
 
@@ -92,17 +80,12 @@ def sample_field(
 def sample_of(point: "SolvedPoint") -> FieldSample:
     """Sample a field that is solved.
 
-    Parameters
-    ----------
-    point : SolvedPoint
-        Of any actuator.
-
     Returns
     -------
     FieldSample
         On the parts and the air around them.
     """
-    from femfit.fem.weak_form import flux_density
+    from femfit.field.weak_form import flux_density
 
     radius, height = _window(point.actuator, point.distance_m)
     r, z = np.meshgrid(radius, height)

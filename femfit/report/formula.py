@@ -14,29 +14,13 @@ def formula_markup(formula: str) -> Markup:
     ----------
     formula : str
         In plain text, exponents as ``^-4`` or ``^(-3/2)``.
-
-    Returns
-    -------
-    Markup
-        With ``<sup>``.
     """
     raised = _EXPONENT.sub(lambda m: f"<sup>{_minus(m)}</sup>", str(escape(formula)))
     return Markup(raised)  # noqa: S704 - escaped before
 
 
 def formula_label(formula: str) -> str:
-    """A formula for a picture's label.
-
-    Parameters
-    ----------
-    formula : str
-        As in :func:`formula_markup`.
-
-    Returns
-    -------
-    str
-        With matplotlib's raised text.
-    """
+    """A formula for a picture's label."""
     return _EXPONENT.sub(lambda m: f"$^{{{_minus(m)}}}$", formula)
 
 

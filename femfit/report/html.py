@@ -4,7 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from femfit.actuator.parts import Actuator
+from femfit.device.parts import Actuator
 from femfit.report.content import ReportContent, picture_point
 from femfit.report.embed import png_uri
 from femfit.report.field_sample import FieldSample
@@ -30,17 +30,10 @@ def write_report(content: ReportContent, path: Path, draw: Draw = draw_off_scree
 
     Parameters
     ----------
-    content : ReportContent
-        Results.
     path : Path
         Of the HTML file; its directory is made if absent.
     draw : callable
         Draws the cut-away, while the other pictures are made.
-
-    Returns
-    -------
-    Path
-        Of the written file.
 
     Raises
     ------
@@ -51,20 +44,7 @@ def write_report(content: ReportContent, path: Path, draw: Draw = draw_off_scree
 
 
 def render_report(content: ReportContent, draw: Draw = draw_off_screen) -> str:
-    """The report as HTML text.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Results.
-    draw : callable
-        As in :func:`write_report`.
-
-    Returns
-    -------
-    str
-        A whole page.
-    """
+    """The report as HTML text."""
     return render_page(
         Page(
             title=content.actuator.name,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.estimate.integrate.field_block import FieldBlock
-from femfit.estimate.integrate.methods import Method
+from femfit.integrate.field_block import FieldBlock
+from femfit.integrate.methods import Method
 from femfit.report.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, new_figure, styled
 
 if TYPE_CHECKING:
@@ -43,13 +43,6 @@ def offsets_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods:
     ----------
     blocks : mapping of (mapping of FieldBlock)
         By ramp rate in A/s, then method.
-    methods : sequence of str
-        Which to draw.
-
-    Returns
-    -------
-    Figure
-        In uV over s.
     """
     figure = new_figure(5.2)
     axes = figure.subplots(len(blocks), 1, squeeze=False)[:, 0]
@@ -72,8 +65,6 @@ def fields_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: 
     ----------
     blocks : mapping of (mapping of FieldBlock)
         By ramp rate in A/s, then method; cs1 tells the flat-tops' field.
-    methods : sequence of str
-        Which to draw.
 
     Returns
     -------
@@ -104,22 +95,7 @@ def fields_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: 
 def flat_top_figure(
     blocks: Mapping[Method, FieldBlock], flat_top: tuple[float, float], methods: Sequence[Method]
 ) -> "Figure":
-    """Figure 8: the last flat-top.
-
-    Parameters
-    ----------
-    blocks : mapping of FieldBlock
-        By method.
-    flat_top : (float, float)
-        Its begin and end, s.
-    methods : sequence of str
-        Which to draw.
-
-    Returns
-    -------
-    Figure
-        In T over s.
-    """
+    """Figure 8: the last flat-top."""
     figure = new_figure(2.8)
     axes = figure.subplots()
     for method in methods:

@@ -1,6 +1,6 @@
 """What kind of part a region is, with its colour in all pictures."""
 
-from femfit.actuator.parts import Actuator, Material, NonlinearMaterial
+from femfit.device.parts import Actuator, Material, NonlinearMaterial
 
 IRON_FROM = 1.5
 """Relative permeability from which a material without remanence is drawn as iron; magnets recoil with 1.05."""
@@ -18,20 +18,7 @@ HALL_COLOUR = "#009e73"
 
 
 def kind_of(material: Material, moving: bool) -> str:
-    """The kind of a region.
-
-    Parameters
-    ----------
-    material : Material
-        That fills it.
-    moving : bool
-        Whether it moves.
-
-    Returns
-    -------
-    str
-        A key of :data:`COLOURS`.
-    """
+    """The kind of a region."""
     if material.remanence_T:
         return "magnet"
     if material.relative_permeability >= IRON_FROM:
@@ -40,33 +27,11 @@ def kind_of(material: Material, moving: bool) -> str:
 
 
 def has_magnet(actuator: Actuator) -> bool:
-    """Whether any part has a remanence.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Checked.
-
-    Returns
-    -------
-    bool
-        Fixed and moving parts alike.
-    """
+    """Whether any part has a remanence."""
     return any(region.material.remanence_T for region in (*actuator.fixed, *actuator.moving.regions))
 
 
 def saturates(actuator: Actuator) -> bool:
-    """Whether any part has a B-H curve.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Checked.
-
-    Returns
-    -------
-    bool
-        Fixed and moving parts alike.
-    """
+    """Whether any part has a B-H curve."""
     regions = (*actuator.fixed, *actuator.moving.regions)
     return any(isinstance(region.material, NonlinearMaterial) for region in regions)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, VERMILION, new_figure, styled
-from femfit.simulate.study import SpectrumPair, StepSeries
+from femfit.simulation.study import SpectrumPair, StepSeries
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,11 +29,6 @@ NAMES = {
 @styled
 def steps_figure(series: StepSeries) -> "Figure":
     """Figures 15 and 16 of the paper: reference steps, direct measurement against filter.
-
-    Parameters
-    ----------
-    series : StepSeries
-        Of one controller.
 
     Returns
     -------
@@ -63,18 +58,7 @@ def steps_figure(series: StepSeries) -> "Figure":
 
 @styled
 def spectrum_figure(pair: SpectrumPair) -> "Figure":
-    """Figures 17 and 18 of the paper: spectra of the direct measurement and of the filter, at rest.
-
-    Parameters
-    ----------
-    pair : SpectrumPair
-        Of one controller.
-
-    Returns
-    -------
-    Figure
-        Amplitudes in micrometres on logarithmic axes.
-    """
+    """Figures 17 and 18 of the paper: spectra of the direct measurement and of the filter, at rest."""
     figure = new_figure(2.8)
     axes = figure.subplots()
     for spectrum, colour, label in ((pair.direct, ORANGE, "direct measurement"), (pair.filtered, BLUE, "UKF")):

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.diagnose.amounts import CHANNEL_WORDS
-from femfit.diagnose.observations import Observations
+from femfit.identify.readings.amounts import CHANNEL_WORDS
+from femfit.identify.readings.observations import Observations
 from femfit.report.style import BLUE, CATEGORIES, MUTED, VERMILION, WIDTH, new_figure, styled
 
 if TYPE_CHECKING:
@@ -29,11 +29,6 @@ BINS = 12
 @styled
 def settings_figure(observations: Observations) -> "Figure":
     """Where and when readings were taken.
-
-    Parameters
-    ----------
-    observations : Observations
-        The campaign.
 
     Returns
     -------
@@ -75,8 +70,6 @@ def residual_maps_figure(
 
     Parameters
     ----------
-    observations : Observations
-        The campaign.
     rows : sequence of (str, array of shape (M,))
         Title and residual of each row of maps, in the readings' units; all rows share a channel's colours.
     scale : dict of str to float
@@ -153,14 +146,8 @@ def covariate_figure(
 
     Parameters
     ----------
-    observations : Observations
-        The campaign.
     residual, after : array, shape (M,)
         Before and after, over the channel's noise; None where nothing was added.
-    channel : str
-        Which.
-    names : sequence of str
-        Columns of the campaign.
 
     Returns
     -------

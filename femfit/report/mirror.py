@@ -3,8 +3,8 @@
 import numpy as np
 import shapely
 
-from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator
 
 Outline = tuple[tuple[float, float], ...]
 
@@ -53,11 +53,6 @@ def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatA
 def standing_corners(actuator: Actuator) -> FloatArray:
     """Corners (r, z) of core and winding in m, shape (n, 2).
 
-    Parameters
-    ----------
-    actuator : Actuator
-        Checked.
-
     Returns
     -------
     array, shape (n, 2)
@@ -69,13 +64,6 @@ def standing_corners(actuator: Actuator) -> FloatArray:
 
 def moving_corners(actuator: Actuator, distance: float) -> FloatArray:
     """Corners (r, z) of the moving part at a distance in m, shape (n, 2).
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Checked.
-    distance : float
-        In m.
 
     Returns
     -------

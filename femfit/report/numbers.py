@@ -23,8 +23,6 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
         In the unit; None becomes ``unknown``.
     unit : str
         That takes a prefix: ``N``, ``T``, ``H``, ``m``, ...
-    digits : int
-        Significant ones.
 
     Returns
     -------
@@ -48,11 +46,6 @@ def noise_words(noise_V: float) -> str:
     ----------
     noise_V : float
         Standard deviation, V; 0 where the drawing does not tell it.
-
-    Returns
-    -------
-    str
-        For example ``noise of 3.20 mV rms``.
     """
     return f"noise of {quantity(noise_V, 'V')} rms" if noise_V else "its noise not known"
 
@@ -64,13 +57,6 @@ def percent(fraction: float | None, digits: int = 2) -> str:
     ----------
     fraction : float or None
         1 is 100 %.
-    digits : int
-        Significant ones.
-
-    Returns
-    -------
-    str
-        For example ``0.36 %``.
     """
     if fraction is None or not math.isfinite(fraction):
         return "unknown"
@@ -78,20 +64,7 @@ def percent(fraction: float | None, digits: int = 2) -> str:
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, in powers of ten where it is very large or small.
-
-    Parameters
-    ----------
-    value : float
-        Any.
-    digits : int
-        Significant ones.
-
-    Returns
-    -------
-    str
-        For example ``0.0120``, ``4.51·10⁻⁶``.
-    """
+    """A number with so many significant digits, in powers of ten where it is very large or small."""
     if not math.isfinite(value):
         return NOTHING
     if value == 0.0:
@@ -105,34 +78,10 @@ def significant(value: float, digits: int = 3) -> str:
 
 
 def plain(value: float, digits: int = 6) -> str:
-    """A number that was typed in, with no digit more than it had.
-
-    Parameters
-    ----------
-    value : float
-        Any.
-    digits : int
-        At most.
-
-    Returns
-    -------
-    str
-        For example ``0.49``, ``−25``.
-    """
+    """A number that was typed in, with no digit more than it had."""
     return f"{value:.{digits}g}".replace("-", "−") if math.isfinite(value) else NOTHING
 
 
 def force_scale(force: FloatArray) -> tuple[float, str]:
-    """Factor and unit in which forces are drawn.
-
-    Parameters
-    ----------
-    force : array
-        In N.
-
-    Returns
-    -------
-    tuple of float and str
-        Millinewtons up to 2 N.
-    """
+    """Factor and unit in which forces are drawn."""
     return (1.0, "N") if float(np.max(np.abs(force))) > 2.0 else (1e3, "mN")

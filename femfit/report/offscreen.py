@@ -12,7 +12,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from femfit.actuator.parts import Actuator
+from femfit.device.parts import Actuator
 from femfit.report.field_sample import FieldSample
 
 WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
@@ -45,10 +45,6 @@ def draw_off_screen(actuator: Actuator, sample: FieldSample, timeout: float = TI
 
     Parameters
     ----------
-    actuator : Actuator
-        Any.
-    sample : FieldSample
-        Of it.
     timeout : float
         For each window, in s.
 

@@ -20,10 +20,6 @@ class Page:
     ----------
     title, lead : str
         Heading, and a sentence below it (may be empty).
-    summary : sequence of str or Markup
-        First lines: what came out.
-    sections : sequence of Section
-        In order.
     paper : str
         What "the paper" is; empty where the page names none.
     """
@@ -36,18 +32,7 @@ class Page:
 
 
 def render_page(page: Page) -> str:
-    """A page as HTML text.
-
-    Parameters
-    ----------
-    page : Page
-        Any.
-
-    Returns
-    -------
-    str
-        A whole page that loads nothing.
-    """
+    """A page as HTML text."""
     from jinja2 import Environment
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
@@ -63,15 +48,8 @@ def write_page(text: str, path: Path) -> Path:
 
     Parameters
     ----------
-    text : str
-        HTML.
     path : Path
         Of the file; its directory is made if absent.
-
-    Returns
-    -------
-    Path
-        Of the written file.
 
     Raises
     ------

@@ -5,7 +5,7 @@ References
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504: Table 4 and the ratios of Table 6.
 """
 
-from femfit.actuator.parts import Actuator
+from femfit.device.parts import Actuator
 
 CITATION = "A. Chowdhury and A. Sarjaš, Sensors 16 (2016) 1504"
 
@@ -19,16 +19,5 @@ M_N_M2_PER_A = 4.509e-6
 
 
 def is_papers(actuator: Actuator) -> bool:
-    """Whether an actuator is the paper's.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Checked.
-
-    Returns
-    -------
-    bool
-        By its name.
-    """
+    """Whether an actuator is the paper's."""
     return actuator.name in NAMES

@@ -11,14 +11,8 @@ class Picture:
 
     Parameters
     ----------
-    name : str
-        Identifier in the page.
-    uri : str
-        Data URI.
     alt : str
         What is seen, for readers who do not see it.
-    caption : Markup
-        Below the picture.
     narrow : bool
         Whether it takes less than the page's width.
     """
@@ -36,8 +30,6 @@ class DataTable:
 
     Parameters
     ----------
-    caption : Markup
-        Above it.
     header : tuple of str or Markup
         One a column; empty for none.
     rows : tuple of tuple of str or Markup
@@ -58,10 +50,6 @@ class Section:
 
     Parameters
     ----------
-    name : str
-        Identifier in the page.
-    title : str
-        Heading.
     blocks : tuple of Markup, Picture or DataTable
         In order; a Markup is a paragraph.
     """
@@ -72,18 +60,5 @@ class Section:
 
 
 def text(template: str, *values: object, **named: object) -> Markup:
-    """A paragraph from a template of ours, with values escaped.
-
-    Parameters
-    ----------
-    template : str
-        May hold markup and ``{}`` fields.
-    *values, **named : object
-        For the fields; escaped.
-
-    Returns
-    -------
-    Markup
-        Safe to print.
-    """
+    """A paragraph from a template of ours, with values escaped."""
     return Markup(template).format(*values, **named)  # noqa: S704 - the templates are literals of this room

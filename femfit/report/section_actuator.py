@@ -21,17 +21,8 @@ def actuator_section(content: ReportContent, distance: float, cutaway: Picture |
 
     Parameters
     ----------
-    content : ReportContent
-        Any.
     distance : float
         At which the moving part is drawn, in m.
-    cutaway : Picture or None
-        Where pyvista could draw one.
-
-    Returns
-    -------
-    Section
-        To print.
     """
     actuator = content.actuator
     drawing = Picture(

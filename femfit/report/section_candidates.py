@@ -22,35 +22,13 @@ from femfit.report.sweep_grid import sweep_grid
 
 
 def coenergy_misfit(content: ReportContent) -> Misfit | None:
-    """How far the co-energy is from the sweep; None where there is none.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
-
-    Returns
-    -------
-    Misfit or None
-        Against the rows that were fitted.
-    """
+    """How far the co-energy is from the sweep; None where there is none."""
     fit = content.fit.coenergy
     return None if fit is None else misfit_to_rows(fit.magnetics, content.fit.rows)
 
 
 def candidates_section(content: ReportContent) -> Section | None:
-    """The candidates ranked, residual maps, the recommended law, the co-energy.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
-
-    Returns
-    -------
-    Section or None
-        None without a ranking.
-    """
+    """The candidates ranked, residual maps, the recommended law, the co-energy."""
     ranking = content.fit.ranking
     if ranking is None or ranking.recommended.fit is None:
         return None

@@ -5,10 +5,10 @@ from collections.abc import Iterable
 import numpy as np
 from markupsafe import Markup
 
-from femfit.diagnose.diagnosis import NamedEffect
-from femfit.diagnose.text import confidence_sentence
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import EffectParameter
+from femfit.identify.decision.diagnosis import NamedEffect
+from femfit.identify.decision.diagnosis_text import confidence_sentence
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.embed import svg_uri
 from femfit.report.explained_figures import ranking_figure
@@ -23,11 +23,6 @@ SHOWN = 6
 
 def explained_section(content: DiagnosisContent) -> Section | None:
     """What the verdict names, how it ranks, and what the data could have shown.
-
-    Parameters
-    ----------
-    content : DiagnosisContent
-        Any.
 
     Returns
     -------
@@ -135,11 +130,6 @@ def _no_interval(value: float, parameter: EffectParameter | None) -> str:
 def alternatives_section(content: DiagnosisContent) -> Section | None:
     """The classes that the data do not split, effects they cannot show, and magnitudes they would have shown.
 
-    Parameters
-    ----------
-    content : DiagnosisContent
-        Any.
-
     Returns
     -------
     Section or None
@@ -196,18 +186,7 @@ def _unit(unit: str) -> Markup:
 
 
 def next_section(content: DiagnosisContent) -> Section | None:
-    """The measurement that would decide.
-
-    Parameters
-    ----------
-    content : DiagnosisContent
-        Any.
-
-    Returns
-    -------
-    Section or None
-        None where nothing is missing.
-    """
+    """The measurement that would decide."""
     diagnosis = content.diagnosis
     if diagnosis.verdict == "nothing_missing":
         return None

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 from markupsafe import Markup
 
-from femfit.diagnose.add_result import AddResult
-from femfit.diagnose.amounts import CHANNEL_WORDS, amount
-from femfit.diagnose.unseen import beside_random, channel_rms
+from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
+from femfit.identify.refit.add_result import AddResult
+from femfit.identify.refit.unseen import beside_random, channel_rms
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.embed import svg_uri
 from femfit.report.explained_figures import waterfall_figure

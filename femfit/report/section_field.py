@@ -17,17 +17,8 @@ def field_section(content: ReportContent, sample: FieldSample, no_cutaway: str |
 
     Parameters
     ----------
-    content : ReportContent
-        Any.
-    sample : FieldSample
-        Its field.
     no_cutaway : str or None
         Why there is no three-dimensional view; None where there is one.
-
-    Returns
-    -------
-    Section
-        To print.
     """
     where = text("d = {} mm and i = {} A", plain(MM * sample.distance_m, 4), plain(sample.current_A, 3))
     weight = content.fit.rows.hanging_weight

@@ -10,18 +10,7 @@ from femfit.report.section import Picture, Section, text
 
 
 def hall_section(content: ReportContent) -> Section:
-    """Coil part and magnet part; one sentence where there is no sensor.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
-
-    Returns
-    -------
-    Section
-        To print.
-    """
+    """Coil part and magnet part; one sentence where there is no sensor."""
     title = "The Hall characteristic"
     hall, sensor = content.fit.hall, content.fit.model.sensor
     if hall is None or sensor is None:

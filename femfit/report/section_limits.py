@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from femfit.actuator.parts import LinearMaterial
+from femfit.device.parts import LinearMaterial
 from femfit.report.content import ReportContent
 from femfit.report.kinds import IRON_FROM, has_magnet
 from femfit.report.numbers import plain, quantity
@@ -16,18 +16,7 @@ DRAWN_WITH = ("matplotlib", "pyvista", "jinja2")
 
 
 def limits_section(content: ReportContent) -> Section:
-    """What was not shown.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
-
-    Returns
-    -------
-    Section
-        A list.
-    """
+    """What was not shown."""
     points = [_materials(content)]
     if has_magnet(content.actuator):
         points.append(
@@ -99,18 +88,7 @@ def _validity(content: ReportContent) -> Markup:
 
 
 def provenance_section(content: ReportContent) -> Section:
-    """Versions, settings, hashes, times.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
-
-    Returns
-    -------
-    Section
-        Tables.
-    """
+    """Versions, settings, hashes, times."""
     manifest = content.sweep.manifest
     blocks: list[Block] = [_versions(content)]
     settings = _flat(manifest.get("settings"))

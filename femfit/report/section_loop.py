@@ -11,11 +11,11 @@ from femfit.report.loop_figures import NAMES, filters_figure, spectrum_figure, s
 from femfit.report.numbers import NO_BREAK, NOTHING, percent, plain, quantity, significant
 from femfit.report.paper import is_papers
 from femfit.report.section import Block, DataTable, Picture, Section, text
-from femfit.simulate.design import CONTROLLERS
-from femfit.simulate.experiment import Experiment
-from femfit.simulate.study import ClosedLoopStudy
-from femfit.simulate.study_rows import LossRow, ShiftRow
-from femfit.simulate.table6 import PAPER_RMS_M, HoldRow
+from femfit.simulation.design import CONTROLLERS
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.study import ClosedLoopStudy
+from femfit.simulation.study_rows import LossRow, ShiftRow
+from femfit.simulation.table6 import PAPER_RMS_M, HoldRow
 
 MM = 1e3
 MICRO = 1e6
@@ -24,11 +24,6 @@ TITLE = "The closed loop"
 
 def loop_section(content: ReportContent) -> Section:
     """Table 6, the noise bound, what breaks the loop, Figures 15 to 19.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
 
     Returns
     -------

@@ -3,8 +3,8 @@
 import numpy as np
 from markupsafe import Markup
 
-from femfit.diagnose.amounts import CHANNEL_WORDS
-from femfit.diagnose.whitening import NoiseModel
+from femfit.identify.noise.whitening import NoiseModel
+from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.embed import svg_uri
 from femfit.report.measured_figures import settings_figure
@@ -13,18 +13,7 @@ from femfit.report.section import Block, DataTable, Picture, Section, text
 
 
 def measured_section(content: DiagnosisContent) -> Section:
-    """Settings, channels, the noise floor and where it is known from.
-
-    Parameters
-    ----------
-    content : DiagnosisContent
-        Any.
-
-    Returns
-    -------
-    Section
-        With a picture of the settings.
-    """
+    """Settings, channels, the noise floor and where it is known from."""
     observations = content.observations
     rows, moving = observations.covariates, content.recorded_motion
     blocks: list[Block] = [

@@ -3,7 +3,7 @@
 import numpy as np
 from markupsafe import Markup
 
-from femfit.diagnose.amounts import CHANNEL_WORDS
+from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.embed import svg_uri
 from femfit.report.measured_figures import covariate_figure, residual_maps_figure
@@ -18,18 +18,7 @@ SCALAR = (
 
 
 def misfit_section(content: DiagnosisContent) -> Section:
-    """Maps of recorded minus predicted, and what the misfit changes with.
-
-    Parameters
-    ----------
-    content : DiagnosisContent
-        Any.
-
-    Returns
-    -------
-    Section
-        With the lack-of-fit test.
-    """
+    """Maps of recorded minus predicted, and what the misfit changes with."""
     diagnosis, observations = content.diagnosis, content.observations
     known = bool(content.sigma)
     scale = content.sigma if known else dict.fromkeys(observations.channels, 1.0)
@@ -83,18 +72,7 @@ def _argument(content: DiagnosisContent) -> Markup:
 
 
 def p_value(value: float) -> str:
-    """A probability as ``= 0.03`` or ``< 10⁻⁶``.
-
-    Parameters
-    ----------
-    value : float
-        Between 0 and 1.
-
-    Returns
-    -------
-    str
-        With its relation sign.
-    """
+    """A probability as ``= 0.03`` or ``< 10⁻⁶``."""
     return "< 10⁻⁶" if value < 1e-6 else f"= {significant(value, 2)}"
 
 

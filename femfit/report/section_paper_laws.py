@@ -23,18 +23,7 @@ PAPER_LAWS = ("F1e", "F2e")
 
 
 def paper_laws_section(content: ReportContent) -> Section | None:
-    """F1e and F2e in two stages, and why they fit as they do.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
-
-    Returns
-    -------
-    Section or None
-        None where neither was fitted.
-    """
+    """F1e and F2e in two stages, and why they fit as they do."""
     fits = [fit for fit in (content.law(name) for name in PAPER_LAWS) if fit is not None]
     if not fits:
         return None

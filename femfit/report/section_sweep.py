@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from femfit.fem.sweep_summary import summarise
+from femfit.field.sweep_summary import summarise
 from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
 from femfit.report.numbers import force_scale, percent, plain, quantity
@@ -17,18 +17,7 @@ MM = 1e3
 
 
 def sweep_section(content: ReportContent) -> Section:
-    """Forces over distance and current, and how true they are.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
-
-    Returns
-    -------
-    Section
-        To print.
-    """
+    """Forces over distance and current, and how true they are."""
     rows = content.fit.rows
     failed = len(content.sweep.rows) - len(rows.force)
     blocks: list[Block] = [

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.actuator.parts import Actuator
-from femfit.fem.layout import layout_of
-from femfit.fem.problem import prepare
-from femfit.fem.settings import SolverSettings, settings_for
+from femfit.device.parts import Actuator
+from femfit.field.layout import layout_of
+from femfit.field.problem import prepare
+from femfit.field.settings import SolverSettings, settings_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,20 +15,12 @@ class SolvedPoint:
 
     Parameters
     ----------
-    actuator : Actuator
-        That was solved.
-    distance_m, current_A : float
-        Where.
     mesh : ngsolve.Mesh
         Made at this very distance, so that it is not stretched and points are found where they are.
     w : ngsolve.GridFunction
         A_phi = r w in T m.
-    force_N : float
-        On the moving part.
     self_force_N : float
         What the stress of the moving part's own field integrates to on this mesh, taken away from the force.
-    unknowns : int
-        Of the solution.
     """
 
     actuator: Actuator
@@ -48,19 +40,8 @@ def solve_point(
 
     Parameters
     ----------
-    actuator : Actuator
-        Checked.
-    distance : float
-        In m, within the sweep.
-    current : float
-        In A.
     settings : SolverSettings, optional
         As those of the sweep; the actuator's own otherwise.
-
-    Returns
-    -------
-    SolvedPoint
-        To sample.
     """
     settings = settings or settings_for(actuator)
     problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)

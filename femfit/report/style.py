@@ -61,11 +61,6 @@ def style(**more: Any) -> AbstractContextManager[None]:
     ----------
     **more : Any
         Further settings, their dots written as double underscores.
-
-    Returns
-    -------
-    context manager
-        For drawing and for saving.
     """
     import matplotlib as mpl
 
@@ -74,18 +69,7 @@ def style(**more: Any) -> AbstractContextManager[None]:
 
 
 def styled(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Draw within :func:`style`.
-
-    Parameters
-    ----------
-    draw : callable
-        Makes a figure.
-
-    Returns
-    -------
-    callable
-        The same, in this style.
-    """
+    """Draw within :func:`style`."""
 
     @wraps(draw)
     def inside(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
@@ -98,11 +82,6 @@ def styled(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
 def new_figure(height: float, width: float = WIDTH) -> "Figure":
     """An empty figure, without any state of pyplot.
 
-    Parameters
-    ----------
-    height, width : float
-        In inches.
-
     Returns
     -------
     Figure
@@ -114,18 +93,7 @@ def new_figure(height: float, width: float = WIDTH) -> "Figure":
 
 
 def ordered_colours(count: int) -> list[tuple[float, float, float, float]]:
-    """Colours for ordered values such as currents, dark to light, all readable on white.
-
-    Parameters
-    ----------
-    count : int
-        How many.
-
-    Returns
-    -------
-    list of (float, float, float, float)
-        RGBA.
-    """
+    """Colours for ordered values such as currents, dark to light, all readable on white."""
     import matplotlib as mpl
 
     viridis = mpl.colormaps["viridis"]

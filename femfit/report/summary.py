@@ -3,7 +3,7 @@
 import numpy as np
 from markupsafe import Markup
 
-from femfit.fem.sweep_summary import summarise
+from femfit.field.sweep_summary import summarise
 from femfit.fit.ranking import TARGET
 from femfit.report.content import ReportContent
 from femfit.report.numbers import percent, plain, quantity
@@ -13,11 +13,6 @@ from femfit.report.section_candidates import coenergy_misfit
 
 def summary(content: ReportContent) -> tuple[Markup, ...]:
     """Results, one sentence each.
-
-    Parameters
-    ----------
-    content : ReportContent
-        Any.
 
     Returns
     -------

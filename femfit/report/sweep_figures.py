@@ -25,8 +25,6 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
 
     Parameters
     ----------
-    grid : SweepGrid
-        The sweep.
     weight : float or None
         m g in N, drawn as the line on which the body is held.
 
@@ -73,11 +71,6 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
 def changes_sign(grid: SweepGrid) -> bool:
     """Whether the force both attracts and repels, so that logarithms would hide a part of it.
 
-    Parameters
-    ----------
-    grid : SweepGrid
-        The sweep.
-
     Returns
     -------
     bool
@@ -93,8 +86,6 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
 
     Parameters
     ----------
-    grid : SweepGrid
-        The sweep.
     weight : float or None
         m g in N.
 
@@ -128,15 +119,8 @@ def accuracy_figure(grid: SweepGrid, table: Reciprocity | None) -> "Figure":
 
     Parameters
     ----------
-    grid : SweepGrid
-        The sweep.
     table : Reciprocity or None
         Where the sweep has flux linkage.
-
-    Returns
-    -------
-    Figure
-        One panel, or two.
     """
     figure = new_figure(3.1)
     panels = figure.subplots(1, 1 if table is None else 2, squeeze=False)[0]

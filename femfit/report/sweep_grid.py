@@ -65,18 +65,7 @@ class Reciprocity:
 
 
 def sweep_grid(rows: FitRows) -> SweepGrid | None:
-    """Arrange rows on their grid.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Of the sweep.
-
-    Returns
-    -------
-    SweepGrid or None
-        None where points are missing.
-    """
+    """Arrange rows on their grid."""
     currents, distances = rows.currents, rows.distances
     shape = (len(currents), len(distances))
     if len(rows.force) != shape[0] * shape[1]:
@@ -93,11 +82,6 @@ def reciprocity(grid: SweepGrid) -> Reciprocity | None:
 
     Over a pair, the mean of dF/di is the difference quotient; the mean flux linkage is taken by the trapezoidal rule,
     which is exact in a linear actuator, and differentiated along the distance by a cubic spline.
-
-    Parameters
-    ----------
-    grid : SweepGrid
-        With flux linkage.
 
     Returns
     -------

@@ -20,18 +20,7 @@ CURVES = 3
 
 @styled
 def residual_sums_figure(fits: Sequence[LawFit]) -> "Figure":
-    """Figure 8 of the paper: J_1 and J_2, the sum of squared residuals at each current.
-
-    Parameters
-    ----------
-    fits : sequence of LawFit
-        Laws of the paper.
-
-    Returns
-    -------
-    Figure
-        On a logarithmic axis.
-    """
+    """Figure 8 of the paper: J_1 and J_2, the sum of squared residuals at each current."""
     figure = new_figure(2.8)
     axes = figure.subplots()
     factor, unit = force_scale(np.sqrt(np.max([fit.stage_one.residual_sums for fit in fits], axis=0)))
@@ -53,8 +42,6 @@ def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> "Figure":
     ----------
     fits : sequence of LawFit
         A column each; their stage-one coefficients are drawn.
-    rows : FitRows
-        The sweep.
 
     Returns
     -------
@@ -89,36 +76,14 @@ def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> "Figure":
 
 
 def shown_currents(count: int) -> list[int]:
-    """Indices of the currents drawn: 0, 0.6 and 1.2 A of the paper's eight, the like of other sweeps.
-
-    Parameters
-    ----------
-    count : int
-        Number of currents.
-
-    Returns
-    -------
-    list of int
-        At most three, ascending.
-    """
+    """Indices of the currents drawn: 0, 0.6 and 1.2 A of the paper's eight, the like of other sweeps."""
     last = max(count - 2, 0) if count > CURVES else count - 1
     return sorted({0, last // 2, last})
 
 
 @styled
 def coefficient_figure(fit: LawFit) -> "Figure":
-    """Figure 10 of the paper: a law's coefficients at each current, and the functions fitted to them.
-
-    Parameters
-    ----------
-    fit : LawFit
-        Any.
-
-    Returns
-    -------
-    Figure
-        A panel a coefficient.
-    """
+    """Figure 10 of the paper: a law's coefficients at each current, and the functions fitted to them."""
     count = len(fit.law.basis)
     figure = new_figure(2.7 if count <= 3 else 4.6)
     columns = count if count <= 3 else (count + 1) // 2

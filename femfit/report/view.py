@@ -31,8 +31,6 @@ def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldS
 
     Parameters
     ----------
-    point : SolvedPoint
-        Of any actuator.
     files : sequence of (str, Path)
         What to draw, of :data:`PICTURES` or ``vtu``, and the file; its suffix names the format of a picture (png, svg,
         pdf).

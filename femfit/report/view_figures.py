@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.actuator.parts import Actuator, NonlinearMaterial, Region
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.device.parts import Actuator, NonlinearMaterial, Region
 from femfit.report.actuator_figure import draw_outlines
 from femfit.report.field_cells import FieldCells
 from femfit.report.field_figure import colour_range, draw_flux_lines, flux_levels
@@ -34,12 +34,8 @@ def mesh_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "
 
     Parameters
     ----------
-    actuator : Actuator
-        Of the point.
     sample : FieldSample
         For the window and the title.
-    cells : FieldCells
-        With the elements.
 
     Returns
     -------
@@ -61,13 +57,6 @@ def mesh_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "
 def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
     """Draw flux lines over the parts.
 
-    Parameters
-    ----------
-    actuator : Actuator
-        Of the point.
-    sample : FieldSample
-        The field.
-
     Returns
     -------
     Figure
@@ -88,12 +77,8 @@ def flux_density_figure(actuator: Actuator, sample: FieldSample, cells: FieldCel
 
     Parameters
     ----------
-    actuator : Actuator
-        Of the point.
     sample : FieldSample
         For the window, the title and the flux lines.
-    cells : FieldCells
-        The field.
 
     Returns
     -------
@@ -121,12 +106,8 @@ def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCel
 
     Parameters
     ----------
-    actuator : Actuator
-        Of the point.
     sample : FieldSample
         For the window and the title.
-    cells : FieldCells
-        With the permeability.
 
     Returns
     -------
@@ -191,41 +172,13 @@ def _section(actuator: Actuator, sample: FieldSample, what: str) -> tuple["Figur
 
 
 def titled(figure: "Figure", actuator: Actuator, sample: FieldSample, what: str) -> "Figure":
-    """Write name, point and force over a picture.
-
-    Parameters
-    ----------
-    figure : Figure
-        With one pair of axes.
-    actuator : Actuator
-        For its name.
-    sample : FieldSample
-        Of the point.
-    what : str
-        That is drawn.
-
-    Returns
-    -------
-    Figure
-        The same.
-    """
+    """Write name, point and force over a picture."""
     figure.axes[0].set_title(f"{actuator.name}: {what}\n{point_title(sample)}", loc="left", fontweight="normal")
     return figure
 
 
 def point_title(sample: FieldSample) -> str:
-    """The point and its force in words.
-
-    Parameters
-    ----------
-    sample : FieldSample
-        Of the point.
-
-    Returns
-    -------
-    str
-        One line.
-    """
+    """The point and its force in words."""
     force = sample.force_N
     sense = "" if not force else ", attracted" if force > 0.0 else ", repelled"
     return (

@@ -21,10 +21,6 @@ def write_vtu(point: SolvedPoint, cells: FieldCells, path: Path) -> None:
     ----------
     point : SolvedPoint
         For what is written beside the field.
-    cells : FieldCells
-        Of it.
-    path : Path
-        Of the ``.vtu`` file.
     """
     import pyvista
 

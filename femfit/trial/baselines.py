@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.diagnose.columns import effect_columns, why_untestable
-from femfit.diagnose.diagnose import considered_effects
-from femfit.diagnose.noise import estimate_noise
-from femfit.diagnose.observations import Observations
+from femfit.identify.decision.diagnose import considered_effects
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.readings.observations import Observations
+from femfit.identify.signatures.columns import effect_columns, why_untestable
 from femfit.trial.engine import CaseFiles
 
 SOMETHING = "something"
@@ -37,11 +37,6 @@ class _Regression:
 
 def baseline_names(files: CaseFiles) -> dict[str, list[str]]:
     """What each baseline names.
-
-    Parameters
-    ----------
-    files : CaseFiles
-        Of a case.
 
     Returns
     -------

@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import FemfitError
-from femfit.core.measurement import BenchTable
-from femfit.core.measurement_file import read_bench_table
-from femfit.core.time_series_file import is_time_series, read_time_series
-from femfit.diagnose.add import add_effects
-from femfit.diagnose.diagnose import DiagnosisOptions, diagnose
-from femfit.diagnose.measurement import Measurement, measurement_observations
-from femfit.diagnose.observations import Observations, bench_observations
+from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose
+from femfit.identify.readings.load import Measurement, measurement_observations
+from femfit.identify.readings.observations import Observations, bench_observations
+from femfit.identify.refit.add_effects import add_effects
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
+from femfit.tables.measurement import BenchTable
+from femfit.tables.measurement_file import read_bench_table
+from femfit.tables.time_series_file import is_time_series, read_time_series
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,6 @@ class CaseFiles:
 
     Parameters
     ----------
-    model : ActuatorModel
-        Of the drawing.
     data, unseen : BenchTable or TimeSeries
         The campaign, and a further run.
     """
@@ -47,18 +45,7 @@ def _read(path: Path) -> Measurement:
 
 
 def read_case(directory: Path) -> CaseFiles:
-    """Read a case's files.
-
-    Parameters
-    ----------
-    directory : Path
-        Of the case.
-
-    Returns
-    -------
-    CaseFiles
-        As ``femfit diagnose`` reads them.
-    """
+    """Read a case's files."""
     return CaseFiles(
         read_model(directory / "model.json"),
         _read(directory / "data.csv"),
@@ -68,13 +55,6 @@ def read_case(directory: Path) -> CaseFiles:
 
 def diagnose_case(files: CaseFiles, exclude: tuple[str, ...] = ()) -> dict[str, Any]:
     """Diagnose a case.
-
-    Parameters
-    ----------
-    files : CaseFiles
-        Of the case.
-    exclude : tuple of str
-        Effects withheld from the catalogue.
 
     Returns
     -------
@@ -94,8 +74,6 @@ def unseen_rms(files: CaseFiles, names: tuple[str, ...]) -> dict[str, float]:
 
     Parameters
     ----------
-    files : CaseFiles
-        Of the case.
     names : tuple of str
         Effects to be added; none for the model as it is.
 

@@ -12,13 +12,7 @@ from scipy import stats
 
 @dataclass(frozen=True)
 class Share:
-    """A counted share.
-
-    Parameters
-    ----------
-    hits, of : int
-        Cases.
-    """
+    """A counted share."""
 
     hits: int
     of: int

@@ -17,20 +17,8 @@ class Judgement:
 
     Parameters
     ----------
-    case : int
-        Its number.
-    actuator : str
-        Its drawing.
-    effects : tuple of str
-        Hidden.
-    level : float
-        Their size in noise sigmas.
-    all_channels : bool
-        Whether every channel was measured.
     verdict : str
         Of the diagnosis with the whole catalogue.
-    named : tuple of str
-        First names, most important first.
     classes : tuple of tuple of str
         What they cannot be told from, themselves first.
     in_class : tuple of bool
@@ -41,8 +29,6 @@ class Judgement:
         Names whose class has no hidden effect.
     withheld_verdict, withheld_twins_verdict : str
         With the effect, or with it and those that no bench tells from it, out of the catalogue; empty where not tried.
-    withheld_named, withheld_twins_named : tuple of str
-        First names then.
     confident, withheld_confident, withheld_twins_confident : bool
         Whether the diagnosis called what it named sure, with the whole catalogue and with effects withheld.
     confounded : bool
@@ -51,10 +37,6 @@ class Judgement:
         Of ``where``; None without an effect.
     unseen_over_floor : float or None
         Rms on the unseen run after adding what was named over that of a perfect model, all channels.
-    seconds : float
-        Of the diagnosis.
-    baselines : mapping of str to tuple of str
-        What each baseline named.
     """
 
     case: int
@@ -97,11 +79,6 @@ def judge(key: Mapping[str, Any], answers: Mapping[str, Any]) -> Judgement:
     answers : mapping
         ``full``, and where they were tried ``withheld`` and ``withheld_twins``: diagnosis JSON; ``unseen_rms`` per
         channel; ``baselines``: names per method.
-
-    Returns
-    -------
-    Judgement
-        Of this case.
     """
     order, full = key["order"], answers["full"]
     hidden = tuple(order["effects"])

@@ -10,8 +10,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal
 
-from femfit.actuator.load import read_actuator
 from femfit.core.errors import DomainError, FemfitError
+from femfit.device.load import read_actuator
 from femfit.trial.campaign.case import make_case
 from femfit.trial.campaign.files import read_key, write_case, write_manifest
 from femfit.trial.campaign.orders import draw_orders
@@ -32,8 +32,6 @@ class TrialOptions:
     ----------
     cases, seed : int
         How many, and of what random numbers.
-    workers : int
-        Processes.
     baselines : bool
         Whether the baselines run on the same files; they need scikit-learn.
     withhold : bool
@@ -60,21 +58,15 @@ def make_trial(
 
     Parameters
     ----------
-    drawings : sequence of Path
-        Actuator files, with linear materials.
     directory : Path
         Of the trial; its ``tables`` keep field solutions and sweeps for the next.
-    options : TrialOptions
-        How many cases.
-    progress : callable or None
-        Receives what is being done.
 
     Returns
     -------
     dict of int to str
         Hash of every case's key, as in the manifest.
     """
-    from femfit.fem.sweep import run_sweep  # noqa: PLC0415  the solver loads only where tables are made
+    from femfit.field.sweep import run_sweep  # noqa: PLC0415  the solver loads only where tables are made
     from femfit.fit.build import fit_model  # noqa: PLC0415
     from femfit.model.json_file import read_model, write_model  # noqa: PLC0415
 
@@ -118,14 +110,8 @@ def run_trial(
 
     Parameters
     ----------
-    directory : Path
-        Of the trial.
-    commitments : mapping of int to str
-        Hash of every case's key.
     options : TrialOptions
         Processes, and what else to try.
-    progress : callable or None
-        Receives what is being done.
 
     Returns
     -------
@@ -176,15 +162,7 @@ def _one(directory: Path, options: TrialOptions, number: int, commitment: str) -
 
 
 def write_cases_csv(judgements: Sequence[Judgement], path: Path) -> None:
-    """Write one line a case.
-
-    Parameters
-    ----------
-    judgements : sequence of Judgement
-        All cases.
-    path : Path
-        Of the CSV.
-    """
+    """Write one line a case."""
     rows = [_flat(judgement) for judgement in judgements]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))

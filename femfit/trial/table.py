@@ -17,8 +17,6 @@ class Line:
     ----------
     group, what : str
         Which cases, and what was counted.
-    share : Share or None
-        Where it is a share.
     value : float
         Of a share, mean or median.
     limit : float or None
@@ -64,11 +62,6 @@ def _mark(met: bool | None) -> str:
 
 def trial_table(judgements: Sequence[Judgement]) -> list[Line]:
     """Count a trial.
-
-    Parameters
-    ----------
-    judgements : sequence of Judgement
-        All cases.
 
     Returns
     -------
@@ -185,11 +178,6 @@ def by_effect(judgements: Sequence[Judgement]) -> Mapping[str, Mapping[str, Shar
     ----------
     judgements : sequence of Judgement
         All cases; those with one effect of 1 sigma or more count.
-
-    Returns
-    -------
-    mapping of str to mapping of str to Share
-        ``in_class``, ``first`` and ``misnamed``.
     """
     cases = [j for j in judgements if len(j.effects) == 1 and j.level >= 1.0]
     result = {}

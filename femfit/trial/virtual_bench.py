@@ -29,14 +29,8 @@ class VirtualBench:
         Every run visits every distance; at each the current rises in so many steps and falls again.
     mount_m : float
         Standard deviation of where the body comes back to between runs.
-    step_s : float
-        Time between readings.
-    network : ThermalNetwork
-        How winding and magnet warm.
     noise : mapping of str to float
         Standard deviation of a reading, over the channel's span.
-    correlation : float
-        Of successive readings.
     """
 
     runs: int = 4
@@ -62,8 +56,6 @@ def measure(truth: ActuatorModel, bench: VirtualBench, random: np.random.Generat
     ----------
     truth : ActuatorModel
         With circuit, whose resistance holds at ``coil_temperature_C``; the Hall output is read where it has a sensor.
-    bench : VirtualBench
-        What is done.
     random : Generator
         Of re-mounts, ambient temperatures and noise.
 

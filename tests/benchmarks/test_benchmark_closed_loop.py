@@ -5,10 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from femfit.simulate.design import design_loop
-from femfit.simulate.experiment import Experiment
-from femfit.simulate.monte_carlo import monte_carlo
-from femfit.simulate.study import closed_loop_study
+from femfit.simulation.design import design_loop
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.monte_carlo import monte_carlo
+from femfit.simulation.study import closed_loop_study
 
 pytestmark = pytest.mark.benchmark
 

@@ -7,12 +7,12 @@ import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.estimate.extended import ExtendedFilter
-from femfit.estimate.levitation import levitation_process
-from femfit.estimate.noise import initial_covariance
-from femfit.estimate.square_root import SquareRootUnscentedFilter
-from femfit.estimate.theory import holding_current
-from femfit.estimate.unscented import UnscentedFilter
+from femfit.filters.extended import ExtendedFilter
+from femfit.filters.levitation import levitation_process
+from femfit.filters.noise import initial_covariance
+from femfit.filters.square_root import SquareRootUnscentedFilter
+from femfit.filters.theory import holding_current
+from femfit.filters.unscented import UnscentedFilter
 from femfit.model.with_effects import with_effects
 
 RUNS, STEPS = 1000, 200

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femfit.core.coil_block import CoilBlock
-from femfit.core.coil_record import RecordWriter
-from femfit.estimate.integrate.kalman import KalmanIntegrator
-from femfit.estimate.integrate.uncertainty import PAPER_COIL, PAPER_SAMPLE_RATE, paper_noise
+from femfit.integrate.kalman import KalmanIntegrator
+from femfit.integrate.uncertainty import PAPER_COIL, PAPER_SAMPLE_RATE, paper_noise
+from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import RecordWriter
 
 pytestmark = pytest.mark.benchmark
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femfit.actuator.load import read_actuator
-from femfit.fem.layout import layout_of
-from femfit.fem.linear_point import LinearActuator
-from femfit.fem.settings import SolverSettings
-from femfit.fem.sweep import run_sweep
+from femfit.device.load import read_actuator
+from femfit.field.layout import layout_of
+from femfit.field.linear_point import LinearActuator
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep import run_sweep
 from support.actuators import GEOMETRY
 from support.timed_sweep import timed_sweep
 
@@ -61,7 +61,7 @@ def by_points(tmp_path):
 
 
 def sweep_once(actuator, directory, settings):
-    from femfit.fem.sweep_task import _prepared
+    from femfit.field.sweep_task import _prepared
 
     _prepared.cache_clear()  # as in a new process
     run_sweep(actuator, directory, workers=1, settings=settings)

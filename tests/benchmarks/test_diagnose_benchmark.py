@@ -5,9 +5,9 @@ from time import perf_counter
 
 import pytest
 
-from femfit.diagnose.diagnose import DiagnosisOptions, diagnose_bench
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose_bench
 from support.campaign import campaign
 
 

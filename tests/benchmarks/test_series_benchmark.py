@@ -6,10 +6,10 @@ from time import perf_counter, process_time
 
 import pytest
 
-from femfit.diagnose.diagnose import DiagnosisOptions
-from femfit.diagnose.series.diagnose import diagnose_series
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.identify.decision.diagnose import DiagnosisOptions
+from femfit.identify.series.diagnose import diagnose_series
 from support.closed_loop import closed_loop, recorded
 
 

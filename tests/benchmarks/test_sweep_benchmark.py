@@ -10,8 +10,8 @@ import time
 import ngsolve
 import pytest
 
-from femfit.actuator.load import read_actuator
-from femfit.fem.settings import SolverSettings
+from femfit.device.load import read_actuator
+from femfit.field.settings import SolverSettings
 from support.actuators import GEOMETRY
 from support.command import FEMFIT
 from support.field import prepared

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.measurement_file import read_bench_table
-from femfit.diagnose.observations import conditions_of
+from femfit.identify.readings.observations import conditions_of
 from femfit.model.json_file import write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
+from femfit.tables.measurement_file import read_bench_table
 from support.campaign import settings
 from support.command import femfit
 

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from femfit.core.sweep_table import write_sweep_table
 from femfit.model.json_file import read_model
+from femfit.tables.sweep_table import write_sweep_table
 from support.command import femfit
 from support.sweeps import full_table
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from femfit.core.sweep_table import read_sweep_table
+from femfit.tables.sweep_table import read_sweep_table
 from support.command import femfit
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from femfit.actuator.load import read_actuator
+from femfit.device.load import read_actuator
 from support.command import femfit
 from support.fem_files import STEEL, suspension
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.estimate.integrate.experiment import ExperimentInputs, synthesise
+from femfit.integrate.experiment import ExperimentInputs, synthesise
 from femfit.model.json_file import write_model
 from support.command import femfit
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
-from femfit.actuator.parts import LinearMaterial
+from femfit.device.parts import LinearMaterial
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.jet import Jet
-from femfit.fem.layout import layout_of, stretch_groups
-from femfit.fem.problem import prepare
-from femfit.fem.settings import SolverSettings
+from femfit.field.layout import layout_of, stretch_groups
+from femfit.field.problem import prepare
+from femfit.field.settings import SolverSettings
 from femfit.model.with_effects import nominal_of
 from support.saturating import LIBRARY, rig_with_core
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError, TableError
-from femfit.core.sweep_table import SweepTable
 from femfit.fit.build import FitOptions, fit_model
 from femfit.fit.text import fit_lines, misfit_line
 from femfit.model.actuator_model import Misfit
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics
+from femfit.tables.sweep_table import SweepTable
 from support.sweeps import ACTUATOR, MASS, ClosedForm, force_table, full_table
 
 WEIGHT = MASS * 9.80665

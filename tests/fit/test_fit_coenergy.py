@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError
-from femfit.core.sweep_table import SweepTable
 from femfit.fit.coenergy import fit_coenergy, obeyed_shapes
 from femfit.fit.coenergy_system import held_out_masks
 from femfit.fit.rows import rows_of_table
+from femfit.tables.sweep_table import SweepTable
 from support.sweeps import CURRENTS, DISTANCES, MASS, ClosedForm, force_table, full_table, grid
 
 G = 9.80665

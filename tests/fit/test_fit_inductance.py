@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError, TableError
-from femfit.core.inductance_table import InductanceTable, is_inductance_table, read_inductance_table
 from femfit.fit.inductance import InductanceOptions, fit_inductance, inductance_lines
 from femfit.model.json_file import read_model
+from femfit.tables.inductance_table import InductanceTable, is_inductance_table, read_inductance_table
 from support.command import femfit
 
 D = np.linspace(1e-3, 20e-3, 14)

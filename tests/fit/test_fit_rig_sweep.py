@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from femfit.actuator.load import read_actuator
-from femfit.core.sweep_table import SweepTable
-from femfit.fem.sweep import run_sweep
+from femfit.device.load import read_actuator
+from femfit.field.sweep import run_sweep
 from femfit.fit.build import FitOptions, fit_model
 from femfit.fit.ranking import TARGET
+from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 
 ERRATA = {  # d in mm: F0 in N and F1 in N/A for 30 turns, Hall field of the magnet in T (papers/ERRATA.md, order 6)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.core.sweep_table import SweepTable
 from femfit.fit.coenergy import fit_coenergy
 from femfit.fit.coenergy_system import held_out_masks
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import rows_of_table
+from femfit.tables.sweep_table import SweepTable
 from support.saturating_circuit import SaturatingCircuit
 from support.sweeps import full_table
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
 
-from femfit.actuator.load import read_actuator
-from femfit.actuator.parts import Coil, LinearMaterial, Region
-from femfit.fem.layout import layout_of
-from femfit.fem.linear_point import LinearActuator
-from femfit.fem.settings import SolverSettings
+from femfit.device.load import read_actuator
+from femfit.device.parts import Coil, LinearMaterial, Region
+from femfit.field.layout import layout_of
+from femfit.field.linear_point import LinearActuator
+from femfit.field.settings import SolverSettings
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import prepared, solved
 

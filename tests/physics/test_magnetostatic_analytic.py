@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import special
 
-from femfit.actuator.parts import LinearMaterial, Region
 from femfit.core.constants import MU_0
-from femfit.fem.settings import SolverSettings
-from femfit.fem.weak_form import flux_density
+from femfit.device.parts import LinearMaterial, Region
+from femfit.field.settings import SolverSettings
+from femfit.field.weak_form import flux_density
 from support.actuators import assembly, magnet, rectangle
 from support.exact import axis_field_of_cylinder
 from support.field import prepared, solved

@@ -9,8 +9,8 @@ from netgen.occ import OCCGeometry, WorkPlane
 from ngsolve import H1, Integrate, LinearForm, Mesh, dx
 
 from femfit.core.constants import MU_0
-from femfit.fem.summed_inverse import SummedInverse
-from femfit.fem.weak_form import flux_density, stiffness
+from femfit.field.summed_inverse import SummedInverse
+from femfit.field.weak_form import flux_density, stiffness
 
 RADIUS, WIDTH = 1.0, 0.18  # the Gaussian is 4e-14 on the boundary
 

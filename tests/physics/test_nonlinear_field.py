@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from femfit.actuator.bh_curve import BHCurve
-from femfit.actuator.parts import LinearMaterial, Region
 from femfit.core.constants import MU_0
-from femfit.fem.layout import layout_of
-from femfit.fem.linear_point import LinearActuator
-from femfit.fem.newton import TOLERANCE, minimise
-from femfit.fem.settings import SolverSettings
+from femfit.device.bh_curve import BHCurve
+from femfit.device.parts import LinearMaterial, Region
+from femfit.field.layout import layout_of
+from femfit.field.linear_point import LinearActuator
+from femfit.field.newton import TOLERANCE, minimise
+from femfit.field.settings import SolverSettings
 from support.actuators import assembly, magnet, rectangle
 from support.reference import REFERENCE, needs_reference
 from support.saturating import STEEL, bobbin, problem_at, rig_with_core, rows_at, straight

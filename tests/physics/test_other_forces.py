@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
 
-from femfit.actuator.load import read_actuator
-from femfit.fem.layout import layout_of
-from femfit.fem.linear_point import LinearActuator
-from femfit.fem.linear_system import FieldPair
-from femfit.fem.settings import SolverSettings
-from femfit.fem.stress import AROUND_FIXED, LayerForce
-from femfit.fem.superposition import DISAGREEMENT, DistanceSolution, superpose
-from femfit.fem.tolerance_problem import RungChoice, ToleranceProblem
+from femfit.device.load import read_actuator
+from femfit.field.layout import layout_of
+from femfit.field.linear_point import LinearActuator
+from femfit.field.linear_system import FieldPair
+from femfit.field.settings import SolverSettings
+from femfit.field.stress import AROUND_FIXED, LayerForce
+from femfit.field.superposition import DISAGREEMENT, DistanceSolution, superpose
+from femfit.field.tolerance_problem import RungChoice, ToleranceProblem
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import prepared
 from support.saturating import bobbin, problem_at

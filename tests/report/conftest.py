@@ -6,19 +6,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.actuator.load import read_actuator
-from femfit.actuator.summary import sweep_manifest_entry
-from femfit.core.sweep_table import SweepTable
-from femfit.estimate.consistency import ConsistencyBand
+from femfit.device.load import read_actuator
+from femfit.device.summary import sweep_manifest_entry
+from femfit.filters.consistency import ConsistencyBand
 from femfit.fit.build import FitOptions, fit_model
 from femfit.report.content import ReportContent
 from femfit.report.field_sample import FieldSample
-from femfit.simulate.design import CONTROLLERS, design_loop
-from femfit.simulate.experiment import Experiment
-from femfit.simulate.spectrum import Spectrum
-from femfit.simulate.study import ClosedLoopStudy, SpectrumPair, StepSeries
-from femfit.simulate.study_rows import LossRow, ShiftRow
-from femfit.simulate.table6 import PAPER_RMS_M, HoldRow, Table6Row
+from femfit.simulation.design import CONTROLLERS, design_loop
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.spectrum import Spectrum
+from femfit.simulation.study import ClosedLoopStudy, SpectrumPair, StepSeries
+from femfit.simulation.study_rows import LossRow, ShiftRow
+from femfit.simulation.table6 import PAPER_RMS_M, HoldRow, Table6Row
+from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 
 CURRENTS = np.linspace(0.0, 1.4, 5)

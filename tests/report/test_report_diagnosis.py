@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.measurement import CHANNELS
-from femfit.diagnose.add import add_effects
-from femfit.diagnose.diagnose import DiagnosisOptions, considered_effects, examine
-from femfit.diagnose.observations import bench_observations
-from femfit.diagnose.suggest import Suggestion, suggest_measurements
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.identify.decision.diagnose import DiagnosisOptions, considered_effects, examine
+from femfit.identify.experiments.suggest import Suggestion, suggest_measurements
+from femfit.identify.readings.observations import bench_observations
+from femfit.identify.refit.add_effects import add_effects
 from femfit.report.diagnosis_content import content_of
 from femfit.report.diagnosis_html import render_diagnosis, write_diagnosis_report
 from femfit.report.measured_figures import settings_figure
+from femfit.tables.measurement import CHANNELS
 from support.campaign import campaign
 from support.page import Page
 

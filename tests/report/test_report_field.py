@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from femfit.actuator.load import read_actuator
-from femfit.fem.settings import SolverSettings
-from femfit.fem.sweep import plan_sweep, solve_task
+from femfit.device.load import read_actuator
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep import plan_sweep, solve_task
 from femfit.report.field_sample import sample_field
 from support.actuators import GEOMETRY
 

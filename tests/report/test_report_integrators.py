@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from femfit.estimate.integrate.experiment import ExperimentInputs, synthesise
-from femfit.estimate.integrate.study import PAPER_METHODS, experiment_fields
+from femfit.integrate.experiment import ExperimentInputs, synthesise
+from femfit.integrate.study import PAPER_METHODS, experiment_fields
 from femfit.report.integrator_figures import MAGNIFIED, fields_figure, flat_top_figure, offsets_figure
 
 

@@ -6,10 +6,10 @@ import magpylib
 import numpy as np
 import pytest
 
-from femfit.actuator.load import read_actuator
-from femfit.actuator.record import actuator_from_record
 from femfit.core.constants import MU_0
 from femfit.core.errors import ActuatorFileError
+from femfit.device.load import read_actuator
+from femfit.device.record import actuator_from_record
 from femfit.report.field_cells import field_cells
 from femfit.report.solved_point import solve_point
 from femfit.report.view import PICTURES, write_views

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from femfit.actuator.parts import (
+from femfit.device.parts import (
     Actuator,
     Coil,
     HallElement,

@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from femfit.core.measurement import BenchTable
-from femfit.diagnose.observations import conditions_of
+from femfit.identify.readings.observations import conditions_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
+from femfit.tables.measurement import BenchTable
 
 NOISE = {"force_N": 4e-4, "flux_linkage_Wb": 2e-5, "hall_V": 3e-3, "voltage_V": 3e-3}
 

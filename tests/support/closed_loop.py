@@ -3,16 +3,16 @@
 import numpy as np
 import pandas as pd
 
-from femfit.core.time_series import SERIES_COLUMNS, TimeSeries
-from femfit.core.time_series_checks import check_clock
 from femfit.model.with_effects import with_effects
-from femfit.simulate.backstepping import design_backstepping
-from femfit.simulate.design import SUPPORT_TIME_CONSTANTS, design_loop
-from femfit.simulate.loop import ClosedLoop, run_loop
-from femfit.simulate.operating_point import operating_point
-from femfit.simulate.plant import Plant
-from femfit.simulate.reference import reference_steps, stack_references
-from femfit.simulate.sensor import SensorErrors
+from femfit.simulation.backstepping import design_backstepping
+from femfit.simulation.design import SUPPORT_TIME_CONSTANTS, design_loop
+from femfit.simulation.loop import ClosedLoop, run_loop
+from femfit.simulation.operating_point import operating_point
+from femfit.simulation.plant import Plant
+from femfit.simulation.reference import reference_steps, stack_references
+from femfit.simulation.sensor import SensorErrors
+from femfit.tables.time_series import SERIES_COLUMNS, TimeSeries
+from femfit.tables.time_series_checks import check_clock
 
 
 def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):

@@ -1,8 +1,8 @@
 """Short ways to a solved field."""
 
-from femfit.fem.layout import layout_of, stretch_groups
-from femfit.fem.linear_point import LinearActuator
-from femfit.fem.settings import SolverSettings
+from femfit.field.layout import layout_of, stretch_groups
+from femfit.field.linear_point import LinearActuator
+from femfit.field.settings import SolverSettings
 
 
 def prepared(actuator, distance, settings=None):

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.estimate.integrate.experiment import PAPER_RAMP_RATES, ExperimentInputs, make_course, synthesise
-from femfit.estimate.integrate.methods import IntegrationOptions, make_integrator
-from femfit.estimate.integrate.paper_tables import PAPER
-from femfit.estimate.integrate.study import experiment_figures, paper_inputs
-from femfit.estimate.integrate.uncertainty import PAPER_COIL
 from femfit.fit.hysteresis import LabRun, identify_field
+from femfit.integrate.experiment import PAPER_RAMP_RATES, ExperimentInputs, make_course, synthesise
+from femfit.integrate.methods import IntegrationOptions, make_integrator
+from femfit.integrate.paper_tables import PAPER
+from femfit.integrate.study import experiment_figures, paper_inputs
+from femfit.integrate.uncertainty import PAPER_COIL
 
 PAGE = Path(__file__).parents[2] / "docs" / "integrators.md"
 MAGNETS = ((10, 32.0, (320.0, 280.0, 240.0, 160.0, 80.0)), (11, 100.0, (320.0, 120.0, 320.0, 200.0)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from femfit.core.sweep_table import SweepTable
+from femfit.tables.sweep_table import SweepTable
 
 MASS = 4.35e-3
 WEIGHT = MASS * 9.80665

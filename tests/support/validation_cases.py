@@ -14,11 +14,11 @@ from netgen.occ import Glue, OCCGeometry, WorkPlane
 from ngsolve import H1, LinearForm, Mesh, dx
 from scipy import special
 
-from femfit.actuator.load import read_actuator
-from femfit.actuator.parts import LinearMaterial, Region
 from femfit.core.constants import MU_0
-from femfit.fem.settings import SolverSettings
-from femfit.fem.weak_form import flux_density, stiffness
+from femfit.device.load import read_actuator
+from femfit.device.parts import LinearMaterial, Region
+from femfit.field.settings import SolverSettings
+from femfit.field.weak_form import flux_density, stiffness
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import prepared, solved
 from support.reference import REFERENCE

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from femfit.actuator.load import read_actuator
+from femfit.device.load import read_actuator
 from femfit.trial.truth.families import load_truth
 from support.trial import FAMILIES
 

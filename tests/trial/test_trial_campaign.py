@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import RunDirectoryError
-from femfit.core.measurement_file import read_bench_table
+from femfit.tables.measurement_file import read_bench_table
 from femfit.trial.campaign.case import Order, make_case
 from femfit.trial.campaign.files import read_key, write_case
 from femfit.trial.campaign.noise import Meter, measured

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from femfit.actuator.load import read_actuator
-from femfit.core.time_series_file import read_time_series
-from femfit.fem.sweep import run_sweep
+from femfit.device.load import read_actuator
+from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.model.json_file import read_model, write_model
+from femfit.tables.time_series_file import read_time_series
 from femfit.trial.campaign.case import Order
 from femfit.trial.campaign.record import Recorder, closed_loop
 from femfit.trial.campaign.series_case import make_series_case, sizing_record

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from femfit.core.time_series_file import is_time_series
+from femfit.tables.time_series_file import is_time_series
 from femfit.trial.judge import judge
 from femfit.trial.run import TrialOptions, make_trial, run_trial
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.constants import mu_0
 
-from femfit.actuator.load import read_actuator
+from femfit.device.load import read_actuator
 from femfit.trial.truth import off_axis
 from femfit.trial.truth.bench import true_readings
 from femfit.trial.truth.bench_effects import BENCH_EFFECTS, possible_effects

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from femfit.core.measurement import BenchTable
-from femfit.diagnose.diagnose import DiagnosisOptions, diagnose_bench
+from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose_bench
+from femfit.tables.measurement import BenchTable
 from femfit.trial.truth.thermal import COPPER_PER_K
 from femfit.trial.virtual_bench import VirtualBench, measure
 

@@ -31,16 +31,10 @@ class Order:
 
     Parameters
     ----------
-    number : int
-        Of the case.
-    actuator : str
-        Its drawing's name.
     effects : tuple of str
         Hidden effects; empty for a bench that is as drawn.
     level : float
         Of :data:`LEVELS`; 0 without an effect.
-    seed : int
-        Of everything else.
     """
 
     number: int
@@ -56,8 +50,6 @@ class Case:
 
     Parameters
     ----------
-    order : Order
-        What was asked for.
     rows, unseen : DataFrame
         The bench table, and a further run that is kept back.
     declared_noise : mapping of str to float
@@ -75,18 +67,6 @@ class Case:
 
 def make_case(truth: Truth, order: Order) -> Case:
     """Measure a case.
-
-    Parameters
-    ----------
-    truth : Truth
-        Of its actuator.
-    order : Order
-        What it should hold.
-
-    Returns
-    -------
-    Case
-        The same for the same order.
 
     Raises
     ------

@@ -25,17 +25,8 @@ def write_case(case: Case, model: Path, directory: Path) -> str:
 
     Parameters
     ----------
-    case : Case
-        As measured.
     model : Path
         Model file of the drawing, copied beside the data.
-    directory : Path
-        Of the trial.
-
-    Returns
-    -------
-    str
-        The key's hash.
     """
     name = f"{case.order.number:04d}"
     place = directory / "cases" / name
@@ -57,15 +48,6 @@ def write_case(case: Case, model: Path, directory: Path) -> str:
 def read_key(directory: Path, number: int, commitment: str) -> dict[str, Any]:
     """Open a case's key, after the diagnosis.
 
-    Parameters
-    ----------
-    directory : Path
-        Of the trial.
-    number : int
-        Of the case.
-    commitment : str
-        Its hash in the manifest.
-
     Returns
     -------
     dict
@@ -86,22 +68,7 @@ def read_key(directory: Path, number: int, commitment: str) -> dict[str, Any]:
 
 
 def write_manifest(directory: Path, seed: int, commitments: Mapping[int, str]) -> Path:
-    """Write the manifest.
-
-    Parameters
-    ----------
-    directory : Path
-        Of the trial.
-    seed : int
-        Of the trial.
-    commitments : mapping of int to str
-        Hash of each case's key.
-
-    Returns
-    -------
-    Path
-        Of the manifest.
-    """
+    """Write the manifest."""
     path = directory / "manifest.json"
     data = {"seed": seed, "cases": len(commitments), "key_sha256": {f"{n:04d}": h for n, h in commitments.items()}}
     path.write_text(json.dumps(data, indent=1), encoding="utf-8")

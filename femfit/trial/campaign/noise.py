@@ -16,8 +16,6 @@ class Meter:
 
     Parameters
     ----------
-    sigma : float
-        Standard deviation of a reading.
     rho : float
         Correlation of successive readings of a run.
     full_scale : float
@@ -35,20 +33,7 @@ class Meter:
 
 
 def drawn_meters(truth: Mapping[str, FloatArray], generator: np.random.Generator) -> dict[str, Meter]:
-    """Draw a meter for every channel: noise of 0.1 to 0.6 % of the channel's span.
-
-    Parameters
-    ----------
-    truth : mapping of str to array
-        True readings.
-    generator : Generator
-        Of random numbers.
-
-    Returns
-    -------
-    dict of str to Meter
-        By channel.
-    """
+    """Draw a meter for every channel: noise of 0.1 to 0.6 % of the channel's span."""
     result = {}
     for name, values in truth.items():
         share = float(np.exp(generator.uniform(np.log(1e-3), np.log(6e-3))))
@@ -67,12 +52,8 @@ def measured(values: FloatArray, meter: Meter, run: IntArray, generator: np.rand
     ----------
     values : array, shape (n,)
         True, in the order of measuring.
-    meter : Meter
-        Of the channel.
     run : array of int, shape (n,)
         Each run's noise starts anew.
-    generator : Generator
-        Of random numbers.
 
     Returns
     -------

@@ -18,10 +18,6 @@ def draw_orders(possible: Mapping[str, Sequence[str]], cases: int, seed: int) ->
     ----------
     possible : mapping of str to sequence of str
         Effects that each actuator can have.
-    cases : int
-        How many.
-    seed : int
-        Of the whole trial.
 
     Returns
     -------

@@ -18,16 +18,10 @@ class PlanOptions:
     ----------
     runs, mounts_per_run : int
         Repeats, and how often the body is put back within one.
-    distances, currents : int
-        Settings of a run.
     both_signs, both_branches : bool
         Whether negative currents are measured, and whether falling ones are.
     mount_m : float
         Standard deviation of the distance error of a mount.
-    step_s : float
-        Time between readings.
-    network : ThermalNetwork
-        Of the bench.
     """
 
     runs: int
@@ -55,8 +49,6 @@ class Plan:
         +1 or -1.
     time_s : array, shape (n,)
         Within the run.
-    temperatures : Temperatures
-        True ones.
     remount : array, shape (n,)
         Distance error of each reading's mount in m.
     """
@@ -88,13 +80,6 @@ class Plan:
 
 def drawn_options(truth: Truth, generator: np.random.Generator) -> PlanOptions:
     """Draw what a campaign is like: 300 to 3,000 rows.
-
-    Parameters
-    ----------
-    truth : Truth
-        Of the actuator.
-    generator : Generator
-        Of random numbers.
 
     Returns
     -------
@@ -131,15 +116,6 @@ def drawn_options(truth: Truth, generator: np.random.Generator) -> PlanOptions:
 
 def make_plan(truth: Truth, options: PlanOptions, generator: np.random.Generator) -> Plan:
     """Lay out a campaign.
-
-    Parameters
-    ----------
-    truth : Truth
-        Of the actuator.
-    options : PlanOptions
-        What it is like.
-    generator : Generator
-        Of random numbers.
 
     Returns
     -------

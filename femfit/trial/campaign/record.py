@@ -1,4 +1,4 @@
-"""Closed-loop records of a levitated body: the loop of :mod:`femfit.simulate` round a body that really moves otherwise.
+"""Closed-loop records of a levitated body: the loop of femfit.simulation round a body that moves otherwise.
 
 The controller follows steps of the distance, with a small random square wave on its voltage that moves what a smooth
 reference would leave at rest. Distance, current and Hall voltage are recorded by meters of their own.
@@ -13,10 +13,10 @@ import pandas as pd
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulate.controller import Reference
-from femfit.simulate.design import SUPPORT_TIME_CONSTANTS, LoopDesign, design_loop
-from femfit.simulate.operating_point import operating_point
-from femfit.simulate.reference import reference_steps
+from femfit.simulation.controller import Reference
+from femfit.simulation.design import SUPPORT_TIME_CONSTANTS, LoopDesign, design_loop
+from femfit.simulation.operating_point import operating_point
+from femfit.simulation.reference import reference_steps
 from femfit.trial.truth.levitated_body import MovingTruth
 
 _DITHER = 0.04
@@ -29,12 +29,8 @@ class Recorder:
 
     Parameters
     ----------
-    runs, samples : int
-        Records, and samples in each.
     sigma : mapping of str to float
         White noise of ``distance_m``, ``current_A`` and ``hall_V``; those channels are recorded.
-    targets_m : tuple of float
-        Reference distances in turn.
     """
 
     runs: int
@@ -69,19 +65,8 @@ def closed_loop(
 
     Parameters
     ----------
-    plant : MovingTruth
-        What moves.
     model : ActuatorModel
         Of the drawing: what controller and filter believe.
-    recorder : Recorder
-        Length and reference.
-    generator : Generator
-        Of sensor noise and dither.
-
-    Returns
-    -------
-    Trajectory
-        Complete.
 
     Raises
     ------
@@ -131,14 +116,8 @@ def record(
 
     Parameters
     ----------
-    trajectory : Trajectory
-        What happened.
     model : ActuatorModel
         For the sample period and the Hall element's converter.
-    recorder : Recorder
-        Channels and their noise.
-    generator : Generator
-        Of the noise.
 
     Returns
     -------
@@ -169,17 +148,6 @@ def window_change(
     plain: MovingTruth, changed: MovingTruth, trajectory: Trajectory, time_s: float, samples: int = 40
 ) -> dict[str, FloatArray]:
     """What an effect does within short windows, from the same starts and under the same voltages.
-
-    Parameters
-    ----------
-    plain, changed : MovingTruth
-        Without and with the effect.
-    trajectory : Trajectory
-        Where the windows start.
-    time_s : float
-        Sample period.
-    samples : int
-        Of one window.
 
     Returns
     -------

@@ -23,14 +23,8 @@ def make_series_case(truth: Truth, model: ActuatorModel, order: Order, sized: Tr
 
     Parameters
     ----------
-    truth : Truth
-        Of its actuator.
     model : ActuatorModel
         Of the drawing: what the loop was designed with.
-    order : Order
-        What it should hold.
-    sized : Trajectory
-        From :func:`sizing_record`.
 
     Returns
     -------
@@ -91,20 +85,7 @@ def make_series_case(truth: Truth, model: ActuatorModel, order: Order, sized: Tr
 
 
 def sizing_record(truth: Truth, model: ActuatorModel) -> Trajectory:
-    """A record of the body as drawn, from which the windows start that size the effects of all cases.
-
-    Parameters
-    ----------
-    truth : Truth
-        Of the actuator.
-    model : ActuatorModel
-        Of the drawing.
-
-    Returns
-    -------
-    Trajectory
-        Always the same.
-    """
+    """A record of the body as drawn, from which the windows start that size the effects of all cases."""
     recorder = Recorder(2, _SIZING_SAMPLES, {}, _targets(model))
     body = Body(truth.actuator.moving.mass_kg)
     return closed_loop(MovingTruth(truth, body), model, recorder, np.random.default_rng(0))

@@ -15,26 +15,7 @@ _EVEN = 0.9
 def effect_over_noise(
     truth: Truth, points: Points, hidden: Hidden, size: float, meters: Mapping[str, Meter]
 ) -> dict[str, float]:
-    """Root mean square of an effect over the noise, per channel.
-
-    Parameters
-    ----------
-    truth : Truth
-        Of the actuator.
-    points : Points
-        Of the campaign.
-    hidden : Hidden
-        The effect.
-    size : float
-        In its unit.
-    meters : mapping of str to Meter
-        Of the measured channels.
-
-    Returns
-    -------
-    dict of str to float
-        By channel.
-    """
+    """Root mean square of an effect over the noise, per channel."""
     without, with_it = true_readings(truth, points), true_readings(truth, points, [(hidden, size)])
     return {name: _rms(with_it[name] - without[name]) / meter.sigma for name, meter in meters.items()}
 
@@ -62,16 +43,8 @@ def size_for(truth: Truth, points: Points, hidden: Hidden, target: float, meters
 
     Parameters
     ----------
-    truth : Truth
-        Of the actuator.
-    points : Points
-        Of the campaign.
-    hidden : Hidden
-        The effect.
     target : float
         Root mean square over the noise.
-    meters : mapping of str to Meter
-        Of the measured channels.
 
     Returns
     -------

@@ -55,8 +55,6 @@ class Hidden:
         As the trial's list calls it.
     typical, limit : float
         Usual size, and the largest that is still believable, in ``unit``.
-    unit : str
-        SI.
     setting : callable or None
         (size, points) -> (distance, current) that body and winding really have.
     fields : callable or None
@@ -82,12 +80,8 @@ def true_readings(truth: Truth, points: Points, effects: Sequence[tuple[Hidden, 
 
     Parameters
     ----------
-    truth : Truth
-        Field solutions.
     points : Points
         As the bench's dials say, re-mounts included.
-    effects : sequence of (Hidden, float)
-        Effects with their sizes.
 
     Returns
     -------

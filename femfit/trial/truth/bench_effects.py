@@ -23,8 +23,6 @@ class Entry:
 
     Parameters
     ----------
-    build : callable
-        (truth, generator) -> :class:`Hidden`.
     channels : tuple of str
         Of which a campaign must have at least one.
     along : tuple of str
@@ -87,35 +85,13 @@ TWINS: tuple[frozenset[str], ...] = (frozenset({"constant_force", "force_offset"
 
 
 def twins_of(name: str) -> tuple[str, ...]:
-    """An effect and those that do the same to every channel of a bench.
-
-    Parameters
-    ----------
-    name : str
-        Of the trial's list.
-
-    Returns
-    -------
-    tuple of str
-        Itself first.
-    """
+    """An effect and those that do the same to every channel of a bench."""
     others = set().union(*(group for group in TWINS if name in group)) - {name}
     return (name, *sorted(others))
 
 
 def possible_effects(truth: Truth) -> list[str]:
-    """The effects that an actuator can have.
-
-    Parameters
-    ----------
-    truth : Truth
-        With its families.
-
-    Returns
-    -------
-    list of str
-        In the list's order.
-    """
+    """The effects that an actuator can have."""
     result = []
     for name, entry in BENCH_EFFECTS.items():
         if entry.family and entry.family not in truth.families:

@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
-from femfit.actuator.parts import AIR, Actuator, LinearMaterial, Material, NonlinearMaterial, Region
 from femfit.core.constants import MU_0
 from femfit.core.errors import MissingPartError
+from femfit.device.parts import AIR, Actuator, LinearMaterial, Material, NonlinearMaterial, Region
 
 
 def is_magnet(region: Region) -> bool:
@@ -36,36 +36,12 @@ def moves_magnet(actuator: Actuator) -> bool:
 
 
 def scaled_magnets(actuator: Actuator, change: float) -> Actuator:
-    """Every magnet with 1 + change times its remanence.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        As drawn.
-    change : float
-        Relative.
-
-    Returns
-    -------
-    Actuator
-        To be solved.
-    """
+    """Every magnet with 1 + change times its remanence."""
     return _with_materials(actuator, lambda region: _scaled(region, 1.0 + change), is_magnet)
 
 
 def without_magnets(actuator: Actuator) -> Actuator:
-    """Every magnet as if never magnetised.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        As drawn.
-
-    Returns
-    -------
-    Actuator
-        To be solved.
-    """
+    """Every magnet as if never magnetised."""
     return scaled_magnets(actuator, -1.0)
 
 
@@ -76,13 +52,6 @@ def weak_layer(actuator: Actuator, change: float) -> Actuator:
     ----------
     actuator : Actuator
         With a magnet drawn as a rectangle.
-    change : float
-        Relative, -1..0.
-
-    Returns
-    -------
-    Actuator
-        To be solved.
     """
     in_moving = any(map(is_magnet, actuator.moving.regions))
     regions = actuator.moving.regions if in_moving else actuator.fixed
@@ -106,15 +75,8 @@ def remembering_core(actuator: Actuator, remanence: float) -> Actuator:
 
     Parameters
     ----------
-    actuator : Actuator
-        With linear soft parts.
     remanence : float
         B_r in T, positive where it adds to the flux of a positive current.
-
-    Returns
-    -------
-    Actuator
-        To be solved.
     """
     winding_r, winding_z = np.array(actuator.coil.vertices_m).T
 
@@ -136,15 +98,8 @@ def remanent_core(actuator: Actuator, remanence: float) -> Actuator:
 
     Parameters
     ----------
-    actuator : Actuator
-        With linear soft parts.
     remanence : float
         B_r in T.
-
-    Returns
-    -------
-    Actuator
-        To be solved.
     """
 
     def magnetised(region: Region) -> Material:
@@ -164,17 +119,8 @@ def saturable_core(actuator: Actuator, polarisation: float, sharpness: float) ->
 
     Parameters
     ----------
-    actuator : Actuator
-        With linear soft parts.
     polarisation : float
         J_s in T.
-    sharpness : float
-        N >= 1.
-
-    Returns
-    -------
-    Actuator
-        To be solved.
 
     References
     ----------
@@ -191,18 +137,7 @@ def saturable_core(actuator: Actuator, polarisation: float, sharpness: float) ->
 
 
 def with_iron_ring(actuator: Actuator) -> Actuator:
-    """The body in a holder with an iron ring that the drawing does not show, without any magnet.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        As drawn.
-
-    Returns
-    -------
-    Actuator
-        To be solved: with currents alone.
-    """
+    """The body in a holder with an iron ring that the drawing does not show, without any magnet."""
     r, z = np.concatenate([np.array(region.vertices_m) for region in actuator.moving.regions]).T
     height = (z.min() + 0.5 * np.ptp(z), z.min() + 0.8 * np.ptp(z))
     body = shapely.union_all([shapely.Polygon(region.vertices_m) for region in actuator.moving.regions])
@@ -215,11 +150,6 @@ def with_iron_ring(actuator: Actuator) -> Actuator:
 
 def plunger_bore(actuator: Actuator) -> tuple[Region, float, float]:
     """The fixed soft region that a plunger slides through, with its bore's and the plunger's radius.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        As drawn.
 
     Returns
     -------
@@ -249,15 +179,8 @@ def eccentric_bore(actuator: Actuator, offset: float) -> Actuator:
 
     Parameters
     ----------
-    actuator : Actuator
-        With a plunger.
     offset : float
         In m, less than the clearance.
-
-    Returns
-    -------
-    Actuator
-        To be solved.
 
     References
     ----------
@@ -273,17 +196,8 @@ def with_bore(actuator: Actuator, radius: float, region: Region | None = None) -
 
     Parameters
     ----------
-    actuator : Actuator
-        With a plunger.
-    radius : float
-        In m.
     region : Region or None
         With the bore; found where None.
-
-    Returns
-    -------
-    Actuator
-        To be solved.
     """
     found, bore, _ = plunger_bore(actuator)
     region = region or found

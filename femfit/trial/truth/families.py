@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import MissingPartError
+from femfit.device.parts import Actuator
 from femfit.trial.truth import drawing_variants as drawn
 from femfit.trial.truth.field_table import Fields, FieldTable, load_field_table, save_field_table, solve_field_table
 
@@ -35,17 +35,7 @@ _POLARISATION_T = {1.0: 0.6, 2.5: 0.45}
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """Fields as a function of one number p that is 0 for the drawing.
-
-    Parameters
-    ----------
-    values : tuple of float
-        P of each solution, without 0.
-    tables : tuple of FieldTable
-        The solutions.
-    reference : FieldTable
-        P = 0.
-    """
+    """Fields as a function of one number p that is 0 for the drawing."""
 
     values: tuple[float, ...]
     tables: tuple[FieldTable, ...]
@@ -60,11 +50,6 @@ class Family:
             In the family's unit.
         distance, current : array, shape (n,)
             In m and A.
-
-        Returns
-        -------
-        Fields
-            n points.
         """
         base = self.reference.at(distance, current)
         total = base.times(0.0)
@@ -83,10 +68,6 @@ class Truth:
 
     Parameters
     ----------
-    actuator : Actuator
-        As drawn.
-    base : FieldTable
-        As drawn.
     families : mapping of str to Family
         Those asked for of ``magnets`` (relative change of every remanence), ``layer`` (of the magnet's third next to
         the gap), ``core`` (remanence of all fixed iron along the axis in T), ``memory`` (that along the winding's
@@ -100,18 +81,7 @@ class Truth:
 
 
 def family_drawings(actuator: Actuator) -> dict[str, dict[float, Actuator]]:
-    """The drawings of every family that an actuator admits, by p; 0 where its reference is not the drawing.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        As drawn, with linear materials.
-
-    Returns
-    -------
-    dict of str to dict of float to Actuator
-        To be solved.
-    """
+    """The drawings of every family that an actuator admits, by p; 0 where its reference is not the drawing."""
     steps = (-CORE_STEP, CORE_STEP)
     result = {}
     if any(map(drawn.is_soft, actuator.fixed)):
@@ -147,21 +117,10 @@ def load_truth(
 
     Parameters
     ----------
-    actuator : Actuator
-        As drawn, with linear materials.
     cache : Path
         Directory for the tables; made if absent.
     families : collection of str or None
         Those needed; all that the drawing admits where None.
-    workers : int
-        Processes.
-    progress : callable or None
-        Receives what is being done.
-
-    Returns
-    -------
-    Truth
-        With the families asked for.
     """
     cache.mkdir(parents=True, exist_ok=True)
     wanted = {

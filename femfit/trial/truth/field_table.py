@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
-from femfit.actuator.parts import Actuator, NonlinearMaterial, SweepAxes
 from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
 
 LINEAR_DISTANCES, SATURATING_DISTANCES, CURRENTS = 16, 12, 13
 
@@ -58,8 +58,6 @@ class FieldTable:
     coefficients : array, shape (3, N_d, N_i)
         Of force, flux linkage and Hall field: Chebyshev polynomials in log distance times, for a linear drawing, powers
         of the current, else Chebyshev polynomials in the current.
-    linear : bool
-        Whether the drawing is.
     """
 
     distances: tuple[float, float]
@@ -74,11 +72,6 @@ class FieldTable:
         ----------
         distance, current : array, shape (n,)
             In m and A.
-
-        Returns
-        -------
-        Fields
-            n points.
         """
         count = self.coefficients.shape[1:]
         in_distance = chebvander(_unit(distance, self.distances), count[0] - 1)
@@ -108,17 +101,12 @@ def solve_field_table(actuator: Actuator, distances: tuple[float, float], curren
         Range in m.
     current : float
         Largest magnitude in A.
-
-    Returns
-    -------
-    FieldTable
-        Of every field.
     """
     from ngsolve import SetNumThreads  # noqa: PLC0415  the solver loads where it is used
 
-    from femfit.fem.layout import layout_of, stretch_groups  # noqa: PLC0415
-    from femfit.fem.problem import prepare  # noqa: PLC0415
-    from femfit.fem.settings import SolverSettings  # noqa: PLC0415
+    from femfit.field.layout import layout_of, stretch_groups  # noqa: PLC0415
+    from femfit.field.problem import prepare  # noqa: PLC0415
+    from femfit.field.settings import SolverSettings  # noqa: PLC0415
 
     SetNumThreads(1)  # drawings are the parallel axis
     parts = (*actuator.fixed, *actuator.moving.regions)
@@ -147,32 +135,13 @@ def solve_field_table(actuator: Actuator, distances: tuple[float, float], curren
 
 
 def save_field_table(table: FieldTable, path: Path) -> None:
-    """Write a table.
-
-    Parameters
-    ----------
-    table : FieldTable
-        Any.
-    path : Path
-        Ends in .npz.
-    """
+    """Write a table."""
     head = np.array([*table.distances, table.current, float(table.linear)])
     np.savez(path, head=head, coefficients=table.coefficients)
 
 
 def load_field_table(path: Path) -> FieldTable:
-    """Read a table that was written.
-
-    Parameters
-    ----------
-    path : Path
-        Of the .npz.
-
-    Returns
-    -------
-    FieldTable
-        Of every field.
-    """
+    """Read a table that was written."""
     with np.load(path) as data:
         low, high, current, linear = data["head"]
         return FieldTable((float(low), float(high)), float(current), data["coefficients"], bool(linear))

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from femfit.actuator.parts import Region
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import MU_0
+from femfit.device.parts import Region
 from femfit.trial.truth.bench import Hidden, Points
 from femfit.trial.truth.families import Truth
 from femfit.trial.truth.field_table import Fields

@@ -30,14 +30,10 @@ class Body:
 
     Parameters
     ----------
-    mass_kg : float
-        Really.
     viscous_N_s_m, braking : float
         Drag, and by what factor it grows at the nearest distance (eddy currents in the core's face).
     coulomb_N, breakaway, stribeck_m_s, bristle_N_m : float
         Of LuGre's friction: level, static over kinetic, velocity of the transition, stiffness of the bristles.
-    eddy_shares, eddy_times_s : (float, float)
-        Of the two paths.
     leakage : float
         Part of the inductance that no eddy path encloses.
     leads : float
@@ -48,10 +44,6 @@ class Body:
         Applied voltage = (1 + gain) U beyond the dead zone.
     warming_K : float
         Of the winding in steady state at 1 A, with a time constant of 20 s.
-    pull_N : float
-        Constant, along growing distance.
-    hall_offset_V : float
-        Of the sensor.
     """
 
     mass_kg: float
@@ -75,15 +67,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class MovingTruth:
-    """A body in the solved fields of a linear drawing.
-
-    Parameters
-    ----------
-    truth : Truth
-        Field solutions.
-    body : Body
-        What moves.
-    """
+    """A body in the solved fields of a linear drawing."""
 
     truth: Truth
     body: Body
@@ -120,8 +104,6 @@ class MovingTruth:
             As from :meth:`start`.
         voltage : array, shape (runs,)
             Commanded, in V.
-        time_s : float
-            Period.
 
         Returns
         -------

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from femfit.actuator.parts import Actuator
 from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator
 from femfit.trial.truth.drawing_variants import is_magnet, is_soft
 
 _ORDERS, _ANGLES = 5, 40
@@ -76,18 +76,7 @@ class CoreResponse:
 
 
 def has_one_core(actuator: Actuator) -> bool:
-    """Whether the soft fixed parts are one body, as :func:`core_response` needs it; an air coil has none.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        As drawn.
-
-    Returns
-    -------
-    bool
-        Parts that touch are one body.
-    """
+    """Whether the soft fixed parts are one body, as :func:`core_response` needs it; an air coil has none."""
     return bool(_core(actuator).geom_type == "Polygon")
 
 
@@ -98,18 +87,7 @@ def _core(actuator: Actuator) -> Any:
 
 
 def core_response(actuator: Actuator) -> CoreResponse:
-    """The core of a drawing as rings of charge.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        With one core.
-
-    Returns
-    -------
-    CoreResponse
-        For points outside of the core.
-    """
+    """The core of a drawing as rings of charge."""
     body = _core(actuator)
     sizes = [np.ptp(np.array(part.vertices_m), axis=0) for part in actuator.fixed if is_soft(part)]
     depth = _INSET * float(np.min(sizes))
@@ -160,13 +138,6 @@ def displaced(actuator: Actuator, offset: float, distances: tuple[float, float],
         Sideways displacement in m.
     distances : (float, float)
         Range in m.
-    count : int
-        Distances solved.
-
-    Returns
-    -------
-    OffAxis
-        Ratios less one, over ``offset`` squared.
     """
     core = core_response(actuator)
     d = np.geomspace(*distances, count)

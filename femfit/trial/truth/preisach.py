@@ -87,17 +87,8 @@ def relay_ensemble(coercive: float, interaction: float, spread: float, parts: in
     ----------
     coercive : float
         Median half width, in the input's unit.
-    interaction : float
-        Standard deviation of the centres.
     spread : float
         Standard deviation of the logarithm of the half widths.
-    parts : int
-        Relays along each axis.
-
-    Returns
-    -------
-    Relays
-        Parts squared of them.
     """
     from scipy.stats import norm  # noqa: PLC0415
 

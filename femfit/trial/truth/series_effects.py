@@ -16,8 +16,6 @@ class MovingEffect:
     ----------
     typical, limit : float
         Usual size, and the largest that is still believable, in ``unit``.
-    unit : str
-        SI.
     change : callable
         (body, size, generator) -> body; the generator draws what else the effect has.
     channels : tuple of str

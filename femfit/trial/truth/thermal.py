@@ -23,12 +23,8 @@ class ThermalNetwork:
     ----------
     rise_K : float
         Of the winding in steady state at the largest current.
-    coil_s, magnet_s, element_s : float
-        Time constants.
     magnet_share, element_share : float
         Of the winding's rise that magnet and Hall element reach.
-    ambient_C : float
-        Of the first run.
     """
 
     rise_K: float
@@ -62,16 +58,12 @@ def heat(
 
     Parameters
     ----------
-    network : ThermalNetwork
-        Constants.
     current : array, shape (n,)
         In A, in the order of measuring.
     run : array, shape (n,)
         Number of each reading's run.
     ambient : array, shape (n,)
         In degC.
-    step_s : float
-        Time between readings.
 
     Returns
     -------

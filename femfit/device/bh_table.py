@@ -1,0 +1,102 @@
+"""The points of a magnetisation curve as users give them, a CSV file or two lists, checked before they are used."""
+
+import csv
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from femfit.core.constants import MU_0
+
+HEADER = ("B_T", "H_A_per_m")
+MIN_POINTS, MAX_POINTS = 3, 1000
+MAX_FLUX_DENSITY = 5.0
+"""In T; beyond what any magnet reaches, so that a larger value is one in kG, G or mT."""
+
+MAX_RELATIVE_PERMEABILITY = 2e6
+"""Above that of the softest alloys known (about 1e6, Supermalloy): a larger one is H in kA/m or Oe."""
+
+SLOPE_TOLERANCE = 0.01
+"""dB/dH may fall below mu_0 by so much: tables are rounded."""
+
+Points = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
+    """Read B and H from a CSV file with the header ``B_T,H_A_per_m``; lines that begin with # are comments.
+
+    Returns
+    -------
+    points and list of str
+        (B, H), or None and what keeps the file from being read, each beginning with a verb.
+    """
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except FileNotFoundError:
+        return None, [f"must name an existing file; {file} does not exist. The path is relative to the actuator file."]
+    except (OSError, UnicodeDecodeError) as error:
+        return None, [f"must name a readable text file; {file} is not: {error}."]
+    rows = [(n, row) for n, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]
+    names = [name.strip() for name in rows[0][1]] if rows else []
+    if not set(HEADER) <= set(names):
+        return None, [f"must have the columns {','.join(HEADER)}; {file.name} begins with {','.join(names)[:60]!r}."]
+    columns = [names.index(name) for name in HEADER]
+    values: list[tuple[float, float]] = []
+    problems: list[str] = []
+    for number, row in rows[1:]:
+        try:
+            b, h = (float(row[column]) for column in columns)
+        except (ValueError, IndexError):
+            problems.append(f"must hold two numbers a line; line {number} of {file.name} is {','.join(row)[:60]!r}.")
+        else:
+            values.append((b, h))
+    if problems:
+        return None, problems[:5]
+    return (tuple(b for b, _ in values), tuple(h for _, h in values)), []
+
+
+def curve_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:
+    """What is wrong with the points of a curve.
+
+    Returns
+    -------
+    list of str
+        Sentences without a subject; empty if the curve is usable.
+    """
+    if len(b) != len(h):
+        return [f"must have as many B_T as H_A_per_m; it has {len(b)} and {len(h)}. Give them in pairs."]
+    if not MIN_POINTS <= len(b) <= MAX_POINTS:
+        return [f"must have {MIN_POINTS} to {MAX_POINTS} points; it has {len(b)}. Give more or fewer points."]
+    if not all(abs(value) < 1e12 for value in (*b, *h)):  # false for NaN, too
+        return ["must hold finite numbers. Correct or remove the others."]
+    if (b[0], h[0]) != (0.0, 0.0):
+        return [f"must start at B = 0, H = 0; it starts at {b[0]:g}, {h[0]:g}. Give the initial or mean curve from 0."]
+    return _monotone_problems(b, h) or _unit_problems(b, h)
+
+
+def _monotone_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:
+    problems = []
+    for name, values in zip(HEADER, (b, h), strict=True):
+        places = [f"{right:g} after {left:g}" for left, right in pairwise(values) if right <= left]
+        if places:
+            problems.append(f"must have strictly ascending {name}; it has {'; '.join(places[:3])}. Correct the table.")
+    return problems
+
+
+def _unit_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:
+    problems = []
+    if b[-1] > MAX_FLUX_DENSITY:
+        problems.append(f"must have B in tesla up to {MAX_FLUX_DENSITY:g}; it goes up to {b[-1]:g}. 1 T is 10 kG.")
+    steepest = max(right / field for right, field in zip(b[1:], h[1:], strict=True)) / MU_0
+    if steepest > MAX_RELATIVE_PERMEABILITY:
+        problems.append(
+            f"must have H in A/m; its relative permeability would reach {steepest:.3g}. 1 Oe is 79.577 A/m."
+        )
+    for (b0, h0), (b1, h1) in pairwise(zip(b, h, strict=True)):
+        slope = (b1 - b0) / (h1 - h0) / MU_0
+        if slope < 1.0 - SLOPE_TOLERANCE:
+            problems.append(
+                f"must rise at least with mu_0; from {b0:g} to {b1:g} T it rises with {slope:.3g} mu_0. H must be the "
+                "field in A/m and B the whole flux density, not the polarisation."
+            )
+            break
+    return problems

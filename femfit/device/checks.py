@@ -1,0 +1,161 @@
+"""Checks of the parts against each other: overlap, collision on the way, the sensor's place, a source of force."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+from shapely import Point, Polygon, unary_union
+from shapely.affinity import translate
+
+from femfit.device.outline import MIN_AREA, swept
+from femfit.device.parts import Material
+from femfit.device.schema import HallPlace
+
+CONTACT = 1e-6
+"""Clearance in mm below which parts touch: the field solver needs air around the moving part."""
+
+NON_MAGNETIC_LIMIT = 1.001
+"""Relative permeability below which a body without remanence feels no force worth modelling."""
+
+
+@dataclass(frozen=True)
+class DrawnPart:
+    """A region or the winding, as drawn.
+
+    Parameters
+    ----------
+    polygon : Polygon
+        In mm.
+    material : Material or None
+        None for the winding and where the file's material is wrong.
+    """
+
+    path: str
+    name: str
+    polygon: Polygon
+    material: Material | None = None
+
+
+def check_overlaps(parts: Sequence[DrawnPart], problems: list[str]) -> None:
+    """Report each pair of parts that share an area.
+
+    Parameters
+    ----------
+    parts : sequence of DrawnPart
+        That stand still relative to each other.
+    """
+    for one, other in combinations(parts, 2):
+        shared = one.polygon.intersection(other.polygon)
+        if shared.area > MIN_AREA:
+            problems.append(
+                f"{one.path} and {other.path} must not overlap; they share {_place(shared)}. Change one outline."
+            )
+
+
+def check_zero_heights(fixed: Sequence[DrawnPart], moving: Sequence[DrawnPart], problems: list[str]) -> None:
+    """Report faces that are not where distances are counted from.
+
+    Parameters
+    ----------
+    fixed, moving : sequence of DrawnPart
+        The electromagnet with its winding; the moving part.
+    """
+    heights = [z for part in fixed for _, z in part.polygon.exterior.coords]
+    if heights and all(abs(z) > CONTACT for z in heights):
+        problems.append(
+            "electromagnet must have its face at z = 0, from which distances are counted; no corner of it or of the "
+            f"coil lies there (they span z_mm {min(heights):g} to {max(heights):g}). Shift the drawing along z."
+        )
+    if not moving:
+        return
+    nearest = min(moving, key=lambda part: float(part.polygon.bounds[1]))
+    height = nearest.polygon.bounds[1]
+    if abs(height) > CONTACT:
+        problems.append(
+            f"moving must have its nearest face at z = 0; the lowest of {nearest.path} is z_mm {height:g}. "
+            "Shift the moving part along z; the sweep adds the distance."
+        )
+
+
+def check_collisions(
+    fixed: Sequence[DrawnPart], moving: Sequence[DrawnPart], distances: Sequence[float], problems: list[str]
+) -> None:
+    """Report each fixed part that the moving part touches within the swept distances, with the first such distance.
+
+    Parameters
+    ----------
+    distances : sequence of float
+        Ascending, in mm; those <= 0 are reported elsewhere.
+    """
+    distances = [distance for distance in distances if distance > 0]
+    if not distances:
+        return
+    for mover in moving:
+        way = swept(mover.polygon, distances[0], distances[-1])
+        for part in fixed:
+            if way.distance(part.polygon) > CONTACT:
+                continue
+            hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(part.polygon) <= CONTACT)
+            first = next(hits, None)
+            when = "between two swept distances" if first is None else f"first at {first:g} mm"
+            problems.append(
+                f"sweep.distance_mm must keep parts apart; {mover.path} collides with {part.path} {when}. "
+                "Leave a clearance around the moving part, or leave these distances out."
+            )
+
+
+def check_moving_body(moving: Sequence[DrawnPart], problems: list[str]) -> None:
+    """Report a moving part in pieces, and one on which no magnetic force can act."""
+    pieces = unary_union([part.polygon for part in moving])
+    if pieces.geom_type == "MultiPolygon":
+        problems.append(
+            f"moving.regions must touch each other along an edge; they form {len(pieces.geoms)} separate bodies. "
+            "Join them, if need be by a region of air."
+        )
+    materials = [part.material for part in moving if part.material is not None]
+    if len(materials) < len(moving) or not moving:
+        return
+    if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
+        names = ", ".join(sorted({material.name for material in materials}))
+        problems.append(
+            f"moving.regions must hold a magnet or something permeable; it is all {names}, on which no force acts. "
+            "Name a magnet or a steel."
+        )
+
+
+def check_hall_place(
+    hall: HallPlace,
+    fixed: Sequence[DrawnPart],
+    moving: Sequence[DrawnPart],
+    distances: Sequence[float],
+    problems: list[str],
+) -> None:
+    """Report a Hall element inside of a solid part or in the moving part's way.
+
+    Parameters
+    ----------
+    distances : sequence of float
+        Ascending, in mm.
+    """
+    # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
+    element = Point(max(hall.r_mm, CONTACT), hall.z_mm)
+    place = f"(r, z) = ({hall.r_mm:g}, {hall.z_mm:g}) mm"
+    problems += [
+        f"hall must lie outside of solid parts; {place} is inside of {part.path}. Move it to a face or into the air."
+        for part in fixed
+        if part.polygon.contains(element)
+    ]
+    distances = [distance for distance in distances if distance > 0]
+    if not distances:
+        return
+    problems += [
+        f"hall must lie out of the moving part's way; {place} is passed by {part.path} within sweep.distance_mm. "
+        "Move it, or start the distances farther away."
+        for part in moving
+        if swept(part.polygon, distances[0], distances[-1]).distance(element) <= CONTACT
+    ]
+
+
+def _place(shared: Polygon) -> str:
+    inner, lower, outer, upper = shared.bounds
+    return f"{shared.area:.3g} mm^2 within r_mm [{inner:g}, {outer:g}], z_mm [{lower:g}, {upper:g}]"

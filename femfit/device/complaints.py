@@ -1,0 +1,118 @@
+"""Problems of a table in the user's words: key path, what was given, what is needed."""
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from femfit.device.schema import AXIS_KINDS, Entry
+
+AnyEntry = TypeVar("AnyEntry", bound=Entry)
+
+_TABLE_TYPES = {"dict_type", "model_type", "model_attributes_type"}
+
+
+def read_table(entry: type[AnyEntry], table: object, path: str, problems: list[str]) -> AnyEntry | None:
+    """Validate one table of the file and append a line for each problem.
+
+    Unknown keys are reported and then ignored, so that they do not keep later checks from their work.
+
+    Parameters
+    ----------
+    path : str
+        Key path of the table; empty at the top level.
+
+    Returns
+    -------
+    Entry or None
+        None if a known key is wrong or missing.
+    """
+    errors = _errors(entry, table)
+    problems += [_sentence(entry, error, path) for error in errors]
+    if isinstance(table, Mapping):
+        unknown = {error["loc"][0] for error in errors if error["type"] == "extra_forbidden" and len(error["loc"]) == 1}
+        table = {key: value for key, value in table.items() if key not in unknown}
+    if _errors(entry, table):
+        return None
+    return entry.model_validate(table)
+
+
+def read_part(entry: type[AnyEntry], table: object) -> AnyEntry | None:
+    """The keys of an entry out of a larger table, so that a mistake elsewhere in that table hides no later check.
+
+    Parameters
+    ----------
+    entry : type
+        A base of the table's own entry; problems are reported there.
+
+    Returns
+    -------
+    Entry or None
+        None if one of its keys is wrong or missing.
+    """
+    if not isinstance(table, Mapping):
+        return None
+    part = {key: table[key] for key in entry.model_fields if key in table}
+    return None if _errors(entry, part) else entry.model_validate(part)
+
+
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """`` Did you mean 'x'?`` for the closest known word, or nothing."""
+    by_lower = {word.lower(): word for word in known}
+    close = difflib.get_close_matches(given.lower()[:100], by_lower, n=1)
+    return f" Did you mean {by_lower[close[0]]!r}?" if close else ""
+
+
+def joined(path: str, *keys: object) -> str:
+    """The key path of a key below a table, quoted where TOML wants it.
+
+    Parameters
+    ----------
+    path : str
+        Of the table; empty at the top level.
+    *keys : object
+        Names, or positions in a list.
+    """
+    for key in keys:
+        if isinstance(key, int):
+            path += f"[{key}]"
+            continue
+        name = str(key) if re.fullmatch(r"[A-Za-z0-9_-]+", str(key)) else _shortened(key)
+        path = f"{path}.{name}" if path else name
+    return path
+
+
+def _errors(entry: type[Entry], table: object) -> Sequence[ErrorDetails]:
+    try:
+        entry.model_validate(table)
+    except ValidationError as error:
+        return error.errors(include_url=False, include_context=False)
+    return ()
+
+
+def _sentence(entry: type[Entry], error: ErrorDetails, path: str) -> str:
+    # The second place of a location may be the tag of a union, which is no key of the file.
+    keys = [key for n, key in enumerate(error["loc"]) if n != 1 or key not in AXIS_KINDS]
+    where = joined(path, *keys)
+    fields: dict[str, Any] = {info.alias or name: info for name, info in entry.model_fields.items()}
+    remedy = fields[str(keys[0])].description if keys and keys[0] in fields else ""
+    if error["type"] == "extra_forbidden":
+        if len(keys) > 1:
+            return f"{where} is no known key. {remedy}"
+        return f"{where} is no known key.{did_you_mean(str(keys[0]), fields)} Known here: {', '.join(fields)}."
+    if error["type"] == "missing":
+        return f"{where} is missing. {remedy}"
+    if error["type"] in _TABLE_TYPES:
+        return f"{where} must be a table; it is {_shortened(error['input'])}. {remedy}".rstrip()
+    need = re.sub(r"^(Input|String|List) should", "must", error["msg"])
+    need = need.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
+    need = need.replace(" after validation", "")
+    return f"{where} {need}; it is {_shortened(error['input'])}. {remedy}"
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

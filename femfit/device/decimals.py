@@ -1,0 +1,58 @@
+"""Exact decimals: what the file writes in mm is the nearest double in m, and 0.2 * 3 is 0.6.
+
+A grid is a key of the sweep table; it must come out the same on every machine and in every language.
+"""
+
+from decimal import Decimal
+from itertools import pairwise
+
+from femfit.device.schema import MAX_AXIS_POINTS, RangeEntry
+
+LENGTH_EXPONENT = -3
+"""Power of ten from mm to m, g to kg and ms to s."""
+
+
+def scaled(value: float, exponent: int = LENGTH_EXPONENT) -> float:
+    """The double nearest to value * 10^exponent, the value taken with the digits that print it."""
+    return float(Decimal(repr(float(value))).scaleb(exponent))
+
+
+def axis_values(axis: RangeEntry | list[float], path: str, problems: list[str]) -> tuple[float, ...]:
+    """The ascending values of an axis, in the file's unit."""
+    values = _stepped(axis, path, problems) if isinstance(axis, RangeEntry) else tuple(float(v) for v in axis)
+    for before, after in pairwise(values):
+        if after <= before:
+            what = "repeats" if after == before else "follows"
+            problems.append(f"{path} must be ascending without repeats; {after:g} {what} {before:g}. Sort the list.")
+            return ()
+    return values
+
+
+def _stepped(axis: RangeEntry, path: str, problems: list[str]) -> tuple[float, ...]:
+    if axis.stop <= axis.start:
+        problems.append(
+            f"{path} must have stop > start; it has start = {axis.start:g} and stop = {axis.stop:g}. "
+            "Exchange them, or give a list for a single value."
+        )
+        return ()
+    if (axis.stop - axis.start) / axis.step > MAX_AXIS_POINTS - 1:
+        problems.append(
+            f"{path} must have at most {MAX_AXIS_POINTS} values; {axis.start:g} to {axis.stop:g} by {axis.step:g} "
+            "has more. Take a larger step."
+        )
+        return ()
+    start, stop, step = (Decimal(repr(float(v))) for v in (axis.start, axis.stop, axis.step))
+    count = round((stop - start) / step)
+    if start + count * step != stop:
+        problems.append(
+            f"{path} must have a step that divides its range; {axis.step:g} does not divide "
+            f"{axis.start:g} to {axis.stop:g}. End it at {float(start + count * step):g}, or change the step."
+        )
+        return ()
+    return tuple(float(start + k * step) for k in range(count + 1))
+
+
+def decimal_sum(offset: float, factor: float, value: float) -> float:
+    """The double nearest to offset + factor * value, all three taken with the digits that print them."""
+    first, second, third = (Decimal(repr(float(number))) for number in (offset, factor, value))
+    return float(first + second * third)

@@ -1,0 +1,139 @@
+"""What a sweep can set in an actuator file, by key path: every number, and the materials that regions name."""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from typing import Any, get_args
+
+from femfit.device.complaints import joined
+from femfit.device.drawing import table_at
+from femfit.device.materials import LIBRARY
+from femfit.device.parts import LinearMaterial
+from femfit.device.schema import (
+    CoilEntry,
+    CurveEntry,
+    Entry,
+    HallEntry,
+    MaterialEntry,
+    MovingEntry,
+    RegionEntry,
+    SupplyEntry,
+)
+
+Location = tuple[str | int, ...]
+"""Keys and list positions from the top of the file."""
+
+BODIES = ("electromagnet", "moving")
+UNITS = ("A_per_m", "V_per_T", "per_K", "mm", "ms", "ohm", "g", "T", "C", "V", "A")
+"""That numbers of the file may be in; a key ends in ``_`` and its unit, or is a bare number."""
+
+SI_UNITS = {"mm": "m", "ms": "s", "g": "kg"}
+"""Of the units that are not in tables; all are a thousandth."""
+
+
+def numbers_of(data: Mapping[str, Any]) -> dict[str, Location]:
+    """Where the numbers of a file are.
+
+    Returns
+    -------
+    dict
+        Locations by key path; also optional numbers that the file leaves out, and those of library materials in use.
+    """
+    return {joined("", *location): location for location in _locations(data)}
+
+
+def material_keys(data: Mapping[str, Any]) -> dict[str, Location]:
+    """Where the regions of a file name their materials.
+
+    Returns
+    -------
+    dict
+        Locations by key path, as ``moving.regions.plunger.material``.
+    """
+    places = ((body, "regions", name, "material") for body in BODIES for name in table_at(data, body, "regions"))
+    return {joined("", *place): place for place in places}
+
+
+def known_materials(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names that a region may have as its material: the library's and the file's own."""
+    return tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
+
+
+def with_value(data: dict[str, Any], location: Location, value: float | str) -> None:
+    """Set a number of a file, or the name of a material, in place.
+
+    Parameters
+    ----------
+    data : dict
+        The file's tables, a copy of one's own.
+    location : tuple
+        From :func:`numbers_of` or :func:`material_keys`.
+    """
+    first, name = location[:2]
+    if first == "materials" and name not in table_at(data, "materials"):
+        data.setdefault("materials", {})[name] = _library_table(str(name))
+    place: Any = data
+    for key in location[:-1]:
+        place = place[key]
+    place[location[-1]] = value
+
+
+def nearest_numbers(path: str, data: Mapping[str, Any]) -> list[str]:
+    """The key paths closest to one that does not exist, closest first.
+
+    Returns
+    -------
+    list of str
+        At most four; those that the path is the beginning of come first.
+    """
+    known = [*numbers_of(data), *material_keys(data)]
+    inside = [name for name in known if path and name.startswith((f"{path}.", f"{path}["))]
+    return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], known, n=4, cutoff=0.4)]))[:4]
+
+
+def unit_of(name: str) -> str:
+    """The unit that a key or a column ends in, empty for bare numbers."""
+    return next((unit for unit in UNITS if name.endswith(f"_{unit}")), "")
+
+
+def _locations(data: Mapping[str, Any]) -> Iterator[Location]:
+    named = table_at(data, "materials")
+    for name, table in named.items():
+        curve = isinstance(table, dict) and table.keys() & CurveEntry.model_fields.keys()
+        yield from _in_table(CurveEntry if curve else MaterialEntry, table, ("materials", name))
+    for name in sorted(_materials_in_use(data) - named.keys()):
+        if name in LIBRARY and isinstance(LIBRARY[name].material, LinearMaterial):
+            yield from _in_table(MaterialEntry, {}, ("materials", name))
+    for body in BODIES:
+        for name, table in table_at(data, body, "regions").items():
+            yield from _in_table(RegionEntry, table, (body, "regions", name))
+    entries: dict[str, type[Entry]] = {"coil": CoilEntry, "moving": MovingEntry, "hall": HallEntry}
+    for section, entry in (entries | {"supply": SupplyEntry}).items():
+        yield from _in_table(entry, data.get(section), (section,))
+
+
+def _in_table(entry: type[Entry], table: object, path: Location) -> Iterator[Location]:
+    if not isinstance(table, dict):
+        return
+    for key, info in entry.model_fields.items():
+        if info.annotation is float or float in get_args(info.annotation):
+            yield (*path, key)
+        elif isinstance(table.get(key), list):
+            yield from _in_list(table[key], (*path, key))
+
+
+def _in_list(values: list[Any], path: Location) -> Iterator[Location]:
+    for place, value in enumerate(values):
+        if isinstance(value, list):
+            yield from _in_list(value, (*path, place))
+        elif isinstance(value, int | float):
+            yield (*path, place)
+
+
+def _materials_in_use(data: Mapping[str, Any]) -> set[str]:
+    regions = [table for body in BODIES for table in table_at(data, body, "regions").values()]
+    return {str(table.get("material")) for table in regions if isinstance(table, dict)}
+
+
+def _library_table(name: str) -> dict[str, float]:
+    material = LIBRARY[name].material
+    return {key: getattr(material, key) for key in MaterialEntry.model_fields}

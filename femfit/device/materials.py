@@ -1,0 +1,84 @@
+"""A small library of materials; an actuator file may name one or define its own."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from femfit.core.errors import ActuatorFileError
+from femfit.device.bh_table import read_bh_csv
+from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
+
+NDFEB_COEFFICIENT = -1.2e-3
+"""Relative change of B_r per kelvin, alpha(B_r) of the grades N30 to N55 in the list of grades of Arnold Magnetic
+Technologies, "Neodymium Iron Boron Magnet Catalog"; FEMM's library has -0.109 %/K in the mean for N30EH."""
+
+_MATLIB = "FEMM material library matlib.dat (D. Meeker), entry {}"
+
+
+@dataclass(frozen=True)
+class LibraryMaterial:
+    """A material with its source.
+
+    Parameters
+    ----------
+    material : Material
+        Values at about 20 degC.
+    reference : str
+        Where the values come from, and what they leave out.
+    """
+
+    material: Material
+    reference: str
+
+
+def _magnet(grade: str, remanence_T: float) -> LibraryMaterial:
+    return LibraryMaterial(
+        LinearMaterial(grade.lower(), 1.05, remanence_T, NDFEB_COEFFICIENT),
+        f"{_MATLIB.format(grade)}: B_r = mu_0 mu_r H_c, for N48 and above the end of its demagnetisation curve. "
+        "A straight recoil line; makers guarantee B_r to about 2 %. Temperature coefficient: Arnold Magnetic "
+        "Technologies, Neodymium Iron Boron Magnet Catalog, list of grades.",
+    )
+
+
+def _saturating(name: str, reference: str) -> LibraryMaterial:
+    """A curve of the folder beside this file, whose comments repeat the source."""
+    file = Path(__file__).with_name("bh_curves") / f"{name}.csv"
+    points, problems = read_bh_csv(file)
+    if points is None:
+        raise ActuatorFileError(str(file), problems)
+    return LibraryMaterial(NonlinearMaterial(name, *points), reference)
+
+
+_ENTRIES = (
+    LibraryMaterial(LinearMaterial("air"), "mu_r = 1 + 4e-7, taken as 1"),
+    LibraryMaterial(LinearMaterial("copper"), "mu_r = 1 - 1e-5, taken as 1"),
+    LibraryMaterial(LinearMaterial("aluminium"), "mu_r = 1 + 2e-5, taken as 1"),
+    LibraryMaterial(
+        LinearMaterial("soft_ferrite", relative_permeability=2300.0),
+        "Ferroxcube, data handbook Soft Ferrites and Accessories, material 3C90 (MnZn): nominal initial permeability "
+        "2300 at 25 degC. Saturation is not modelled.",
+    ),
+    LibraryMaterial(
+        LinearMaterial("low_carbon_steel", relative_permeability=1000.0),
+        f"{_MATLIB.format('1010 Steel')}: secant B / (mu_0 H) is 1700 at 1.07 T and 1000 at 1.46 T. Saturation is not "
+        "modelled: forces are too large wherever the steel exceeds about 1.5 T; steel_1010 saturates.",
+    ),
+    _saturating("steel_1010", f"{_MATLIB.format('1010 Steel')}, annealed; no hysteresis."),
+    _saturating("steel_1018", f"{_MATLIB.format('1018 Steel')}; no hysteresis."),
+    _saturating("steel_ss400", "TEAM workshop problem 20, measured: COMPEL 14 (1995) 57; no hysteresis."),
+    _saturating(
+        "ferrite_k10",
+        "TDK SIFERRIT K10 (NiZn), 25 degC: initial permeability 800 +-25 % and 0.285 T at 2 kA/m, as in OpenMagnetics "
+        "MAS 05457ee; between them a Froehlich-Kennelly curve. At 100 degC it saturates at 0.21 T.",
+    ),
+    _magnet("N35", 1.195),
+    _magnet("N38", 1.247),
+    _magnet("N40", 1.280),
+    _magnet("N42", 1.312),
+    _magnet("N45", 1.359),
+    _magnet("N48", 1.405),
+    _magnet("N50", 1.435),
+    _magnet("N52", 1.464),
+)
+
+LIBRARY: dict[str, LibraryMaterial] = {entry.material.name: entry for entry in _ENTRIES}
+"""By name, as written in actuator files."""

@@ -1,0 +1,261 @@
+"""``[sweep.parameters]``: which numbers and materials of the file are swept, under which names, through which values.
+
+A parameter is a key path of the file with its values, or a name of one's own with several ``keys`` that follow it
+together, as a sleeve and the winding round it, or all parts of a core.
+"""
+
+import re
+from collections.abc import Mapping
+from typing import Any, TypeGuard
+
+from femfit.core.sweep_columns import COLUMNS, VARIANT
+from femfit.device.complaints import did_you_mean, joined, read_part, read_table
+from femfit.device.decimals import axis_values, decimal_sum
+from femfit.device.design import Points, grid_points, latin_hypercube, list_points
+from femfit.device.file_numbers import (
+    Location,
+    known_materials,
+    material_keys,
+    nearest_numbers,
+    numbers_of,
+    unit_of,
+)
+from femfit.device.parameters import AXES, FollowingKey, ParameterDesign, SweptParameter
+from femfit.device.schema import (
+    DesignEntry,
+    KeyEntry,
+    NamedParameterEntry,
+    NamesEntry,
+    RangeEntry,
+    SampledEntry,
+    ValuesEntry,
+)
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+PATH = "sweep.parameters"
+SPECIFICATION = {*RangeEntry.model_fields, *SampledEntry.model_fields, *NamedParameterEntry.model_fields}
+
+Values = tuple[float, ...] | tuple[str, ...] | SampledEntry
+
+
+def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign | None:
+    """Read what a file sweeps beside its axes.
+
+    Parameters
+    ----------
+    problems : list of str
+        Appended to, but for problems of ``[sweep]`` itself, which its own entry reports.
+
+    Returns
+    -------
+    ParameterDesign or None
+        None without parameters, or if anything is wrong.
+    """
+    entry = read_part(DesignEntry, data.get("sweep"))
+    if entry is None:
+        return None
+    if not entry.parameters:
+        unused = [key for key in ("design", "samples", "seed") if key in data["sweep"]]
+        problems += [f"sweep.{key} must be left out without [sweep.parameters]. Remove it." for key in unused]
+        return None
+    found = len(problems)
+    read = [_parameter(name, table, data, problems) for name, table in _flat(entry.parameters).items()]
+    known = [one for one in read if one is not None]
+    parameters, values = tuple(parameter for parameter, _ in known), [column for _, column in known]
+    _check_names(parameters, data, problems)
+    points = _points(entry, parameters, values, problems) if len(problems) == found else ()
+    return ParameterDesign(parameters, points) if len(problems) == found else None
+
+
+def _flat(tables: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    """Key paths written without quotes are tables within tables to TOML: ``coil.turns = [1, 2]``."""
+    flat: dict[str, Any] = {}
+    for name, table in tables.items():
+        inner = f"{path}.{name}" if path else name
+        if isinstance(table, dict) and table and not _specifies(table):
+            flat |= _flat(table, inner)
+        else:
+            flat[inner] = table
+    return flat
+
+
+def _specifies(table: Mapping[str, Any]) -> bool:
+    """Whether a table gives values, rather than being the beginning of a key path."""
+    return any(key in SPECIFICATION and not isinstance(value, dict) for key, value in table.items())
+
+
+def _parameter(
+    name: str, table: object, data: Mapping[str, Any], problems: list[str]
+) -> tuple[SweptParameter, Values] | None:
+    path = joined(PATH, name)
+    if name in AXES:
+        values = _values(table, path, name, problems)
+        return None if values is None else (SweptParameter(name, ()), values)
+    if isinstance(table, dict) and table.keys() & NamedParameterEntry.model_fields.keys():
+        return _named(name, table, path, data, problems)
+    material = material_keys(data).get(name)
+    values = _values(table, path, name, problems) if material is None else _names(table, path, data, problems)
+    location = material or _location(name, path, data, problems)
+    return None if values is None or location is None else (SweptParameter(name, (FollowingKey(location),)), values)
+
+
+def _named(
+    name: str, table: Mapping[str, Any], path: str, data: Mapping[str, Any], problems: list[str]
+) -> tuple[SweptParameter, Values] | None:
+    entry = read_table(NamedParameterEntry, table, path, problems)
+    if entry is None:
+        return None
+    keys = [_following(given, f"{path}.keys[{n}]", data, problems) for n, given in enumerate(entry.keys)]
+    known = tuple(key for key in keys if key is not None)
+    materials = [key.location in material_keys(data).values() for key in known]
+    if any(materials) and not all(materials):
+        problems.append(f"{path}.keys must all be materials or all be numbers; they are both. Make two parameters.")
+        return None
+    values: Values | None = (
+        _names(entry.values, f"{path}.values", data, problems)
+        if any(materials)
+        else _values(entry.values, f"{path}.values", name, problems)
+    )
+    if values is None or len(known) < len(keys):
+        return None
+    units = sorted({unit_of(_last_name(key.location)) for key in known})
+    if len(units) > 1:
+        problems.append(
+            f"{path}.keys must all be in one unit; they are in {' and '.join(unit or 'none' for unit in units)}. "
+            "Make one parameter of each unit."
+        )
+    elif unit_of(name) != units[0] or not NAME.fullmatch(name):
+        needed = f"end in _{units[0]}, the unit of its keys" if units[0] else "not end in a unit, as its keys have none"
+        problems.append(
+            f"{path} must be named with letters, digits and _, beginning with a letter, and {needed}. Rename it."
+        )
+    return SweptParameter(name, known), values
+
+
+def _following(given: object, path: str, data: Mapping[str, Any], problems: list[str]) -> FollowingKey | None:
+    entry = read_table(KeyEntry, {"key": given} if isinstance(given, str) else given, path, problems)
+    if entry is None:
+        return None
+    material = material_keys(data).get(entry.key)
+    if material is not None and entry.model_fields_set != {"key"}:
+        problems.append(f"{path} must have neither factor nor offset, as it names a material. Remove them.")
+    location = material or _location(entry.key, path, data, problems)
+    return None if location is None else FollowingKey(location, entry.factor, entry.offset)
+
+
+def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]) -> Location | None:
+    location = numbers_of(data).get(name)
+    if location is None:
+        near = nearest_numbers(name, data)
+        problems.append(
+            f"{path} must be the key path of a number or a material in this file; {name[:100]!r} is none. "
+            + (f"Nearest: {', '.join(near)}." if near else 'An example: "coil.turns".')
+        )
+    return location
+
+
+def _values(given: object, path: str, name: str, problems: list[str]) -> Values | None:
+    if isinstance(given, list):
+        values = read_table(ValuesEntry, {"values": given}, path, problems)
+        return None if values is None else tuple(values.values)
+    if isinstance(given, dict) and given.keys() & {"min", "max"}:
+        entry = read_table(SampledEntry, given, path, problems)
+        return None if entry is None else _checked_range(entry, path, problems)
+    if isinstance(given, dict):
+        stepped = read_table(RangeEntry, given, path, problems)
+        return None if stepped is None else axis_values(stepped, path, problems) or None
+    problems.append(
+        f"{path} must be a list of numbers, {{ start, stop, step }}, or {{ min, max }} for a latin_hypercube; it is "
+        f"{str(given)[:60]!r}. Write for example {name[:60]} = [1, 2]."
+    )
+    return None
+
+
+def _names(given: object, path: str, data: Mapping[str, Any], problems: list[str]) -> tuple[str, ...] | None:
+    known = known_materials(data)
+    if not isinstance(given, list):
+        problems.append(
+            f"{path} must be a list of names of materials, for every design; it is {str(given)[:60]!r}. Write for "
+            f'example ["{known[0]}", "{known[-1]}"].'
+        )
+        return None
+    entry = read_table(NamesEntry, {"values": given}, path, problems)
+    wrong = [] if entry is None else [name for name in entry.values if name not in known]
+    if wrong:
+        problems.append(
+            f"{path} must name materials of [materials] or of the library; {wrong[0][:60]!r} is none."
+            f"{did_you_mean(wrong[0], known)} Known: {', '.join(known)}."
+        )
+    return None if entry is None or wrong else tuple(entry.values)
+
+
+def _checked_range(entry: SampledEntry, path: str, problems: list[str]) -> SampledEntry | None:
+    if entry.min >= entry.max:
+        problems.append(f"{path} must have max > min; they are {entry.max:g} and {entry.min:g}. Exchange them.")
+        return None
+    if entry.step is None:
+        return entry
+    steps = min(round((entry.max - entry.min) / entry.step), 10**9)
+    if decimal_sum(entry.min, steps, entry.step) != entry.max:
+        problems.append(f"{path} must have a step that divides max - min; {entry.step:g} does not. Change one of them.")
+        return None
+    return entry
+
+
+def _check_names(parameters: tuple[SweptParameter, ...], data: Mapping[str, Any], problems: list[str]) -> None:
+    problems += [
+        f"{joined(PATH, parameter.name)} must stand in [sweep] or in [sweep.parameters]; it stands in both. Remove one."
+        for parameter in parameters
+        if parameter.name in AXES and parameter.name in data["sweep"]
+    ]
+    columns = [parameter.column for parameter in parameters if parameter.name not in AXES]
+    problems += [
+        f"{PATH} must give columns that the table does not have yet; {column} is one or comes twice. Rename it."
+        for place, column in enumerate(columns)
+        if column in COLUMNS or column == VARIANT or column in columns[:place]
+    ]
+    owners: dict[Location, str] = {}
+    for parameter in parameters:
+        for key in parameter.keys:
+            if key.location in owners:
+                problems.append(
+                    f"{joined(PATH, parameter.name)} must not set {joined('', *key.location)}; "
+                    f"{owners[key.location]} does. Remove one."
+                )
+            owners[key.location] = parameter.name
+
+
+def _points(
+    entry: DesignEntry, parameters: tuple[SweptParameter, ...], values: list[Values], problems: list[str]
+) -> Points:
+    sampled = entry.design == "latin_hypercube"
+    for parameter, column in zip(parameters, values, strict=True):
+        if isinstance(column, SampledEntry) != sampled and not _is_names(column):
+            form = "{ min, max }" if sampled else "a list or { start, stop, step }"
+            problems.append(
+                f'{joined(PATH, parameter.name)} must be given as {form} for design = "{entry.design}". '
+                "Change it or the design."
+            )
+        elif not isinstance(column, SampledEntry) and entry.design == "grid" and len(set(column)) < len(column):
+            problems.append(f"{joined(PATH, parameter.name)} must not repeat a value on a grid. Remove the repetition.")
+    if sampled and entry.samples is None:
+        problems.append('sweep.samples is missing; design = "latin_hypercube" needs it. Give the number of samples.')
+    unused = [] if sampled else [key for key in ("samples", "seed") if key in entry.model_fields_set]
+    problems += [f'sweep.{key} must be left out for design = "{entry.design}". Remove it.' for key in unused]
+    drawn = [column for column in values if isinstance(column, SampledEntry) or _is_names(column)]
+    lists = [column for column in values if not isinstance(column, SampledEntry)]
+    if sampled:
+        return latin_hypercube(drawn, entry.samples, entry.seed) if entry.samples and len(drawn) == len(values) else ()
+    if len(lists) < len(values):
+        return ()
+    if entry.design == "list":
+        return list_points([parameter.name for parameter in parameters], lists, problems)
+    return grid_points(lists, problems)
+
+
+def _is_names(values: Values) -> TypeGuard[tuple[str, ...]]:
+    return isinstance(values, tuple) and all(isinstance(value, str) for value in values)
+
+
+def _last_name(location: Location) -> str:
+    return str([key for key in location if isinstance(key, str)][-1])

@@ -1,0 +1,204 @@
+"""What an actuator is made of, in SI units, as frozen data.
+
+Coordinates are cylindrical (r, z). The electromagnet's face, from which distances are counted, lies at
+z = 0; the moving part is drawn with its own nearest face at z = 0 and extends towards positive z. At the
+distance d it stands shifted by +d.
+"""
+
+from dataclasses import dataclass, replace
+
+from femfit.core.constants import MU_0
+
+REFERENCE_TEMPERATURE = 20.0
+"""In degC, of all material values."""
+
+
+@dataclass(frozen=True)
+class LinearMaterial:
+    """A material with H = (B - B_r) / (mu_0 mu_r).
+
+    Parameters
+    ----------
+    relative_permeability : float
+        mu_r; the recoil permeability of a magnet.
+    remanence_T : float
+        B_r along +z (negative: magnetised along -z); zero for everything but magnets.
+    remanence_coefficient_per_K : float
+        Relative change of B_r per kelvin from 20 degC, where B_r is given; zero where it is unknown.
+    """
+
+    name: str
+    relative_permeability: float = 1.0
+    remanence_T: float = 0.0
+    remanence_coefficient_per_K: float = 0.0
+
+    @property
+    def reluctivity(self) -> float:
+        """1 / (mu_0 mu_r) in m/H."""
+        return 1.0 / (MU_0 * self.relative_permeability)
+
+    def at_temperature(self, temperature_C: float) -> "LinearMaterial":
+        """The material at a temperature, B_r (1 + alpha (T - 20 degC)); its permeability is kept.
+
+        References
+        ----------
+        IEC 60404-8-1: temperature coefficient of the remanent flux density, reversible part.
+        """
+        factor = 1.0 + self.remanence_coefficient_per_K * (temperature_C - REFERENCE_TEMPERATURE)
+        return replace(self, remanence_T=self.remanence_T * factor)
+
+
+@dataclass(frozen=True)
+class NonlinearMaterial:
+    """A soft material that saturates: H along B, |H| a monotone function of |B|, without hysteresis.
+
+    Parameters
+    ----------
+    flux_density_T : tuple of float
+        B of the curve's points, ascending from 0.
+    field_A_per_m : tuple of float
+        H of the curve's points, ascending from 0.
+    """
+
+    name: str
+    flux_density_T: tuple[float, ...]
+    field_A_per_m: tuple[float, ...]
+
+    @property
+    def relative_permeability(self) -> float:
+        """Mu_r in small fields, B / (mu_0 H) of the first point."""
+        return self.flux_density_T[1] / (MU_0 * self.field_A_per_m[1])
+
+    @property
+    def remanence_T(self) -> float:  # noqa: N802  the unit, as in LinearMaterial
+        """None: the curve starts at zero."""
+        return 0.0
+
+
+Material = LinearMaterial | NonlinearMaterial
+
+AIR = LinearMaterial("air")
+
+
+@dataclass(frozen=True)
+class Region:
+    """A named, closed polygon of one material.
+
+    Parameters
+    ----------
+    vertices_m : tuple of (float, float)
+        Corners (r, z), without repeating the first, counter-clockwise.
+    """
+
+    name: str
+    vertices_m: tuple[tuple[float, float], ...]
+    material: Material
+
+
+@dataclass(frozen=True)
+class Coil:
+    """A winding with uniform current density.
+
+    Parameters
+    ----------
+    vertices_m : tuple of (float, float)
+        Corners (r, z) of the winding's section.
+    turns : float
+        Number of turns; a positive current makes +B_z on the axis.
+    wire_diameter_m : float or None
+        Bare copper diameter, where the file gives it.
+    """
+
+    vertices_m: tuple[tuple[float, float], ...]
+    turns: float
+    resistance_ohm: float
+    wire_diameter_m: float | None = None
+
+
+@dataclass(frozen=True)
+class MovingPart:
+    """The body that moves along the axis, drawn with its nearest face at z = 0."""
+
+    regions: tuple[Region, ...]
+    mass_kg: float
+
+
+@dataclass(frozen=True)
+class HallElement:
+    """A linear Hall element measuring B_z, with its analogue output and converter.
+
+    Parameters
+    ----------
+    radius_m, height_m : float
+        Position (r, z) of the element.
+    sensitivity_V_per_T : float
+        Slope of the output; 50 V/T is 5 mV/G.
+    output_min_V, output_max_V : float
+        Range of the output and of the converter.
+    adc_bits : int
+        Resolution of the converter over that range; 0 for none.
+    noise_V : float
+        Standard deviation of white noise on one sample.
+    """
+
+    radius_m: float
+    height_m: float
+    sensitivity_V_per_T: float = 50.0
+    quiescent_V: float = 2.5
+    output_min_V: float = 0.0
+    output_max_V: float = 5.0
+    adc_bits: int = 12
+    noise_V: float = 0.0
+
+
+@dataclass(frozen=True)
+class Supply:
+    """The driver's range and the controller's clock.
+
+    Parameters
+    ----------
+    sample_time_s : float
+        Period of the controller and filter.
+    """
+
+    voltage_min_V: float
+    voltage_max_V: float
+    sample_time_s: float = 0.5e-3
+
+
+@dataclass(frozen=True)
+class SweepAxes:
+    """The grid of the sweep."""
+
+    currents_A: tuple[float, ...]
+    distances_m: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """An electromagnet (fixed) and a body that moves along its axis.
+
+    Parameters
+    ----------
+    fixed : tuple of Region
+        The electromagnet's core and any other fixed part, without the winding.
+    sweep : SweepAxes
+        Currents and distances of the sweep.
+    hall : HallElement or None
+        The sensor, where there is one.
+    reference_distances_m : tuple of float
+        Steps of the closed-loop reference; empty: derived from the model.
+    tolerance : float or None
+        Relative accuracy of force and flux linkage that the field solver has to meet; None: one fixed fineness.
+    """
+
+    name: str
+    fixed: tuple[Region, ...]
+    coil: Coil
+    moving: MovingPart
+    supply: Supply
+    sweep: SweepAxes
+    hall: HallElement | None = None
+    description: str = ""
+    reference_distances_m: tuple[float, ...] = ()
+    tolerance: float | None = None

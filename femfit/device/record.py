@@ -1,0 +1,24 @@
+"""An actuator from what a sweep's manifest records of it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from femfit.core.errors import ActuatorFileError
+from femfit.device.parts import Actuator
+
+
+def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
+    """Build the actuator again that ``dataclasses.asdict`` made a record of.
+
+    Raises
+    ------
+    ActuatorFileError
+        If the record is not one of this version.
+    """
+    try:
+        return TypeAdapter(Actuator).validate_python(dict(record))
+    except ValidationError as error:
+        problems = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}." for fault in error.errors()]
+        raise ActuatorFileError(source, [*problems, "Sweep again, or give the actuator file."]) from error

@@ -1,0 +1,219 @@
+"""Lengths of a drawing over its sweep, and which distances can share one mesh."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+
+from femfit.core.errors import FieldSolverError
+from femfit.device.parts import Actuator
+from femfit.field.settings import SolverSettings
+
+INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
+LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer only costs elements
+LEVEL_RATIO = 4.0  # of the room from one step of the layer's width to the next
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Lengths that the mesh and its motion are built from, in m.
+
+    Parameters
+    ----------
+    clearance : float
+        Smallest distance between the moving part and any other part or sensor over the sweep.
+    nearest : float
+        Smallest distance that the layer has to leave room at.
+    inner_offset, outer_offset : float
+        Of the layer's two outlines from the moving part, where the room is smallest.
+    fixed_top : float
+        Largest z of all fixed parts and the Hall element.
+    radius : float
+        Largest distance of any part from the origin, over the sweep.
+    stretchable : bool
+        Whether the moving part with its layer stays above all fixed parts, so that one mesh can be stretched along z.
+    """
+
+    clearance: float
+    nearest: float
+    inner_offset: float
+    outer_offset: float
+    fixed_top: float
+    radius: float
+    outer_radius: float
+    stretchable: bool
+
+
+def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
+    """Measure an actuator over its sweep.
+
+    Parameters
+    ----------
+    settings : SolverSettings
+        For the size of the domain.
+    """
+    mover, fixed = mover_outline(actuator), _fixed_parts(actuator)
+    still = shapely.union_all(fixed)
+    distances = (min(actuator.sweep.distances_m), max(actuator.sweep.distances_m))
+    clearance = _clearance(mover, still, distances)
+    scale = _offset_scale(mover, clearance)
+    moved = np.concatenate([np.asarray(mover.exterior.coords) + np.array([0.0, d]) for d in distances])
+    parts = [*(np.asarray(part.exterior.coords) for part in fixed if part.geom_type == "Polygon"), moved]
+    radius = max(float(np.hypot(*points.T).max()) for points in parts)
+    outer = OUTER_OFFSET * scale
+    fixed_top = still.bounds[3]
+    return Layout(
+        clearance=clearance,
+        nearest=distances[0],
+        inner_offset=INNER_OFFSET * scale,
+        outer_offset=outer,
+        fixed_top=fixed_top,
+        radius=radius,
+        outer_radius=settings.outer_radius_factor * radius,
+        stretchable=bool(distances[0] - outer > fixed_top + 0.2 * clearance),
+    )
+
+
+def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> Layout:
+    """The layout for a group's own mesh, whose layer is as wide as there is room for.
+
+    A layer as thin as the sweep's narrowest gap would cover a far moving part with elements of that size.
+
+    Parameters
+    ----------
+    group : tuple of float
+        Distances that share the mesh, in m, ascending.
+    settings : SolverSettings
+        ``stretch_limit`` bounds the ratio of the stretched gaps.
+    """
+    mover = mover_outline(actuator)
+    near, far = group[0], group[-1]
+    outer = OUTER_OFFSET * _offset_scale(
+        mover, _clearance(mover, shapely.union_all(_fixed_parts(actuator)), (near, far))
+    )
+    if far > near:  # (far - top - outer) / (near - top - outer) within the limit
+        outer = min(outer, near - layout.fixed_top - (far - near) / (settings.stretch_limit - 1.0))
+    outer = max(outer, layout.outer_offset)
+    return replace(layout, nearest=near, inner_offset=INNER_OFFSET / OUTER_OFFSET * outer, outer_offset=outer)
+
+
+def _fixed_parts(actuator: Actuator) -> list[Any]:
+    fixed: list[Any] = [shapely.Polygon(region.vertices_m) for region in actuator.fixed]
+    fixed.append(shapely.Polygon(actuator.coil.vertices_m))
+    if actuator.hall is not None:
+        fixed.append(shapely.Point(actuator.hall.radius_m, actuator.hall.height_m))
+    return fixed
+
+
+def _clearance(mover: shapely.Polygon, still: Any, distances: tuple[float, float]) -> float:
+    """The smallest distance between moving and fixed parts on the way from one distance to another."""
+    steps = np.linspace(*distances, 65)
+    return float(min(still.distance(shapely.affinity.translate(mover, 0.0, d)) for d in steps))
+
+
+def _offset_scale(mover: shapely.Polygon, clearance: float) -> float:
+    r0, z0, r1, z1 = mover.bounds
+    return float(min(clearance, LARGEST_OFFSET * min(r1 - r0, z1 - z0)))
+
+
+def mover_outline(actuator: Actuator) -> shapely.Polygon:
+    """Outline of the whole moving part at distance zero.
+
+    Returns
+    -------
+    shapely.Polygon
+        In m.
+
+    Raises
+    ------
+    FieldSolverError
+        If its regions do not form one connected body without holes off the axis.
+    """
+    outline = shapely.union_all([shapely.Polygon(region.vertices_m) for region in actuator.moving.regions])
+    if outline.geom_type != "Polygon":
+        raise FieldSolverError(
+            "The regions of the moving part must touch each other, so that one closed surface encloses them; "
+            f"they form {len(outline.geoms)} separate bodies. Join them by a region of air or another material."
+        )
+    return outline
+
+
+def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon, shapely.Polygon]:
+    """The layer's inner and outer outline round the moving part at distance zero.
+
+    The offsets grow in steps with the room that there is: what of the moving part has a clearance of at least h to all
+    fixed parts is wrapped in offsets of h / 5 and 3 h / 5. So a narrow gap makes the layer, and the elements in it,
+    thin at the gap alone. No step reaches below the lowest offset, down to which the layer has to move as one where the
+    mesh is stretched.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the distances that the mesh serves.
+
+    Returns
+    -------
+    (shapely.Polygon, shapely.Polygon)
+        In m.
+    """
+    mover = mover_outline(actuator)
+    outlines = [_grown(mover, offset) for offset in (layout.inner_offset, layout.outer_offset)]
+    still = shapely.affinity.translate(shapely.union_all(_fixed_parts(actuator)), 0.0, -layout.nearest)
+    r0, z0, r1, z1 = mover.bounds
+    room = LEVEL_RATIO * layout.outer_offset / OUTER_OFFSET
+    while 0.0 < room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
+        free = mover - still.buffer(room, cap_style="square", join_style="mitre")
+        wider = [
+            one | (_grown(free, share * room) & shapely.box(0.0, one.bounds[1], 1e3, 1e3))
+            for one, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
+        ]
+        if free.is_empty or any(one.geom_type != "Polygon" or one.interiors for one in wider):
+            break
+        outlines, room = [one.simplify(0.0) for one in wider], LEVEL_RATIO * room
+    return outlines[0], outlines[1]
+
+
+def _grown(outline: Any, offset: float) -> Any:
+    """An outline all of whose edges are moved outwards by an offset in m, cut at the axis."""
+    return outline.buffer(offset, join_style="mitre").intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
+
+
+def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: SolverSettings) -> list[tuple[float, ...]]:
+    """Split distances into consecutive groups that share one mesh.
+
+    Parameters
+    ----------
+    distances : tuple of float
+        Ascending, in m.
+    settings : SolverSettings
+        ``stretch_limit`` bounds the ratio of the stretched gaps in a group.
+
+    Returns
+    -------
+    list of tuple of float
+        Single distances where the drawing cannot be stretched.
+    """
+    if not layout.stretchable:
+        return [(d,) for d in distances]
+    gaps = [d - layout.outer_offset - layout.fixed_top for d in distances]
+    count = max(1, int(np.ceil(np.log(gaps[-1] / gaps[0]) / np.log(max(settings.stretch_limit, 1.0 + 1e-9)))))
+    if settings.stretch_limit <= 1.0 or count >= len(distances):
+        return [(d,) for d in distances]
+    edges = np.geomspace(gaps[0], gaps[-1], count + 1)
+    index = np.clip(np.searchsorted(edges, gaps, side="right") - 1, 0, count - 1)
+    cuts = [0, *(np.flatnonzero(np.diff(index)) + 1).tolist(), len(distances)]
+    return [tuple(distances[a:b]) for a, b in pairwise(cuts)]
+
+
+def reference_distance(group: tuple[float, ...], layout: Layout) -> float:
+    """The distance at which a group's mesh is made: the geometric mean of its gaps.
+
+    Parameters
+    ----------
+    group : tuple of float
+        Distances in m, ascending.
+    """
+    low, high = (d - layout.outer_offset - layout.fixed_top for d in (group[0], group[-1]))
+    return float(np.sqrt(low * high)) + layout.outer_offset + layout.fixed_top if len(group) > 1 else group[0]

@@ -1,0 +1,120 @@
+"""All currents of a linear actuator from one factorisation a distance.
+
+The field is w = w_m + i w_c (magnets, coil with 1 A), so F = F_0 + F_1 i + F_2 i^2, the flux linkage and the Hall field
+are affine in i, and the co-energy is W' = W_0 + flux_0 i + L i^2 / 2. The stress of the moving magnet's own field
+integrates to zero, but not on a mesh: it is evaluated on the same mesh with everything else taken away, and subtracted
+(:mod:`femfit.field.linear_system`).
+"""
+
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from numpy.polynomial.polynomial import polyval
+
+from femfit.core.errors import FieldSolverError
+from femfit.device.parts import Actuator
+from femfit.field.layout import Layout
+from femfit.field.linear_system import FieldPair, LinearSystem
+from femfit.field.moving_mesh import MovingMesh
+from femfit.field.other_forces import OtherForces
+from femfit.field.point_field import PointField
+from femfit.field.settings import SolverSettings
+from femfit.field.stress import weight
+from femfit.field.superposition import DistanceSolution, superpose
+
+
+class LinearActuator:
+    """One mesh of an actuator with linear materials, to be stretched over a group of distances.
+
+    Parameters
+    ----------
+    group : tuple of float
+        Distances that share the mesh, in m, ascending.
+    estimate : bool
+        Whether every distance is also solved one order lower, for the force's error.
+    """
+
+    def __init__(
+        self,
+        actuator: Actuator,
+        group: tuple[float, ...],
+        layout: Layout,
+        settings: SolverSettings,
+        *,
+        estimate: bool = True,
+    ) -> None:
+        self.actuator = actuator
+        self.layout = layout
+        self._moving = MovingMesh(actuator, group, layout, settings)
+        self.mesh = self._moving.mesh
+        g = weight(self.mesh)
+        self._system = LinearSystem(self.mesh, actuator, layout, g, settings.order)
+        self._lower = LinearSystem(self.mesh, actuator, layout, g, settings.order - 1) if estimate else None
+        self._others = OtherForces(
+            self._system.total, self._system.own, self._moving.reaction_weight, self._moving.work_weight
+        )
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns of the finer of the two orders."""
+        return int(self._system.space.ndof)
+
+    def solve(self, distance: float) -> DistanceSolution:
+        """Solve at a distance.
+
+        Parameters
+        ----------
+        distance : float
+            In m; within the group that the mesh was made for.
+
+        Returns
+        -------
+        DistanceSolution
+            Coefficients of force, flux linkage, co-energy and Hall field.
+        """
+        with self._moving.at(distance):
+            fine = self._system.evaluate()
+            reaction, work = self._others.evaluate()
+            lower = None if self._lower is None else self._lower.evaluate()
+        return DistanceSolution(
+            force=fine.force,
+            force_change=None if lower is None else fine.force - lower.force,
+            reaction=reaction,
+            work=work,
+            flux_linkage=fine.flux_linkage,
+            coenergy=fine.coenergy,
+            hall=fine.hall,
+            self_force=fine.self_force,
+        )
+
+    def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
+        """Columns of the sweep table at a distance.
+
+        Returns
+        -------
+        dict of list
+            By column name, one value a current.
+        """
+        solution = self.solve(distance)
+        if not np.all(np.isfinite(solution.force)):
+            raise FieldSolverError(
+                "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
+            )
+        columns = superpose(np.array(currents), solution)
+        return {name: values.tolist() for name, values in columns.items()}
+
+    def field(self, distance: float, current: float) -> PointField:
+        """The field at a point, with the mesh left stretched to it."""
+        solution = self.solve(distance)
+        self._moving.move_to(distance)
+        total = self._system.total  # as solved
+        field = ng.GridFunction(self._system.space)
+        field.vec.data = total.magnets.vec + current * total.coil.vec
+        return PointField(field, float(polyval(current, solution.force)), float(polyval(current, solution.self_force)))
+
+    def fields(self, distance: float) -> FieldPair:
+        """Solutions w at a distance, with the mesh left stretched to it; overwritten by the next solution."""
+        self._moving.move_to(distance)
+        self._system.solve()
+        return self._system.total

@@ -1,0 +1,157 @@
+r"""The material laws at the quadrature points of all parts that are not air.
+
+B at the points is a fixed linear map of the unknowns, since parts move as rigid bodies: B = D w. With the points'
+weights (2 pi r included) the energy is sum weight e(B), its derivative D^T weight H(B), and its second derivative
+D^T weight nu_d D with the tensor nu_d = (H / B) 1 + (dH/dB - H / B) b b^T, b the direction of B.
+
+References
+----------
+C. Pechstein and B. Juettler, J. Comput. Appl. Math. 196 (2006) 45, for nu_d.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, LinearForm, dx
+from ngsolve.comp import IntegrationRuleSpace
+from scipy import sparse
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.constants import MU_0
+from femfit.device.bh_curve import BHCurve
+from femfit.device.parts import LinearMaterial, Material
+from femfit.field.inner import inner
+from femfit.field.weak_form import flux_density
+
+BEYOND_SHARE = 0.01
+
+TINY_FLUX_DENSITY = 1e-12
+"""In T; below it the direction of B does not matter, for there H / B is dH/dB."""
+
+
+class MaterialPoints:
+    """Points and laws of an actuator's parts on one mesh and space.
+
+    Parameters
+    ----------
+    named : mapping of str to Material
+        By region name; from :func:`femfit.field.weak_form.materials`.
+    """
+
+    def __init__(self, space: H1, named: Mapping[str, Material]) -> None:
+        self.space = space
+        self.regions = "|".join(named)
+        region = space.mesh.Materials(self.regions)
+        # The rule is exact to twice this order: B is of the space's order, and r multiplies B squared.
+        self._points = IntegrationRuleSpace(space.mesh, order=space.globalorder + 1, definedon=region)
+        self._measure = dx(self.regions, intrules=self._points.GetIntegrationRules())
+        self.weight = self._weights()
+        self._to_flux_density = self._flux_density_map()
+        self._to_load = self._to_flux_density.T.tocsr()
+        self._curves: list[tuple[IntArray, BHCurve]] = []
+        self._ends: list[tuple[IntArray, float]] = []
+        self._reluctivity = np.zeros(len(self.weight))
+        self.coercive_field = np.zeros((2, len(self.weight)))
+        for name, material in named.items():
+            self._take(np.flatnonzero(self._named_points(name)), material)
+        self.moving = self._named_points("moving:.*")
+        self._tensor = tuple(GridFunction(self._points) for _ in range(3))
+        self.tangent_form = self._tangent_form()
+
+    def flux_density(self, state: FloatArray) -> FloatArray:
+        """(B_r, B_z) in T, shape (2, points), of a state of the unknowns."""
+        return np.asarray((self._to_flux_density @ state).reshape(2, -1))
+
+    def respond(self, b: FloatArray) -> tuple[FloatArray, float]:
+        """H in A/m, shape (2, points), and the integral of H dB from 0 in J, both without the remanence's part."""
+        size = np.hypot(*b)
+        reluctivity = self._reluctivity.copy()
+        density = 0.5 * reluctivity * size**2
+        for points, curve in self._curves:
+            reluctivity[points] = curve.reluctivity(size[points])
+            density[points] = curve.energy_density(size[points])
+        return reluctivity * b, inner(self.weight, density)
+
+    def magnetisation(self, b: FloatArray) -> FloatArray:
+        """M = B / mu_0 - H in A/m, permanent and induced, at B of shape (2, points)."""
+        return b / MU_0 - self.respond(b)[0] + self.coercive_field
+
+    def beyond_curve(self, b: FloatArray) -> bool:
+        """Whether B exceeds a curve's last point in more than a hundredth of the volume that has the curve.
+
+        At corners B has no bound, so single points say nothing.
+        """
+        size = np.hypot(*b)
+        return any(
+            self.weight[points] @ (size[points] > last) > BEYOND_SHARE * self.weight[points].sum()
+            for points, last in self._ends
+        )
+
+    def load(self, h: FloatArray) -> FloatArray:
+        """The integral of h . B(v) over the parts, for all test functions v: the derivative of the energy for h = H."""
+        return np.asarray(self._to_load @ (self.weight * h).ravel())
+
+    def tensor(self, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The components rr, rz, zz of nu_d in m/H, each of shape (points), at B of shape (2, points)."""
+        size = np.hypot(*b)
+        along, across = self._reluctivity.copy(), self._reluctivity.copy()
+        for points, curve in self._curves:
+            along[points] = curve.differential_reluctivity(size[points])
+            across[points] = curve.reluctivity(size[points])
+        r, z = b / np.maximum(size, TINY_FLUX_DENSITY)
+        extra = along - across
+        return across + extra * r * r, extra * r * z, across + extra * z * z
+
+    def set_tangent(self, b: FloatArray) -> None:
+        """Assemble the second derivative of the energy at B of shape (2, points) into ``tangent_form``."""
+        for function, values in zip(self._tensor, self.tensor(b), strict=True):
+            function.vec.FV().NumPy()[:] = values
+        self.tangent_form.Assemble()
+
+    def _weights(self) -> FloatArray:
+        q = self._points.TestFunction()
+        form = LinearForm(self._points)
+        form += q * 2.0 * math.pi * ng.x * self._measure
+        return np.array(form.Assemble().vec.FV().NumPy())
+
+    def _flux_density_map(self) -> Any:
+        """D, sparse, shape (2 points, unknowns)."""
+        b, q = flux_density(self.space.TrialFunction()), self._points.TestFunction()
+        rows = []
+        for component in (b[0], b[1]):
+            form = BilinearForm(trialspace=self.space, testspace=self._points)
+            form += component * q * 2.0 * math.pi * ng.x * self._measure
+            rows.append(sparse.diags(1.0 / self.weight) @ csr(form.Assemble().mat, self.space.ndof))
+        return sparse.vstack(rows).tocsr()
+
+    def _named_points(self, pattern: str) -> BoolArray:
+        marks = GridFunction(self._points)
+        marks.Interpolate(self.space.mesh.MaterialCF({pattern: 1.0}, default=0.0))
+        return np.asarray(marks.vec.FV().NumPy() > 0.5)
+
+    def _take(self, points: IntArray, material: Material) -> None:
+        """Note the law of a region's points: nu and nu B_r of a linear one, or the curve."""
+        if isinstance(material, LinearMaterial):
+            self._reluctivity[points] = material.reluctivity
+            self.coercive_field[1, points] = material.reluctivity * material.remanence_T
+        else:
+            self._curves.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
+            self._ends.append((points, material.flux_density_T[-1]))
+
+    def _tangent_form(self) -> BilinearForm:
+        w, v = self.space.TnT()
+        b, c = flux_density(w), flux_density(v)
+        rr, rz, zz = self._tensor
+        form = BilinearForm(self.space, symmetric=True, condense=True)
+        h = ng.CF((rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]))
+        form += InnerProduct(h, c) * 2.0 * math.pi * ng.x * self._measure
+        return form
+
+
+def csr(matrix: Any, columns: int) -> Any:
+    """A copy of an NGSolve matrix for scipy."""
+    values, indices, starts = (np.array(part) for part in matrix.CSR())
+    return sparse.csr_matrix((values, indices.astype(np.int32), starts.astype(np.int32)), (len(starts) - 1, columns))

@@ -1,0 +1,150 @@
+r"""Newton's iteration as energy minimisation.
+
+The state w minimises E(w) = stored energy - current x flux linkage, which is convex because every H(B) is monotone. A
+correction solves K c = -dE/dw; K, the second derivative, is kept while it serves: it is renewed after a step that was
+shortened or reduced the residual too little. Any such K is positive definite, so c always goes downhill, and halving
+the step until the energy falls enough leads to the one minimum from any start.
+
+The residual is measured where it means energy: sqrt(c . K c / w . K w), the correction relative to the solution.
+
+References
+----------
+J. Nocedal and S. J. Wright, Numerical Optimization, 2nd ed., section 3.1 (sufficient decrease).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from femfit.core.arrays import FloatArray
+from femfit.field.inner import inner
+
+TOLERANCE = 1e-8
+"""Of the last correction, relative. It is applied, and what is left after it is at most a tenth of it."""
+
+LIMIT = 60
+CONTRACTION = 0.1
+"""A kept derivative is renewed when a step leaves more than this part of the correction: a renewal costs four steps."""
+
+SUFFICIENT = 1e-4
+SHORTEST_STEP = 2.0**-30
+RESOLVED = 1e-6
+"""Corrections below this change the energy by less than its rounding, so that the search has nothing to compare."""
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """The energy about a state.
+
+    Parameters
+    ----------
+    energy : float
+        E in J.
+    gradient : array, shape (unknowns,)
+        dE/dw.
+    square : float
+        w . K w of the state itself in J, the scale of corrections.
+    """
+
+    energy: float
+    gradient: FloatArray
+    square: float
+
+
+class MinimisationProblem(Protocol):
+    """What is minimised, for one current."""
+
+    def evaluate(self, state: FloatArray, current: float) -> Expansion:
+        """The energy about a state."""
+
+    def renew(self, state: FloatArray) -> None:
+        """Take K at a state."""
+
+    def solve(self, load: FloatArray) -> FloatArray:
+        """K^-1 load."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is a K."""
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """How an iteration ended.
+
+    Parameters
+    ----------
+    state : array, shape (unknowns,)
+        The last state.
+    residual : float
+        The last correction relative to the solution, in the energy's norm.
+    converged : bool
+        Whether the residual is below the tolerance.
+    """
+
+    state: FloatArray
+    iterations: int
+    residual: float
+    converged: bool
+    history: tuple[float, ...]
+
+
+def minimise(
+    problem: MinimisationProblem,
+    current: float,
+    start: FloatArray,
+    *,
+    contraction: float = CONTRACTION,
+    limit: int = LIMIT,
+) -> NewtonResult:
+    """Find the state of least energy.
+
+    Parameters
+    ----------
+    start : array, shape (unknowns,)
+        First state.
+    contraction : float
+        0 renews the derivative in every iteration: Newton's own method.
+    """
+    state, here, history = start, problem.evaluate(start, current), list[float]()
+    stale = not problem.ready
+    for _ in range(limit):
+        if stale:
+            problem.renew(state)
+        correction = problem.solve(-here.gradient)
+        decrease = -inner(here.gradient, correction)
+        residual = _relative(decrease, here.square)
+        if not math.isfinite(residual):
+            return NewtonResult(state, len(history), residual, False, tuple(history))
+        slow = bool(history) and residual > contraction * history[-1]
+        history.append(residual)
+        if residual <= TOLERANCE:
+            return NewtonResult(state + correction, len(history), residual, True, tuple(history))
+        least = 1.0 if residual < RESOLVED else SHORTEST_STEP
+        step, state, here = _search(problem, current, state, here, correction, least, SUFFICIENT * decrease)
+        stale = contraction == 0.0 or step < 1.0 or slow
+    return NewtonResult(state, limit, history[-1], False, tuple(history))
+
+
+def _relative(decrease: float, square: float) -> float:
+    scale = max(square, decrease)
+    return math.sqrt(max(decrease, 0.0) / scale) if scale != 0.0 else 0.0
+
+
+def _search(
+    problem: MinimisationProblem,
+    current: float,
+    state: FloatArray,
+    here: Expansion,
+    correction: FloatArray,
+    least: float,
+    decrease: float,
+) -> tuple[float, FloatArray, Expansion]:
+    """The first step of 1, 1/2, 1/4 ... that lowers the energy enough, or the least one; and where it leads."""
+    step = 1.0
+    while True:
+        trial = state + step * correction
+        there = problem.evaluate(trial, current)
+        if step <= least or there.energy <= here.energy - step * decrease:
+            return step, trial, there
+        step *= 0.5

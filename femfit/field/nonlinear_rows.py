@@ -1,0 +1,134 @@
+r"""What solving a nonlinear point gives, and its rows of the table with the force's error.
+
+No single body is always safe, so the force is also had from the reaction on the fixed parts and by virtual work
+(:mod:`femfit.field.other_forces`). The estimate is the larger of the change from one order lower, with its factor,
+and of the disagreement of the three. With the fields' own stresses removed the bodies mostly differ by far less than
+the orders do: what is left is the error of the magnetisation, which they share.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.field.superposition import DISAGREEMENT, ERROR_SAFETY
+
+BEYOND_CURVE = "beyond_bh_curve"
+"""Not a column of the table; the sweep's manifest counts it."""
+
+
+@dataclass(frozen=True)
+class PointSolution:
+    """One current at one distance.
+
+    Parameters
+    ----------
+    force, reaction, work, coarse_force : float
+        By the layer round the moving part, by the reaction on the fixed parts, by virtual work, and by the layer one
+        order lower; in N.
+    self_force : float
+        As subtracted from the force, in N.
+    inductance : float
+        d(flux linkage)/di in H.
+    coenergy : float
+        W' in J.
+    hall : float or None
+        B_z in T.
+    beyond_curve : bool
+        Whether a B-H curve had to be extrapolated.
+    state : array, shape (unknowns,)
+        Of the finer order.
+    """
+
+    force: float
+    reaction: float
+    work: float
+    coarse_force: float
+    self_force: float
+    flux_linkage: float
+    inductance: float
+    coenergy: float
+    hall: float | None
+    beyond_curve: bool
+    state: FloatArray
+
+
+@dataclass(frozen=True)
+class NonlinearPoint:
+    """How a point was solved, and what came of it.
+
+    Parameters
+    ----------
+    residual : float
+        The last correction relative to the solution.
+    status : str
+        ``ok``, or why there is no solution.
+    solution : PointSolution or None
+        None if the iteration did not converge.
+    """
+
+    iterations: int
+    residual: float
+    status: str
+    solution: PointSolution | None
+
+
+def table_rows(points: list[NonlinearPoint], currents: tuple[float, ...]) -> dict[str, list[Any]]:
+    """Columns of the sweep table.
+
+    Returns
+    -------
+    dict of list
+        By column name, one value a current; a current that did not converge has its ``status`` and no field.
+    """
+    weakest = points[int(np.argmin(np.abs(currents)))].solution
+    least_change = _least_change([point.solution for point in points if point.solution], weakest)
+    rows = [_columns(point, least_change) for point in points]
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
+
+
+def _least_change(solutions: list[PointSolution], weakest: PointSolution | None) -> Callable[[float], float]:
+    """A lower bound on the force's change between the orders, for a force.
+
+    At single currents the change passes through zero, so it counts at least with its mean relative to the force; and
+    where the coil cancels the magnet's force, relative to that of the weakest current.
+    """
+    total = sum(abs(one.force) for one in solutions)
+    share = sum(abs(one.force - one.coarse_force) for one in solutions) / total if total else 0.0
+    floor = abs(weakest.force) if weakest else 0.0
+    return lambda force: share * max(abs(force), floor)
+
+
+def _disagreement(solution: PointSolution) -> float:
+    """Of reaction and virtual work with the force, in N."""
+    return max(abs(solution.force - other) for other in (solution.reaction, solution.work))
+
+
+def _force_error(solution: PointSolution, least_change: Callable[[float], float]) -> float:
+    """Estimated discretisation error in N."""
+    change = max(abs(solution.force - solution.coarse_force), least_change(solution.force))
+    return max(ERROR_SAFETY * change, _disagreement(solution))
+
+
+def _columns(point: NonlinearPoint, least_change: Callable[[float], float]) -> dict[str, Any]:
+    columns = {
+        "newton_iterations": point.iterations,
+        "newton_residual": point.residual,
+        "status": point.status,
+    }
+    solution = point.solution
+    if solution is None:
+        return columns
+    columns |= {
+        "force_N": solution.force,
+        "flux_linkage_Wb": solution.flux_linkage,
+        "inductance_H": solution.inductance,
+        "coenergy_J": solution.coenergy,
+        "force_error_N": _force_error(solution, least_change),
+        DISAGREEMENT: _disagreement(solution),
+        BEYOND_CURVE: solution.beyond_curve,
+    }
+    return columns if solution.hall is None else columns | {"hall_T": solution.hall}

@@ -1,0 +1,136 @@
+"""The discrete problem with saturating parts on one mesh and polynomial order: energy, derivatives, own field.
+
+The air, the winding and the open boundary are one linear form, assembled once a distance; the parts enter through their
+quadrature points. Inner unknowns are condensed element by element, so the condensed second derivative is the sum of the
+air's (kept) and the parts' (assembled anew), and a renewal repeats only the numbers of the factorisation.
+"""
+
+import ngsolve as ng
+import numpy as np
+from ngsolve import H1, GridFunction, Mesh
+
+from femfit.core.arrays import FloatArray
+from femfit.core.constants import MU_0
+from femfit.device.parts import Actuator
+from femfit.field.inner import inner
+from femfit.field.layout import Layout
+from femfit.field.material_points import MaterialPoints, csr
+from femfit.field.newton import Expansion
+from femfit.field.summed_inverse import SummedInverse
+from femfit.field.weak_form import AIR, coil_load, materials, stiffness
+
+RESPONSE_TOLERANCE = 1e-3
+"""Of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
+
+RESPONSE_LIMIT = 100
+
+
+class NonlinearSystem:
+    """A :class:`femfit.field.newton.MinimisationProblem`; states are coefficient vectors of w."""
+
+    def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, order: int) -> None:
+        self.space = H1(mesh, order=order)
+        self.points = MaterialPoints(self.space, materials(actuator))
+        self._magnets = self.points.load(self.points.coercive_field)
+        self.coil = np.array(coil_load(self.space, actuator).vec.FV().NumPy())
+        nu_0, radius = ng.CF(1.0 / MU_0), layout.outer_radius
+        self._air = stiffness(self.space, nu_0, radius, regions=AIR)
+        self._air_uncondensed = stiffness(self.space, nu_0, radius, regions=AIR, condense=False)
+        self._vacuum = stiffness(self.space, nu_0, None, regions=self.points.regions).Assemble()  # moves with its parts
+        self._inverse, self._free_inverse = (SummedInverse(self.space) for _ in range(2))
+        self.ready = False
+
+    def move(self) -> None:
+        """Take the mesh as it is now stretched."""
+        self._air.Assemble()
+        self._stiffness = csr(self._air_uncondensed.Assemble().mat, self.space.ndof)
+        self._free_inverse.renew((self._air, self._vacuum))
+        self.ready = False
+
+    def evaluate(self, state: FloatArray, current: float) -> Expansion:
+        """Energy without the constant of the magnets, its derivative and the state's square.
+
+        Parameters
+        ----------
+        state : array, shape (unknowns,)
+            Any.
+
+        Returns
+        -------
+        Expansion
+            With the secant reluctivity in the square.
+        """
+        h, stored = self.points.respond(self.points.flux_density(state))
+        of_air = self._stiffness @ state
+        of_all = of_air + self.points.load(h)
+        sources = self._magnets + current * self.coil
+        return Expansion(
+            energy=0.5 * inner(state, of_air) + stored - inner(state, sources),
+            gradient=of_all - sources,
+            square=inner(state, of_all),
+        )
+
+    def renew(self, state: FloatArray) -> None:
+        """Factorise the second derivative at a state."""
+        self.points.set_tangent(self.points.flux_density(state))
+        self._inverse.renew((self._air, self.points.tangent_form))
+        self.ready = True
+
+    def solve(self, load: FloatArray) -> FloatArray:
+        """Solve with the second derivative as last factorised."""
+        return self._inverse.solve(load)
+
+    def response(self, state: FloatArray, guess: FloatArray) -> FloatArray:
+        """dw/di at a state: conjugate gradients with the second derivative there, preconditioned by the kept one.
+
+        Parameters
+        ----------
+        state : array, shape (unknowns,)
+            Converged.
+        guess : array, shape (unknowns,)
+            Start.
+
+        Returns
+        -------
+        array, shape (unknowns,)
+            In 1/A; accurate to RESPONSE_TOLERANCE.
+        """
+        tensor = self.points.tensor(self.points.flux_density(state))
+        x = guess
+        residual = self.coil - self._second_derivative(tensor, x)
+        preconditioned = self.solve(residual)
+        direction, product = preconditioned, inner(residual, preconditioned)
+        limit = RESPONSE_TOLERANCE**2 * inner(self.coil, self.solve(self.coil))
+        for _ in range(RESPONSE_LIMIT):
+            if product <= limit:
+                break
+            image = self._second_derivative(tensor, direction)
+            step = product / inner(direction, image)
+            x = x + step * direction
+            residual = residual - step * image
+            preconditioned = self.solve(residual)
+            before, product = product, inner(residual, preconditioned)
+            direction = preconditioned + (product / before) * direction
+        return x
+
+    def inductance(self, state: FloatArray, response: FloatArray) -> float:
+        """d(flux linkage)/d(current) in H: coil . x for the exact response x, stationary at it."""
+        tensor = self.points.tensor(self.points.flux_density(state))
+        return inner(response, 2.0 * self.coil - self._second_derivative(tensor, response))
+
+    def own_state(self, state: FloatArray) -> FloatArray:
+        """The field of the moving part's magnetisation alone, frozen as it is in a state, in free space."""
+        magnetisation = self.points.magnetisation(self.points.flux_density(state)) * self.points.moving
+        return self._free_inverse.solve(self.points.load(magnetisation))
+
+    def function(self, state: FloatArray) -> GridFunction:
+        """A state as a function on the mesh."""
+        function = GridFunction(self.space)
+        function.vec.FV().NumPy()[:] = state
+        return function
+
+    def _second_derivative(self, tensor: tuple[FloatArray, FloatArray, FloatArray], x: FloatArray) -> FloatArray:
+        rr, rz, zz = tensor
+        b = self.points.flux_density(x)
+        field = np.stack([rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]])
+        return np.asarray(self._stiffness @ x + self.points.load(field))

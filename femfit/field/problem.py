@@ -1,0 +1,58 @@
+"""The choice of the solver by the actuator's materials."""
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from femfit.device.parts import Actuator, NonlinearMaterial
+from femfit.field.layout import Layout
+from femfit.field.linear_point import LinearActuator
+from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import check_currents, meet_tolerance, on_rung
+from femfit.field.tolerance_problem import RungChoice, ToleranceProblem
+from femfit.field.weak_form import materials
+
+if TYPE_CHECKING:
+    from femfit.field.nonlinear_point import NonlinearActuator
+
+    FieldProblem = LinearActuator | NonlinearActuator | ToleranceProblem
+
+
+def prepare(
+    actuator: Actuator,
+    group: tuple[float, ...],
+    layout: Layout,
+    settings: SolverSettings,
+    choice: RungChoice | None = None,
+) -> "FieldProblem":
+    """Mesh an actuator for a group of distances.
+
+    Parameters
+    ----------
+    group : tuple of float
+        Distances that share the mesh, in m, ascending.
+    settings : SolverSettings
+        Order and element sizes, or the tolerance to meet.
+    choice : RungChoice, optional
+        How it is met, where the climb was made before.
+
+    Returns
+    -------
+    LinearActuator, NonlinearActuator or ToleranceProblem
+        The last if there is a tolerance; else the second if any part saturates.
+    """
+    saturates = any(isinstance(material, NonlinearMaterial) for material in materials(actuator).values())
+
+    def build(of: SolverSettings, *, estimate: bool) -> "LinearActuator | NonlinearActuator":
+        if not saturates:
+            return LinearActuator(actuator, group, layout, of, estimate=estimate)
+        from femfit.field.nonlinear_point import NonlinearActuator  # noqa: PLC0415  loads interpolation and sparse matrices
+
+        return NonlinearActuator(actuator, group, layout, of)
+
+    if settings.tolerance is None:
+        return build(settings, estimate=True)
+    rung = partial(build, estimate=False)
+    if choice is not None:
+        return on_rung(rung, choice, settings)
+    checked = check_currents(actuator.sweep.currents_A) if saturates else actuator.sweep.currents_A
+    return meet_tolerance(rung, group, checked, settings)

@@ -1,0 +1,55 @@
+"""Settings of the field solver, with the defaults that the validation was made with."""
+
+from dataclasses import dataclass
+
+from femfit.device.parts import Actuator
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How fine the field is solved.
+
+    Parameters
+    ----------
+    order : int
+        Polynomial order of the unknown; the error estimate uses ``order - 1`` on the same mesh.
+    corner_fraction : float
+        Element size at the corners of iron and magnets, as a fraction of the part's smallest extent. Fields are
+        singular there, and this sets the accuracy.
+    region_fraction : float
+        Largest element size within a part, as a fraction of its smallest extent.
+    grading : float
+        How fast elements grow, Netgen's convention: 0 uniform, 1 fastest.
+    outer_radius_factor : float
+        Radius of the domain over the largest distance of any part from the origin. The boundary carries the exact
+        condition of a dipole field, so what is left falls with the fifth power of this factor.
+    stretch_limit : float
+        Largest ratio of distances that one mesh is stretched over before a new one is made.
+    tolerance : float or None
+        Relative accuracy of force and flux linkage; order and element sizes are then chosen to meet it, those above
+        are not used (:mod:`femfit.field.tolerance`).
+    """
+
+    order: int = 5
+    corner_fraction: float = 0.06
+    region_fraction: float = 1.0
+    grading: float = 0.5
+    outer_radius_factor: float = 16.0
+    stretch_limit: float = 1.8
+    tolerance: float | None = None
+
+    def finer(self) -> "SolverSettings":
+        """Settings for checking these: one order more and corners a quarter of the size, about ten times the work."""
+        return SolverSettings(
+            order=self.order + 1,
+            corner_fraction=self.corner_fraction / 4.0,
+            region_fraction=self.region_fraction / 2.0,
+            grading=0.6 * self.grading,
+            outer_radius_factor=2.0 * self.outer_radius_factor,
+            stretch_limit=1.0,
+        )
+
+
+def settings_for(actuator: Actuator) -> SolverSettings:
+    """The defaults, with the actuator's own tolerance."""
+    return SolverSettings(tolerance=actuator.tolerance)

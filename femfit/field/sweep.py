@@ -1,0 +1,194 @@
+"""The sweep: every distance of every variant solved, in parallel, with a journal that a kill cannot spoil."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from femfit.core.errors import FieldSolverError, RunDirectoryError
+from femfit.core.journal import Journal, JournalHeader
+from femfit.device.parts import Actuator
+from femfit.device.variants import VariantSweep, only
+from femfit.field.layout import layout_of, stretch_groups
+from femfit.field.settings import SolverSettings, settings_for
+from femfit.field.sweep_cluster import solve_on_cluster, versions
+from femfit.field.sweep_pool import AGAIN, Done, Result, solve_here, solve_in_processes
+from femfit.field.sweep_rows import sweep_manifest, sweep_rows
+from femfit.field.sweep_task import DistanceTask, MeshGroup, RungTask, SweepTask, solve_task
+from femfit.field.tolerance import shares_checks
+from femfit.tables.sweep_table import SweepTable, write_sweep_table
+
+Progress = Callable[[int, int], None]
+
+
+def run_sweep(
+    sweep: Actuator | VariantSweep,
+    directory: Path,
+    *,
+    workers: int = 2,
+    scheduler: str | None = None,
+    settings: SolverSettings | None = None,
+    progress: Progress | None = None,
+) -> SweepTable:
+    """Solve an actuator's sweep, or what a journal says is left of it, and write the table.
+
+    Parameters
+    ----------
+    sweep : Actuator or VariantSweep
+        Checked; with its variants, if parameters are swept.
+    directory : Path
+        For journal, table and manifest; made if absent.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers solve instead.
+    settings : SolverSettings, optional
+        Order and element sizes; the defaults with the actuator's tolerance otherwise.
+    progress : callable, optional
+        Called with (rows done, rows in all).
+
+    Returns
+    -------
+    SweepTable
+        Rows ordered by variant, current, distance. Rows that could not be solved have their reason in ``status``.
+
+    Raises
+    ------
+    RunDirectoryError
+        If the directory holds another configuration's journal, is in use, or the disk is full at the end.
+    FieldSolverError
+        If not even a plan of the meshes can be made for any variant.
+    ClusterError
+        If the scheduler cannot be used or is lost.
+    """
+    sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
+    settings = settings or settings_for(sweep.actuator)
+    tasks, failed = _plan(sweep, settings)
+    configuration = _configuration(sweep, settings)
+    currents = len(sweep.variants[0].sweep.currents_A)
+    names = {task.key for task in tasks}
+
+    def report() -> None:
+        if progress is not None:
+            progress(len(finished) * currents, len(tasks) * currents)
+
+    def record(task: SweepTask, result: Result) -> None:
+        journal.record(task.key, result)
+        finished.update(names & {task.key})
+        report()
+
+    with Journal(directory, JournalHeader(configuration["hash"])) as journal:
+        finished = names & journal.finished.keys()
+        report()
+        left = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
+        first, done = _in_order(left, journal.finished, record)
+        _solve_all(first, workers, scheduler, done)
+        solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
+        table = SweepTable(
+            sweep_rows(sweep, solved | failed), sweep_manifest(sweep, configuration) | _beyond_curve(solved)
+        )
+        _write(table, directory, journal)
+    return table
+
+
+def plan_sweep(actuator: Actuator, settings: SolverSettings, variant: int = 1) -> list[DistanceTask]:
+    """The tasks of an actuator's sweep, in order of distance."""
+    layout = layout_of(actuator, settings)
+    groups = stretch_groups(actuator.sweep.distances_m, layout, settings)
+    return [
+        DistanceTask(MeshGroup(actuator, layout, settings, group), distance, variant)
+        for group in groups
+        for distance in group
+    ]
+
+
+def _plan(
+    sweep: VariantSweep, settings: SolverSettings
+) -> tuple[list[DistanceTask], dict[tuple[int, float], dict[str, Any]]]:
+    """The tasks of all variants; and the results of those for which there is nothing to solve."""
+    tasks: list[DistanceTask] = []
+    failed: dict[tuple[int, float], dict[str, Any]] = {}
+    for number, variant in enumerate(sweep.variants, 1):
+        problem = variant.problem
+        if variant.actuator is not None:
+            try:
+                tasks += plan_sweep(variant.actuator, settings, number)
+                continue
+            except FieldSolverError as error:
+                problem = str(error)
+        failed |= {(number, distance): {"status": f"failed: {problem}"} for distance in variant.sweep.distances_m}
+    if not tasks:
+        raise FieldSolverError(next(iter(failed.values()))["status"].removeprefix("failed: "))
+    return tasks, failed
+
+
+def _in_order(
+    tasks: Sequence[DistanceTask], finished: Mapping[str, Result], record: Callable[[SweepTask, Result], None]
+) -> tuple[list[SweepTask], Done[SweepTask]]:
+    """The tasks that can be solved at once, and what is to be done with a result; rungs come before their distances."""
+    first: list[SweepTask] = []
+    behind: dict[RungTask, list[DistanceTask]] = {}
+    for task in tasks:
+        if task.mesh.settings.tolerance is not None and shares_checks(task.mesh.distances):
+            behind.setdefault(RungTask(task.mesh, task.variant), []).append(task)
+        else:
+            first.append(task)
+    for rung, distances in behind.items():
+        known = finished.get(rung.key)
+        first += [rung] if known is None else rung.distances(distances, known)
+
+    def done(task: SweepTask, result: Result) -> list[SweepTask]:
+        if not isinstance(task, RungTask):
+            record(task, result)
+            return []
+        if "choice" in result:
+            record(task, result)
+            return [*task.distances(behind[task], result)]
+        for distance in behind[task]:
+            record(distance, result)
+        return []
+
+    return first, done
+
+
+def _solve_all(tasks: Sequence[SweepTask], workers: int, scheduler: str | None, done: Done[SweepTask]) -> None:
+    if scheduler is not None and tasks:
+        solve_on_cluster(tasks, solve_task, done, scheduler)
+    elif workers == 1 or (len(tasks) < 2 and not any(isinstance(task, RungTask) for task in tasks)):
+        solve_here(tasks, solve_task, done)
+    else:
+        Thread(target=import_module, args=("pandas",), daemon=True).start()  # for the table, in time
+        solve_in_processes(tasks, solve_task, done, workers)
+
+
+def _write(table: SweepTable, directory: Path, journal: Journal) -> None:
+    """Write the table; on a full disk say what is kept."""
+    try:
+        write_sweep_table(table, directory)
+    except OSError as error:
+        raise RunDirectoryError(
+            f"The table could not be written to {directory}: {error.strerror or error}. {journal.on_disk} of "
+            f"{len(journal.finished)} results are in the journal. Make room, and give the same command again: it "
+            "solves what is missing and writes the table."
+        ) from error
+
+
+def _beyond_curve(solved: Mapping[tuple[int, float], Mapping[str, Any]]) -> dict[str, int]:
+    """How many points needed a B-H curve beyond its end; nothing for actuators that do not saturate."""
+    flags = [
+        result["rows"]["beyond_bh_curve"] for result in solved.values() if "beyond_bh_curve" in result.get("rows", {})
+    ]
+    return {"points_beyond_bh_curve": sum(map(sum, flags))} if flags else {}
+
+
+def _configuration(sweep: VariantSweep, settings: SolverSettings) -> dict[str, Any]:
+    content = {
+        "actuator": asdict(sweep.actuator),
+        "variants": [asdict(variant) for variant in sweep.variants],
+        "settings": asdict(settings),
+        "versions": versions(),
+    }
+    text = json.dumps(content, sort_keys=True)
+    return {**content, "hash": hashlib.sha256(text.encode()).hexdigest()}

@@ -1,0 +1,144 @@
+"""Tasks on worker processes: a task that brings its worker down costs its own result only.
+
+A process that dies breaks the standard pool and every task in it, and the pool does not say whose fault it was. So few
+tasks are handed out at a time, those that were out are solved again, each in a process of its own, and the rest goes to
+a new pool.
+"""
+
+import multiprocessing
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, TypeVar
+
+Task = TypeVar("Task")
+Result = dict[str, Any]
+Solve = Callable[[Task], Result]
+Done = Callable[[Task, Result], Iterable[Task]]
+"""Takes a task and its result, and returns the tasks that follow from it; they are next."""
+
+AGAIN = "again"
+"""Mark of a result that the machine, not the task, is to blame for: the same command tries it again."""
+
+DIED: Result = {"status": "failed: the worker process died (out of memory, or killed)", AGAIN: True}
+SPARE = 1  # tasks handed out beyond the workers, so that none waits for its next one
+
+
+def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task], workers: int) -> None:
+    """Solve tasks in processes of this machine.
+
+    Parameters
+    ----------
+    solve : callable
+        Picklable; takes a task and returns its result.
+    done : callable
+        Called here with each task and its result, as they come, and returns what follows; the result is :data:`DIED`
+        where the task's own process died.
+    """
+    waiting = deque(tasks)
+    while waiting:
+        out: dict[Future[Result], Task] = {}
+        try:
+            with _pool(workers) as pool:  # starts them as tasks come
+                work_off(pool, waiting, out, solve, done, workers + SPARE)
+        except BrokenProcessPool:
+            for task in out.values():
+                follow(waiting, done(task, _alone(task, solve)))
+
+
+def solve_here(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task]) -> None:
+    """Solve tasks in this process.
+
+    Parameters
+    ----------
+    solve : callable
+        Takes a task and returns its result.
+    done : callable
+        Called with each task and its result.
+    """
+    waiting = deque(tasks)
+    while waiting:
+        task = waiting.popleft()
+        follow(waiting, done(task, solve(task)))
+
+
+def follow(waiting: deque[Task], tasks: Iterable[Task]) -> None:
+    """Put tasks before all that wait, in their order.
+
+    Parameters
+    ----------
+    tasks : iterable
+        What follows from a task that was just done: a worker may have its mesh at hand.
+    """
+    waiting.extendleft(reversed(list(tasks)))
+
+
+def work_off(
+    executor: Executor,
+    waiting: deque[Task],
+    out: dict[Future[Result], Task],
+    solve: Solve[Task],
+    done: Done[Task],
+    limit: int,
+    lost: tuple[type[BaseException], ...] = (),
+) -> None:
+    """Hand tasks out to an executor until all are done.
+
+    Parameters
+    ----------
+    waiting : deque
+        Tasks to do; taken from the left.
+    out : dict
+        Tasks handed out by their future; filled and emptied here, so that the caller sees them after an error.
+    solve : callable
+        Takes a task and returns its result.
+    done : callable
+        Called with each task and its result; returns what follows.
+    limit : int
+        Of tasks handed out at a time.
+    lost : tuple of type
+        Exceptions that say that the task's workers died; its result is :data:`DIED` then.
+    """
+    try:
+        while waiting or out:
+            while waiting and len(out) < limit:
+                out[executor.submit(solve, waiting[0])] = waiting[0]
+                waiting.popleft()
+            for future in wait(out, return_when=FIRST_COMPLETED).done:
+                try:
+                    result = future.result()
+                except lost:
+                    result = DIED
+                follow(waiting, done(out.pop(future), result))
+    except BaseException:
+        for future in out:
+            future.cancel()
+        executor.shutdown(wait=False)
+        raise
+
+
+def _alone(task: Task, solve: Solve[Task]) -> Result:
+    try:
+        with _pool(1) as pool:
+            return pool.submit(solve, task).result()
+    except BrokenProcessPool:
+        return DIED
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent)
+
+
+def _end_with_parent() -> None:
+    """Let this worker end when the process that started it is killed: nobody would ever give it a task again."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+
+        def watch() -> None:
+            parent.join()
+            os._exit(1)
+
+        threading.Thread(target=watch, daemon=True).start()

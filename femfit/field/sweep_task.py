@@ -1,0 +1,168 @@
+"""The tasks of a sweep, as workers solve them: the rung of a group of distances, and each distance."""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Protocol
+
+from femfit.core.errors import FemfitError, FieldSolverError
+from femfit.device.parts import Actuator
+from femfit.field.layout import Layout
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep_pool import AGAIN
+from femfit.field.tolerance_problem import RungChoice, ToleranceProblem
+
+if TYPE_CHECKING:
+    from femfit.field.problem import FieldProblem
+
+_ONE_AT_A_TIME = threading.Lock()
+"""A cluster's worker may have several threads, but a mesh has one state: it is stretched to one distance."""
+
+
+@dataclass(frozen=True)
+class MeshGroup:
+    """What a mesh is made from; picklable.
+
+    Parameters
+    ----------
+    settings : SolverSettings
+        Order and element sizes, or the tolerance.
+    distances : tuple of float
+        That share the mesh, in m, ascending.
+    choice : RungChoice or None
+        The rung that meets the tolerance, where it is known. It follows from all others, so that it does not tell
+        groups apart: whoever chose the rung goes on with its mesh.
+    """
+
+    actuator: Actuator
+    layout: Layout
+    settings: SolverSettings
+    distances: tuple[float, ...]
+    choice: RungChoice | None = field(default=None, compare=False)
+
+    def of(self, distance: float) -> "MeshGroup":
+        """The group of a distance alone, in m."""
+        return replace(self, distances=(distance,), choice=None)
+
+
+class SweepTask(Protocol):
+    """What a worker solves; picklable."""
+
+    @property
+    def key(self) -> str:
+        """Name in the journal."""
+
+    def result(self) -> dict[str, Any]:
+        """Solve it; JSON-ready."""
+
+
+@dataclass(frozen=True)
+class DistanceTask:
+    """One distance of a sweep; its result has ``rows``, the table's columns, one value a current."""
+
+    mesh: MeshGroup
+    distance: float
+    variant: int = 1
+
+    @property
+    def key(self) -> str:
+        """Name in the journal."""
+        return f"{self.variant}: {self.distance!r}"
+
+    def result(self) -> dict[str, Any]:
+        """On the group's mesh, or on one of the distance's own where that cannot be made."""
+        try:
+            problem = _prepared(self.mesh)
+        except FieldSolverError:
+            if len(self.mesh.distances) == 1:
+                raise
+            problem = _prepared(self.mesh.of(self.distance))
+        return {"rows": problem.rows(self.distance, self.mesh.actuator.sweep.currents_A)}
+
+
+@dataclass(frozen=True)
+class RungTask:
+    """The rung on which a group meets its tolerance; its result has ``choice``, None where the group has no mesh.
+
+    Each worker would else check each group for itself, which takes longer than to solve a short one.
+    """
+
+    mesh: MeshGroup
+    variant: int = 1
+
+    @property
+    def key(self) -> str:
+        """Name in the journal."""
+        return f"{self.variant}: rung from {self.mesh.distances[0]!r}"
+
+    def result(self) -> dict[str, Any]:
+        """Climb the ladder; the mesh is kept for the group's distances."""
+        try:
+            problem = _prepared(self.mesh)
+        except FieldSolverError:
+            return {"choice": None}
+        return {"choice": problem.choice.as_json() if isinstance(problem, ToleranceProblem) else None}
+
+    def distances(self, tasks: Sequence[DistanceTask], result: dict[str, Any]) -> list[DistanceTask]:
+        """The group's distances, as the result says that they are to be solved.
+
+        Returns
+        -------
+        list of DistanceTask
+            On the rung, or each on its own mesh.
+        """
+        if result["choice"] is None:
+            return [replace(task, mesh=self.mesh.of(task.distance)) for task in tasks]
+        mesh = replace(self.mesh, choice=RungChoice.from_json(result["choice"]))
+        return [replace(task, mesh=mesh) for task in tasks]
+
+
+def solve_task(task: SweepTask) -> dict[str, Any]:
+    """Solve a task; a mesh or solution that fails becomes a result with its reason.
+
+    Returns
+    -------
+    dict
+        JSON-ready: ``status`` and, when it is ok, what the task gives; ``again`` where the memory was too small, not
+        the drawing at fault.
+    """
+    try:
+        with _ONE_AT_A_TIME:
+            return {"status": "ok"} | task.result()
+    except _failures() as error:
+        _prepared.cache_clear()  # what was interrupted half-way must not serve the next distance
+        return _failure(error)
+
+
+@lru_cache(maxsize=1)
+def _prepared(mesh: MeshGroup) -> "FieldProblem":
+    """The mesh of a group, kept while a worker's tasks stay in it."""
+    from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
+
+    from femfit.field.problem import prepare  # noqa: PLC0415
+
+    SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
+    return prepare(mesh.actuator, mesh.distances, mesh.layout, mesh.settings, mesh.choice)
+
+
+def _failures() -> tuple[type[Exception], ...]:
+    """What meshing and solving raise when a drawing or the memory is beyond them."""
+    from netgen.libngpy._meshing import NgException  # noqa: PLC0415  loaded by now
+
+    return (NgException, RuntimeError, MemoryError, ArithmeticError)
+
+
+def _failure(error: Exception) -> dict[str, Any]:
+    text = " ".join(str(error).split())
+    if isinstance(error, FemfitError):
+        return {"status": f"failed: {text}"}
+    if isinstance(error, MemoryError) or "allocate" in text:
+        return {
+            "status": f"failed: out of memory ({text}). Give the same command with fewer workers, or more memory",
+            AGAIN: True,
+        }
+    return {
+        "status": f"failed: the field solver stopped ({text}). Look for extreme dimensions or materials in the "
+        "actuator file"
+    }

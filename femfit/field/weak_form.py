@@ -1,0 +1,168 @@
+r"""The axisymmetric magnetostatic problem in its weak form.
+
+With A_phi = r w(r, z), w smooth and even in r, the flux density is B_r = -r dw/dz, B_z = 2 w + r dw/dr. Find w with
+
+    integral nu B(w) . B(v) 2 pi r  +  boundary  =  integral nu B_rem B_z(v) 2 pi r  +  integral J r v 2 pi r
+
+for all v: no 1/r anywhere and no condition on the axis. The boundary, a sphere of radius R, carries the energy of the
+field outside of it for a dipole, (nu_0 / R) r^2 w v 2 pi r, which is exact for the leading term of any closed source.
+
+References
+----------
+K. Meeker, FEMM 4.2 manual, section A.3 (asymptotic boundary); J. Gopalakrishnan and S. Reitzinger, Numer. Linear
+Algebra Appl. 16 (2009), for unknowns A/r in axisymmetric spaces.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import ngsolve as ng
+from ngsolve import CF, H1, BilinearForm, InnerProduct, LinearForm, Mesh, ds, dx, grad
+
+from femfit.core.constants import MU_0
+from femfit.core.errors import FieldSolverError
+from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial
+
+AIR = "air|coil|halo|layer"
+"""Pattern of the regions without a material."""
+
+RADIAL_WEIGHT_ORDER = 3  # r^3 at most multiplies the polynomials; added to the quadrature's order
+
+
+def flux_density(w: Any) -> Any:
+    """(B_r, B_z) of w.
+
+    Parameters
+    ----------
+    w : ngsolve.CoefficientFunction
+        Trial function, test function or solution.
+    """
+    r = ng.x
+    slope = grad(w)
+    return CF((-r * slope[1], 2.0 * w + r * slope[0]))
+
+
+def materials(actuator: Actuator) -> dict[str, Material]:
+    """Material of each of the mesh's region names that is not air.
+
+    Returns
+    -------
+    dict
+        By region name, ``fixed:NAME`` or ``moving:NAME``.
+    """
+    named = {f"fixed:{region.name}": region.material for region in actuator.fixed}
+    return named | {f"moving:{region.name}": region.material for region in actuator.moving.regions}
+
+
+def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
+    """The same for an actuator without saturating parts.
+
+    Returns
+    -------
+    dict
+        By region name, ``fixed:NAME`` or ``moving:NAME``.
+
+    Raises
+    ------
+    FieldSolverError
+        If a material saturates: its field is no superposition.
+    """
+    linear: dict[str, LinearMaterial] = {}
+    for name, material in materials(actuator).items():
+        if isinstance(material, NonlinearMaterial):
+            raise FieldSolverError(f"{name} is of {material.name}, which saturates. Use the nonlinear solver for it.")
+        linear[name] = material
+    return linear
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Right-hand sides.
+
+    Parameters
+    ----------
+    own_magnets : ngsolve.LinearForm
+        Of the moving part's remanence alone.
+    coil : ngsolve.LinearForm
+        Of 1 A; its product with a solution is that solution's flux linkage.
+    """
+
+    magnets: LinearForm
+    own_magnets: LinearForm
+    coil: LinearForm
+
+
+def stiffness(
+    space: H1, reluctivity: Any, outer_radius: float | None, *, regions: str = ".*", condense: bool = True
+) -> BilinearForm:
+    """The energy form.
+
+    Parameters
+    ----------
+    reluctivity : ngsolve.CoefficientFunction
+        nu in m/H.
+    outer_radius : float or None
+        R in m of the open boundary; None leaves the boundary out.
+    regions : str
+        Pattern of the regions' names; all by default.
+    condense : bool
+        Whether inner unknowns are condensed and one triangle is stored.
+    """
+    w, v = space.TnT()
+    r = ng.x
+    form = BilinearForm(space, symmetric=condense, condense=condense)
+    volume = dx(regions, bonus_intorder=RADIAL_WEIGHT_ORDER)
+    form += reluctivity * InnerProduct(flux_density(w), flux_density(v)) * 2.0 * math.pi * r * volume
+    if outer_radius is not None:
+        boundary = ds("outer", bonus_intorder=RADIAL_WEIGHT_ORDER)
+        form += r**2 * w * v * 2.0 * math.pi * r / (MU_0 * outer_radius) * boundary
+    return form
+
+
+def assemble_loads(space: H1, actuator: Actuator) -> Loads:
+    """The right-hand sides of all sources.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        For turns, winding section and remanence.
+
+    Returns
+    -------
+    Loads
+        Assembled on the mesh as it stands.
+    """
+    v = space.TestFunction()
+    r = ng.x
+    named = linear_materials(actuator)
+    forms = []
+    for prefix in ("", "moving:"):
+        form = LinearForm(space)
+        for name, material in named.items():
+            if material.remanence_T and name.startswith(prefix):
+                source = material.reluctivity * material.remanence_T
+                region = dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
+                form += source * flux_density(v)[1] * 2.0 * math.pi * r * region
+        forms.append(form.Assemble())
+    return Loads(magnets=forms[0], own_magnets=forms[1], coil=coil_load(space, actuator))
+
+
+def coil_load(space: H1, actuator: Actuator) -> LinearForm:
+    """The right-hand side of 1 A in the winding; its product with a solution is that solution's flux linkage."""
+    v = space.TestFunction()
+    r = ng.x
+    density = actuator.coil.turns / _area(actuator.coil.vertices_m)
+    coil = LinearForm(space)
+    coil += density * r * v * 2.0 * math.pi * r * dx("coil", bonus_intorder=RADIAL_WEIGHT_ORDER)
+    return coil.Assemble()
+
+
+def _area(vertices: tuple[tuple[float, float], ...]) -> float:
+    following = (*vertices[1:], vertices[0])
+    return 0.5 * abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(vertices, following, strict=True)))
+
+
+def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:
+    """Nu on the mesh: of the named materials, of air elsewhere."""
+    return mesh.MaterialCF({name: material.reluctivity for name, material in named.items()}, default=1.0 / MU_0)

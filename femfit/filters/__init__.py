@@ -1,0 +1,1 @@
+"""State estimators: UKF, square-root UKF, EKF. numpy only."""

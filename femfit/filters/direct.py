@@ -1,0 +1,158 @@
+"""The distance straight from the Hall voltage: invert the magnet's field once the coil's part is removed.
+
+The paper's (14), d = MH(CH(v_hall)), with the fitted field in place of its polynomials: find the d at which
+quiescent + sensitivity B(d, i) equals the reading. The current is not measured there but taken as its static value
+u / R, which is wrong while the current changes: part of why a filter does better.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure 11.
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import FilterError
+from femfit.model.actuator_model import ActuatorModel
+
+NEWTON_STEPS = 60
+TABLE_POINTS = 513
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class HallInverse:
+    """Distance from Hall voltage, prepared once a model; build with :func:`hall_inverse`.
+
+    Parameters
+    ----------
+    distances_m, volts : array, shape (points,)
+        Table at the middle current, ascending in volts: the first guess.
+    """
+
+    model: ActuatorModel
+    distances_m: FloatArray
+    volts: FloatArray
+
+    def distance(self, hall_voltage: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Solve quiescent + sensitivity B(d, i) = v for d.
+
+        Parameters
+        ----------
+        hall_voltage : array, shape (n,)
+            Readings v in V.
+        current : array, shape (n,) or scalar
+            Current i in A at each.
+
+        Returns
+        -------
+        distance : array, shape (n,)
+            In m; at the nearer edge of the validity box where the reading is outside of its voltages, NaN where it is
+            no number.
+        clipped : array of bool, shape (n,)
+            Which were outside, or no number.
+
+        Raises
+        ------
+        FilterError
+            If the iteration does not converge for a reading inside of the range.
+        """
+        volts, current = np.broadcast_arrays(np.asarray(hall_voltage, float), np.asarray(current, float))
+        box, sensor = self.model.validity, self.model.require_sensor()
+        near = sensor.voltage(np.asarray(box.distance_min_m), current)
+        far = sensor.voltage(np.asarray(box.distance_max_m), current)
+        known = np.isfinite(volts) & np.isfinite(current)
+        low, high = np.minimum(near, far), np.maximum(near, far)
+        with np.errstate(invalid="ignore"):
+            inside = known & (volts >= low) & (volts <= high)
+        wanted = np.where(
+            inside, volts, self.volts[len(self.volts) // 2]
+        )  # at the middle current, so that it is solvable
+        amps = np.where(inside, current, 0.5 * (box.current_min_A + box.current_max_A))
+        found = self._solve(wanted, amps)
+        with np.errstate(invalid="ignore"):
+            edge = np.where((volts > high) == (near > far), box.distance_min_m, box.distance_max_m)
+        return np.where(inside, found, np.where(known, edge, np.nan)), ~inside
+
+    def _solve(self, volts: FloatArray, current: FloatArray) -> FloatArray:
+        box, sensor = self.model.validity, self.model.require_sensor()
+        scale = sensor.sensitivity_V_per_T
+        middle = 0.5 * (box.current_min_A + box.current_max_A)
+        centre = np.asarray(0.5 * (box.distance_min_m + box.distance_max_m))
+        coil = sensor.voltage(centre, current) - sensor.voltage(centre, np.asarray(middle))
+        distance = np.interp(volts - coil, self.volts, self.distances_m)
+        tolerance = 1e-13 * (self.volts[-1] - self.volts[0]) + 1e-15 * abs(sensor.quiescent_V)
+        low = np.full_like(distance, box.distance_min_m)
+        high = np.full_like(distance, box.distance_max_m)
+        falling = sensor.voltage(low, current) > sensor.voltage(high, current)
+        for _ in range(NEWTON_STEPS):
+            field, slope, _ = sensor.field.derivatives(distance, current)
+            excess = sensor.quiescent_V + scale * field - volts
+            if np.all(np.abs(excess) <= tolerance):
+                return distance
+            beyond = (excess > 0.0) == falling  # the solution lies at a larger distance
+            low, high = np.where(beyond, distance, low), np.where(beyond, high, distance)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = distance - excess / (scale * slope)
+            distance = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        field = sensor.voltage(distance, current)
+        if np.any(np.abs(field - volts) > 1e-9 * (self.volts[-1] - self.volts[0])):
+            raise FilterError(
+                "The Hall voltage could not be inverted to a distance: the fitted field is too uneven within the "
+                "validity box. Fit the Hall field with fewer knots."
+            )
+        return distance
+
+
+def hall_inverse(model: ActuatorModel) -> HallInverse:
+    """Prepare the inversion.
+
+    Raises
+    ------
+    FilterError
+        If the Hall voltage does not change monotonically with the distance over the box's currents.
+    """
+    box, sensor = model.validity, model.require_sensor()
+    distances = np.linspace(box.distance_min_m, box.distance_max_m, TABLE_POINTS)
+    for current in (box.current_min_A, box.current_max_A):
+        slope = sensor.field.derivatives(distances, np.asarray(current))[1]
+        if not (np.all(slope > 0.0) or np.all(slope < 0.0)):
+            turn = distances[np.flatnonzero(np.sign(slope) != np.sign(slope[0]))[0]]
+            raise FilterError(
+                f"The Hall voltage must change monotonically with the distance to be inverted; at {current:g} A it "
+                f"turns at {1e3 * turn:.3g} mm. Move the Hall element, or use the filter, which needs no inversion."
+            )
+    middle = 0.5 * (box.current_min_A + box.current_max_A)
+    volts = sensor.voltage(distances, np.asarray(middle))
+    order = np.argsort(volts)
+    return HallInverse(model, distances[order], volts[order])
+
+
+def hall_distance(model: ActuatorModel, hall_voltage: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Distance from Hall voltage and current, once; in a loop keep a :func:`hall_inverse`.
+
+    Parameters
+    ----------
+    hall_voltage, current : array, shape (n,)
+        As in :meth:`HallInverse.distance`.
+
+    Returns
+    -------
+    distance, clipped : array, shape (n,)
+        As there.
+    """
+    return hall_inverse(model).distance(hall_voltage, current)
+
+
+def static_current(model: ActuatorModel, voltage: FloatArray) -> FloatArray:
+    """Static current u / R, the one current that the paper's compensation CH assumes.
+
+    Parameters
+    ----------
+    voltage : array
+        Across the winding, in V.
+    """
+    return np.asarray(voltage) / model.require_circuit().resistance_ohm

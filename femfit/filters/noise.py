@@ -1,0 +1,198 @@
+"""How uncertain model and sensor are, with units, and the covariances Q and R that follow.
+
+Sensor: white noise of one sample plus the converter's quantisation, LSB^2 / 12. Current: the driver's voltage error,
+white from sample to sample, moves the current by sigma_U t_s / L in a step. Motion: a force error F_e that varies along
+the path is seen as white acceleration of density q = 2 (F_e / m)^2 / lambda, that is, as noise with the variance
+(F_e / m)^2 and the correlation time 1 / lambda in which the body moves on. Over a step, white acceleration gives the
+covariance q [[t^3 / 3, t^2 / 2], [t^2 / 2, t]] of distance and velocity.
+
+References
+----------
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 6.2.2 (white acceleration) and 8.2.1 (correlation time).
+B. Widrow and I. Kollar, Quantization Noise (Cambridge, 2008), section 3.5 (LSB^2 / 12).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.filters.theory import unstable_pole
+from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.dynamics import state_derivative
+
+UNKNOWN_FORCE_ERROR = 1e-3
+"""Force error relative to the weight where the model file records no misfit: the fit's own target."""
+
+DRIVER_ERROR = 1e-3
+"""Error of the winding's voltage relative to the driver's largest: a calibrated 10-bit pulse-width modulator."""
+
+_OWN_VARIANCE = 1e-12
+"""Of an effect's state in a step, on its own: they are of the order of one."""
+
+BIAS_DENSITY = 1e-3
+"""Random walk of the Hall element's quiescent voltage in V / sqrt(s)."""
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """Standard deviations and densities of everything white.
+
+    Parameters
+    ----------
+    acceleration_density : float
+        q in m^2/s^3.
+    voltage_V : float
+        Error of the winding's voltage, one sample.
+    hall_V : float
+        Error of one Hall sample, quantisation included.
+    bias_density : float
+        Hall bias in V / sqrt(s).
+    """
+
+    acceleration_density: float
+    voltage_V: float
+    hall_V: float
+    bias_density: float = BIAS_DENSITY
+
+
+def hall_noise(sensor: HallSensor, noise_V: float | None = None) -> float:
+    """Standard deviation of one Hall sample, sqrt(sigma^2 + LSB^2 / 12).
+
+    Parameters
+    ----------
+    noise_V : float or None
+        White noise in V; the sensor's own where None.
+    """
+    white = sensor.noise_V if noise_V is None else noise_V
+    return float(np.hypot(white, sensor.quantisation_step / np.sqrt(12.0)))
+
+
+def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: float | None = None) -> FilterNoise:
+    """Noise of a levitating model, derived as the module says.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit, motion and sensor; its recorded misfit gives the force error.
+    distance : float or None
+        Operating point in m; the reference's first step, or the middle of the box, where None.
+    noise_V : float or None
+        White noise of the Hall voltage in V; the sensor's own where None.
+
+    Returns
+    -------
+    FilterNoise
+        For :func:`femfit.filters.levitation.levitation_process`.
+    """
+    circuit, motion = model.require_circuit(), model.require_motion()
+    pole = unstable_pole(model, operating_distance(model) if distance is None else distance)
+    misfit = model.misfit.force_rms_of_weight if model.misfit is not None else None
+    relative = UNKNOWN_FORCE_ERROR if misfit is None else misfit
+    return FilterNoise(
+        acceleration_density=2.0 * (relative * motion.gravity_m_s2) ** 2 / pole,
+        voltage_V=DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V)),
+        hall_V=hall_noise(model.require_sensor(), noise_V),
+    )
+
+
+def operating_distance(model: ActuatorModel) -> float:
+    """Where a filter is tuned when nothing else is said.
+
+    Returns
+    -------
+    float
+        The reference's first step in m, or the middle of the validity box without a reference.
+    """
+    if model.reference_distances_m:
+        return model.reference_distances_m[0]
+    return 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m)
+
+
+def process_covariance(model: ActuatorModel, noise: FilterNoise, distance: float, hall_bias: bool) -> FloatArray:
+    """Q of one sample.
+
+    Parameters
+    ----------
+    distance : float
+        Where the inductance is taken, in m.
+    hall_bias : bool
+        Whether the last state is there.
+
+    Returns
+    -------
+    array, shape (n, n)
+        In m, m/s, A, pure numbers for the states of effects, and V.
+    """
+    t, q = model.sample_time_s, noise.acceleration_density
+    box = model.validity
+    middle = np.asarray(0.5 * (box.current_min_A + box.current_max_A))
+    inductance = float(model.magnetics.inductance(np.asarray(distance), middle))
+    added = len(model.memory_names)
+    result = np.zeros((4 + added, 4 + added))
+    result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
+    result[2, 2] = (noise.voltage_V * t / inductance) ** 2
+    if added:
+        _add_memory(result, model, distance, float(middle))
+    result[-1, -1] = noise.bias_density**2 * t
+    return result if hall_bias else result[:-1, :-1].copy()
+
+
+def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, current: float) -> None:
+    """What moves the current moves the states of effects along; a part of it on their own keeps Q definite."""
+    state = np.zeros((2, 3 + len(model.memory_names)))
+    state[:, 0], state[:, 2] = distance, current
+    rest = model.require_circuit().resistance_ohm * current
+    rates = state_derivative(model, state, np.array([rest, rest + 1.0]))
+    along = (rates[1, 3:] - rates[0, 3:]) / (rates[1, 2] - rates[0, 2])
+    variance, end = result[2, 2], 3 + len(along)
+    result[2, 3:end] = result[3:end, 2] = variance * along
+    result[3:end, 3:end] = variance * np.outer(along, along) + np.diag(0.01 * variance * along**2 + _OWN_VARIANCE)
+
+
+def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
+    """The covariance of a first estimate, widened by the states of the model's effects.
+
+    Parameters
+    ----------
+    covariance : array, shape (3, 3) or (4, 4)
+        From :func:`initial_covariance`.
+
+    Returns
+    -------
+    array, shape (n, n)
+        With them after the current, independent of the others.
+    """
+    if model.dynamics is None or not model.memory_names:
+        return covariance
+    added = len(model.memory_names)
+    kept = np.r_[0:3, 3 + added : len(covariance) + added]
+    result = np.zeros((len(covariance) + added,) * 2)
+    result[np.ix_(kept, kept)] = covariance
+    result[range(3, 3 + added), range(3, 3 + added)] = model.dynamics.spreads**2
+    return result
+
+
+def initial_covariance(
+    distance_m: float = 1e-3,
+    velocity_m_s: float = 0.05,
+    current_A: float = 0.1,
+    hall_bias_V: float | None = None,
+) -> FloatArray:
+    """Diagonal covariance of a first estimate.
+
+    Parameters
+    ----------
+    hall_bias_V : float or None
+        That of the fourth state, absent where None.
+
+    Returns
+    -------
+    array, shape (3, 3) or (4, 4)
+        Their squares on the diagonal.
+    """
+    deviations = [distance_m, velocity_m_s, current_A]
+    if hall_bias_V is not None:
+        deviations.append(hall_bias_V)
+    return np.diag(np.square(np.asarray(deviations, dtype=np.float64)))

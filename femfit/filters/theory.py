@@ -1,0 +1,95 @@
+"""What any filter can reach at an operating point: the unstable pole and the best noise reduction.
+
+At constant current the body obeys d'' = lambda^2 d with lambda^2 = -(dF/dd) / m about the point where F = m g. Without
+process noise a steady Kalman filter mirrors the unstable pole to -lambda, and its error variance is 2 lambda times the
+measurement's spectral density r = R t_s. Hence standard deviation of the measurement over that of the estimate is at
+most 1 / sqrt(2 lambda t_s). With white acceleration noise of density q and rho = q / (r lambda^4) the poles s obey
+(s^2 - lambda^2)^2 = -rho lambda^4, and the ratio falls by the factor ((1 + sqrt(1 + rho)) / 2)^(-1/4).
+
+References
+----------
+B. D. O. Anderson and J. B. Moore, Optimal Filtering (Prentice-Hall, 1979), section 4.4 (steady state of a filter for an
+unstable process), applied here to d'' = lambda^2 d.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from femfit.core.errors import DomainError
+from femfit.model.actuator_model import ActuatorModel
+
+
+def holding_current(model: ActuatorModel, distance: float) -> float:
+    """Current at which the force equals the weight.
+
+    Parameters
+    ----------
+    distance : float
+        In m, within the validity box.
+
+    Raises
+    ------
+    DomainError
+        If no current of the validity box holds the body there.
+    """
+    motion, box = model.require_motion(), model.validity
+    model.validity.require(np.asarray(distance), np.asarray(box.current_min_A))
+    weight = motion.mass_kg * motion.gravity_m_s2
+
+    force = partial(_force, model, distance)
+    lower, upper = box.current_min_A, box.current_max_A
+    if force(lower) > weight or force(upper) < weight:
+        raise DomainError(
+            f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
+            f"{lower:g}..{upper:g} A, where the model was fitted; its forces there are {force(lower):g} to "
+            f"{force(upper):g} N against a weight of {weight:g} N. Choose another distance or sweep wider."
+        )
+    while True:
+        middle = 0.5 * (lower + upper)
+        if middle in {lower, upper}:
+            return middle
+        lower, upper = (middle, upper) if force(middle) < weight else (lower, middle)
+
+
+def _force(model: ActuatorModel, distance: float, current: float) -> float:
+    return float(model.magnetics.force(np.asarray(distance), np.asarray(current)))
+
+
+def unstable_pole(model: ActuatorModel, distance: float) -> float:
+    """Unstable pole lambda = sqrt(-(dF/dd) / m) where the body is held.
+
+    Raises
+    ------
+    DomainError
+        If the body cannot be held there, or the force does not fall with the distance (no unstable pole).
+    """
+    current = holding_current(model, distance)
+    gradient = float(model.magnetics.force_gradient(np.asarray(distance), np.asarray(current)))
+    if gradient >= 0.0:
+        raise DomainError(
+            f"The force must fall with the distance for the levitation to be unstable; at {1e3 * distance:g} mm and "
+            f"{current:g} A its slope is {gradient:g} N/m, and no bound on the noise ratio follows."
+        )
+    return float(np.sqrt(-gradient / model.require_motion().mass_kg))
+
+
+def noise_ratio_bound(model: ActuatorModel, distance: float) -> float:
+    """Best ratio of direct to filtered distance noise, 1 / sqrt(2 lambda t_s).
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With motion; its sample time is t_s.
+
+    Returns
+    -------
+    float
+        For white measurement noise and no process noise.
+    """
+    return float(1.0 / np.sqrt(2.0 * unstable_pole(model, distance) * model.sample_time_s))
+
+
+def noise_ratio_with_process_noise(bound: float, rho: float) -> float:
+    """The ratio that remains with white acceleration noise."""
+    return float(bound * (0.5 * (1.0 + np.sqrt(1.0 + rho))) ** -0.25)

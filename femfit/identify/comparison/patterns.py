@@ -1,0 +1,167 @@
+"""Smooth patterns over a bench's settings: what structure a residual could have, whatever its cause.
+
+Per channel: Legendre polynomials in log distance and current up to a total degree, the same times the branch,
+temperatures, times and speeds with their first products. They are the alternatives of the lack-of-fit gate.
+
+References
+----------
+D. R. Cox and D. V. Hinkley, Theoretical Statistics (Chapman and Hall, 1974), section 3.4: tests against a space of
+alternatives.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.identify.readings.observations import Observations
+
+_DEGREE, _BRANCH_DEGREE = 5, 3
+_LEAST_READINGS = 6
+_MOTION = ("velocity_m_s", "current_rate_A_s")
+"""Covariates that only a time series has."""
+
+_LEAST_SPREAD_C = 0.5
+"""Temperatures that vary less (standard deviation) are one temperature."""
+
+
+@dataclass(frozen=True, eq=False)
+class Patterns:
+    """Smooth patterns of all channels.
+
+    Parameters
+    ----------
+    columns : array, shape (M, k)
+        Each zero outside of its channel.
+    channel : array of int, shape (k,)
+        Of each column.
+    degree : array of int, shape (k,)
+        How fine each column is: its total degree in all covariates.
+    along : tuple of frozenset of str, length k
+        Covariates that each column changes with.
+    """
+
+    columns: FloatArray
+    channel: IntArray
+    degree: IntArray
+    along: tuple[frozenset[str], ...]
+
+
+Labelled = list[tuple[FloatArray, int, frozenset[str]]]
+"""(column, degree, covariates)"""
+
+
+def smooth_patterns(observations: Observations) -> Patterns:
+    """The patterns of all channels: of distance, current and branch, of temperatures, speeds and time.
+
+    Returns
+    -------
+    Patterns
+        Of full column rank within rounding, at most a third of each channel's readings.
+    """
+    return _assembled(observations, lambda here: _surface(observations, here) + _drift(observations, here))
+
+
+def drift_patterns(observations: Observations) -> Patterns:
+    """The patterns of temperature, speed and time alone: what may differ between repeats of one setting.
+
+    Returns
+    -------
+    Patterns
+        None where temperatures, speeds and times do not vary.
+    """
+    return _assembled(observations, lambda here: _drift(observations, here))
+
+
+def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labelled]) -> Patterns:
+    blocks = [np.zeros((len(observations.value), 0))]
+    channel: list[int] = []
+    kept: Labelled = []
+    for c in range(len(observations.channels)):
+        here = np.flatnonzero(observations.channel == c)
+        labelled = of_channel(here) if len(here) >= _LEAST_READINGS else []
+        if not labelled:
+            continue
+        labelled.sort(key=lambda one: one[1])  # few readings have room for the broad ones alone, of every covariate
+        columns = np.stack([column for column, _, _ in labelled], axis=1)
+        keep = _independent(columns)[: max(1, len(here) // 3)]
+        wide = np.zeros((len(observations.value), len(keep)))
+        wide[here] = columns[:, keep]
+        blocks.append(wide)
+        channel += [c] * len(keep)
+        kept += [labelled[k] for k in keep]
+    degree = np.array([degree for _, degree, _ in kept], dtype=int)
+    along = tuple(names for _, _, names in kept)
+    return Patterns(np.concatenate(blocks, axis=1), np.array(channel, dtype=int), degree, along)
+
+
+def _surface(observations: Observations, here: IntArray) -> Labelled:
+    x, y = _place(observations, here)
+    result = _tensor(x, y, _DEGREE)
+    branch = observations.column("branch")[here]
+    if np.ptp(branch) > 0.0:
+        result += [
+            (branch * column, 1 + degree, names | {"branch"}) for column, degree, names in _tensor(x, y, _BRANCH_DEGREE)
+        ]
+    return result
+
+
+def _place(observations: Observations, here: IntArray) -> tuple[FloatArray, FloatArray]:
+    return _unit(np.log(observations.column("distance_m")[here])), _unit(observations.column("current_A")[here])
+
+
+def _drift(observations: Observations, here: IntArray) -> Labelled:
+    x, y = _place(observations, here)
+    result: Labelled = []
+    for name in ("coil_temperature_C", "magnet_temperature_C"):
+        t = observations.column(name)[here]
+        if np.isfinite(t).all() and t.std() > _LEAST_SPREAD_C:
+            t, alone = _unit(t), frozenset({name})
+            near, carried = alone | {"distance_m"}, alone | {"current_A"}
+            result += [(t, 1, alone), (t * t, 2, alone), (t * x, 2, near), (t * y, 2, carried)]
+            result += [(t * x * y, 3, near | carried), (t * x * x, 3, near)]
+    for name in _MOTION:
+        if name in observations.covariates and np.ptp(observations.column(name)[here]) > 0.0:
+            t, alone = _unit(observations.column(name)[here]), frozenset({name})
+            result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
+            result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
+    clocks: list[FloatArray] = []
+    for name in ("order", "elapsed"):
+        t = observations.column(name)[here]
+        if np.ptp(t) > 0.0 and not any(np.array_equal(t, other) for other in clocks):
+            clocks.append(t)
+            t, alone = _unit(t), frozenset({name})
+            result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
+            result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
+    return result
+
+
+def _tensor(x: FloatArray, y: FloatArray, degree: int) -> Labelled:
+    n_x = min(degree, len(np.unique(np.round(x, 6))) - 1)
+    n_y = min(degree, len(np.unique(np.round(y, 6))) - 1)
+    in_x, in_y = legvander(x, n_x), legvander(y, n_y)
+    pairs = sorted(((a, b) for a in range(n_x + 1) for b in range(n_y + 1) if a + b <= degree), key=sum)
+    names = ({"distance_m"}, {"current_A"})
+    return [
+        (
+            in_x[:, a] * in_y[:, b],
+            a + b,
+            frozenset().union(*(n for n, power in zip(names, (a, b), strict=True) if power)),
+        )
+        for a, b in pairs
+    ]
+
+
+def _unit(x: FloatArray) -> FloatArray:
+    """Scaled to -1..1; zeros where it does not vary."""
+    low, high = float(x.min()), float(x.max())
+    return np.asarray((2.0 * x - low - high) / (high - low)) if high > low else np.zeros_like(x)
+
+
+def _independent(columns: FloatArray) -> IntArray:
+    """Numbers of the columns that the ones before them do not span to 1e-6."""
+    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    triangle = np.linalg.qr(scaled, mode="r")
+    return np.flatnonzero(np.abs(np.diag(triangle)) > 1e-6)

@@ -1,0 +1,218 @@
+"""Puts a misfit into one plain sentence: how large, of which sign, and in which part of the measured range.
+
+The part is the box of at most two thresholds that holds the largest share of the squared misfit beyond its share of the
+readings: a regression tree of depth two whose leaf is told.
+
+References
+----------
+L. Breiman, J. H. Friedman, R. A. Olshen and C. J. Stone, Classification and Regression Trees (Wadsworth, 1984).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
+from femfit.identify.readings.observations import Observations
+
+_THRESHOLDS = 15
+_LEAST_SCORE = 0.2
+"""Share of the squared misfit beyond the share of readings below which a misfit is everywhere."""
+
+_SECOND_WORTH = 0.06
+"""What a second threshold must add to that."""
+
+_OTHER_SIGN = 0.25
+"""Share of the squared misfit from which its other sign is told too."""
+
+_PLACES = {
+    "distance_m": ("above {}", "below {}"),
+    "current_A": ("above {}", "below {}"),
+    "coil_temperature_C": ("with the coil above {}", "with the coil below {}"),
+    "magnet_temperature_C": ("with the magnet above {}", "with the magnet below {}"),
+    "order": ("after {} of a run", "before {} of a run"),
+}
+_CHANGES = {
+    "coil_temperature_C": "the coil's temperature",
+    "magnet_temperature_C": "the magnet's temperature",
+    "order": "time",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class _Half:
+    """One side of a threshold."""
+
+    name: str
+    value: float
+    above: bool
+    inside: BoolArray
+
+    def words(self) -> str:
+        shown = f"reading {self.value:.0f}" if self.name == "order" else amount(self.value, self.name, 3)
+        return _PLACES[self.name][0 if self.above else 1].format(shown)
+
+
+def describe_region(observations: Observations, channel: str, covariates: Sequence[str], smooth: FloatArray) -> str:
+    """One sentence on the misfit of a channel.
+
+    Parameters
+    ----------
+    smooth : array, shape (M,)
+        Structured part of recorded minus predicted.
+
+    Returns
+    -------
+    str
+        For example ``Measured force is 6 % low above 1 A and below 18 mm, in both branches.``
+    """
+    here = observations.of(channel)
+    return misfit_sentence(
+        f"Measured {CHANNEL_WORDS[channel]}",
+        channel,
+        smooth[here],
+        _signal(observations, channel)[here],
+        {name: observations.column(name)[here] for name in covariates if name in _PLACES},
+        np.sign(observations.column("branch")[here]) if "branch" in covariates else None,
+        both=len(np.unique(np.sign(observations.column("branch")[here]))) > 1,
+    )
+
+
+def misfit_sentence(
+    subject: str,
+    channel: str,
+    misfit: FloatArray,
+    base: FloatArray,
+    values: Mapping[str, FloatArray],
+    branch: FloatArray | None = None,
+    *,
+    both: bool = False,
+) -> str:
+    """One sentence on any misfit.
+
+    Parameters
+    ----------
+    misfit, base : array, shape (n,)
+        What is too much, and what it is relative to.
+    values : mapping of str to array, shape (n,)
+        Columns that thresholds may be told of.
+    branch : array, shape (n,), or None
+        Where the misfit changes with it: +1 and -1.
+    both : bool
+        Whether it was looked at in both branches.
+    """
+    s, everything = misfit, np.ones(len(misfit), dtype=bool)
+    scope = everything if branch is None else _stronger_branch(branch, s)
+    sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
+    halves = _region(values, s, scope, sign)
+    text = f"{subject} is {_told(s, base, scope, halves, sign, channel)}"
+    if branch is not None:
+        text += _branch_clause(s, base, halves, branch, scope, channel)
+    elif both:
+        text += ", in both branches"
+    opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
+    if opposite > _OTHER_SIGN * np.sum(s[scope] ** 2):
+        text += f", and {_told(s, base, scope, _region(values, s, scope, -sign), -sign, channel)}"
+    told = {half.name for half in halves}
+    changing = [words for name, words in _CHANGES.items() if name in values and name not in told]
+    return text + (f", changing with {' and '.join(changing)}" if changing else "") + "."
+
+
+def _signal(observations: Observations, channel: str) -> FloatArray:
+    """What a relative misfit refers to: the prediction, of a Hall output without its quiescent voltage."""
+    quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
+    return observations.base - quiescent
+
+
+def _stronger_branch(branch: FloatArray, s: FloatArray) -> BoolArray:
+    """The rows of the branch with the larger misfit; all where there is one branch."""
+    present = [b for b in (1.0, -1.0) if np.any(branch == b)]
+    if len(present) < 2:
+        return np.ones(len(branch), dtype=bool)
+    strongest = max(present, key=lambda b: float(np.mean(s[branch == b] ** 2)))
+    return np.asarray(branch == strongest)
+
+
+def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, sign: float) -> list[_Half]:
+    """At most two thresholds, of different covariates; none where the misfit of that sign is everywhere."""
+    weight = np.where(scope & (sign * s > 0.0), s**2, 0.0)
+    halves = [half for name, x in values.items() for half in _halves(name, x)]
+    if not halves or weight.sum() <= 0.0:
+        return []
+    inside = np.stack([half.inside for half in halves]).astype(np.float64)
+    share = (inside * weight) @ inside.T / weight.sum()
+    score = share - (inside * scope) @ inside.T / scope.sum()
+    score[share < 0.5] = -1.0
+    single = int(np.argmax(np.diag(score)))
+    same = np.array([[a.name == b.name for b in halves] for a in halves])
+    pair = np.unravel_index(int(np.argmax(np.where(same, -1.0, score))), score.shape)
+    if max(score[single, single], score[pair]) < _LEAST_SCORE:
+        return []
+    if score[pair] > score[single, single] + _SECOND_WORTH:
+        return sorted((halves[int(k)] for k in pair), key=lambda half: half.name)
+    return [halves[single]]
+
+
+def _halves(name: str, x: FloatArray) -> list[_Half]:
+    levels = np.unique(x[np.isfinite(x)])
+    if len(levels) < 2:
+        return []
+    cuts = np.unique(np.linspace(0, len(levels) - 2, min(_THRESHOLDS, len(levels) - 1)).astype(int))
+    values = [_round_between(float(levels[k]), float(levels[k + 1])) for k in cuts]
+    return [_Half(name, v, above, np.asarray(x > v if above else x < v)) for v in values for above in (True, False)]
+
+
+def _round_between(low: float, high: float) -> float:
+    """The shortest number between two levels."""
+    middle = 0.5 * (low + high)
+    for digits in range(12):
+        rounded = float(f"{middle:.{digits}e}")
+        if low < rounded < high:
+            return rounded
+    return middle
+
+
+def _inside(halves: Sequence[_Half], count: int) -> BoolArray:
+    result = np.ones(count, dtype=bool)
+    for half in halves:
+        result &= half.inside
+    return result
+
+
+def _told(s: FloatArray, base: FloatArray, scope: BoolArray, halves: Sequence[_Half], sign: float, channel: str) -> str:
+    rows = scope & _inside(halves, len(s)) & (sign * s > 0.0)
+    place = " and ".join(half.words() for half in halves) if halves else "everywhere"
+    return f"{_size(s[rows], base[rows], channel)} {place}"
+
+
+def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
+    """In per cent of the prediction where that describes it better than a constant and is less than all, else in SI.
+
+    In per cent, high means larger in magnitude; in SI, larger with its sign.
+    """
+    if not len(s):
+        return f"{amount(0.0, channel)} high"
+    share = float(s @ base) / max(float(base @ base), 1e-300)
+    constant = float(np.mean(s))
+    one_sign = bool(np.all(base > 0.0) or np.all(base < 0.0))
+    if one_sign and abs(share) < 1.0 and np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2):
+        return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}"
+    return f"{amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
+
+
+def _branch_clause(
+    s: FloatArray, base: FloatArray, halves: Sequence[_Half], branch: FloatArray, scope: BoolArray, channel: str
+) -> str:
+    inside = _inside(halves, len(s))
+    here, there = inside & scope, inside & ~scope & (branch != 0.0)
+    if not here.any() or not there.any():
+        return ""
+    ratio = float(np.mean(s[there])) / (float(np.mean(s[here])) or 1e-300)
+    name, rival = ("rising", "falling") if np.all(branch[here] > 0.0) else ("falling", "rising")
+    if ratio > 0.5:
+        return ", in both branches"
+    if ratio > -0.3:
+        return f", on the {name} branch only"
+    return f" on the {name} branch, {_size(s[there], base[there], channel)} on the {rival} one"

@@ -1,0 +1,103 @@
+"""Where a model fails: the channel, what the misfit changes with, and one plain sentence."""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.identify.comparison.patterns import Patterns, smooth_patterns
+from femfit.identify.comparison.region import describe_region
+from femfit.identify.decision.diagnosis import Where
+from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.readings.observations import Observations
+
+_LEAST_SHARE = 0.05
+"""Part of a channel's structure that a covariate must add to be reported."""
+
+_ALIASES = {"elapsed": "order"}
+"""Clocks that mean the same to a reader."""
+
+
+def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
+    """Find the channel with the most structured misfit over its noise, its covariates, and a sentence.
+
+    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs.
+
+    Returns
+    -------
+    Where
+        Covariates in the order in which they explain the structure; none where the misfit is the same everywhere.
+    """
+    patterns = smooth_patterns(observations)
+    columns, rest = whitening.full(patterns.columns), whitening.full(observations.residual)
+    smooth = structured_misfit(patterns, columns, rest)
+    counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
+    excess = np.array([_excess(columns[:, patterns.channel == c], rest) for c in range(len(counts))])
+    worst = int(np.argmax(excess / counts))
+    channel = observations.channels[worst]
+    covariates = _covariates(columns, patterns, worst, rest, smooth)
+    here, read = observations.of(channel), observations.residual
+    if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
+        # Where patterns cannot follow a large misfit, they err towards what a mount's error may be: told as it was read
+        smooth = structured_misfit(patterns, whitening.serial(patterns.columns), whitening.serial(read))
+    return Where(channel, covariates, describe_region(observations, channel, covariates, smooth))
+
+
+def structured_misfit(patterns: Patterns, columns: FloatArray, rest: FloatArray) -> FloatArray:
+    """The smooth part of recorded minus predicted.
+
+    Parameters
+    ----------
+    columns : array, shape (M, k)
+        The patterns, whitened.
+    rest : array, shape (M,)
+        The residual, whitened.
+
+    Returns
+    -------
+    array, shape (M,)
+        In the readings' units.
+    """
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    amplitude = np.linalg.lstsq(columns / size, rest, rcond=1e-8)[0] / size
+    return np.asarray(patterns.columns @ amplitude)
+
+
+def _covariates(
+    columns: FloatArray, patterns: Patterns, channel: int, rest: FloatArray, smooth: FloatArray
+) -> tuple[str, ...]:
+    """Covariates in the order in which each adds most to what the ones before explain with their products.
+
+    The gain of a covariate is the geometric mean of two shares: of the structure, and of its excess over noise, mounts
+    and runs. The first alone follows the noise, the second alone is blind to what re-mounts look like as well.
+    """
+    here = np.flatnonzero(patterns.channel == channel)
+    rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
+    names = sorted(set().union(*(patterns.along[k] for k in here)))
+    chosen: list[str] = []
+
+    def explained(among: list[str]) -> FloatArray:
+        inside = [k for k in here if patterns.along[k] <= frozenset(among)]
+        seen = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
+        return np.array([seen @ seen, max(_excess(columns[:, inside], rest), 0.0)])
+
+    total, reached = explained(names), explained([])
+    while len(chosen) < len(names):
+        shares = {name: _share(explained([*chosen, name]) - reached, total) for name in names if name not in chosen}
+        best = max(shares, key=lambda name: shares[name])
+        if shares[best] < _LEAST_SHARE:
+            break
+        chosen.append(best)
+        reached = explained(chosen)
+    return tuple(dict.fromkeys(_ALIASES.get(name, name) for name in chosen))
+
+
+def _share(gain: FloatArray, total: FloatArray) -> float:
+    return float(np.sqrt(np.prod(np.maximum(gain, 0.0) / np.maximum(total, 1e-300))))
+
+
+def _excess(columns: FloatArray, rest: FloatArray) -> float:
+    """Squared length of the whitened residual along whitened columns, less what noise gives."""
+    if not columns.shape[1]:
+        return 0.0
+    basis = orthonormal_basis(columns)
+    along = basis.T @ rest
+    return float(along @ along - basis.shape[1])

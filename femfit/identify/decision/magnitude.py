@@ -1,0 +1,104 @@
+"""What a campaign can show of each effect, and how far an effect lowers the error on runs that it was not fitted to.
+
+References
+----------
+J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988), chapter 12: noncentral chi-square.
+M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-validation.
+"""
+
+import numpy as np
+from scipy import optimize, stats
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.identify.decision.evidence import Evidence
+from femfit.identify.readings.observations import Observations
+from femfit.identify.refit.refit import Refit, bounded_amplitudes
+
+_POWER = 0.9
+
+
+def detectable_magnitudes(evidence: Evidence, level: float) -> dict[str, dict[str, float]]:
+    """The smallest magnitude of each effect's amplitudes that these settings and this noise show nine times in ten.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Settings, noise and columns; the readings themselves do not matter.
+    level : float
+        False-naming rate of all effects' tests together.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        Effect -> amplitude -> magnitude in its unit, each shape of the family taken alone; infinite where the bounds
+        end before. Where a shape has constants of its own, at their usual values.
+    """
+    effects = {one.effect.name for one, _ in evidence.columns}
+    threshold = stats.chi2.isf(level / max(len(effects), 1), 1)
+    needed = optimize.brentq(lambda c: stats.ncx2.sf(threshold, 1, c) - _POWER, 1e-3, 1e4)
+    result: dict[str, dict[str, float]] = {}
+    for one, white in evidence.columns:
+        if one.effect.name in result:
+            continue
+        length = np.linalg.norm(white, axis=0)
+        found = {}
+        for p, size in zip(one.amplitudes, length, strict=True):
+            magnitude = float(np.sqrt(needed) / size) if size > 0.0 else np.inf
+            found[p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
+        result[one.effect.name] = found
+    return result
+
+
+def error_fall(evidence: Evidence, fit: Refit, excess: float) -> float:
+    """Part of the structured misfit that effects explain on runs left out.
+
+    Parameters
+    ----------
+    fit : Refit
+        The effects, fitted to all of them; their amplitudes are fitted anew without each run, to first order.
+    excess : float
+        Structured excess of the model over the noise, in whitened units.
+
+    Returns
+    -------
+    float
+        1 for all of it, 0 for none; negative where the effects make the error on unseen runs larger.
+    """
+    target = evidence.whitening.full(evidence.observations.residual)
+    moving = [j for j, (_, p) in enumerate(fit.free) if not p.shape and not fit.active[j]]
+    columns = fit.jacobian[:, moving]
+    if not moving:
+        return 0.0
+    # To first order about the fit: what the readings are beside the part that no small change of the fit explains
+    start = fit.rest + columns @ np.array([_to_null(fit, j) for j in moving])
+    group = left_out_groups(evidence.observations)
+    wide = np.array([[-np.inf], [np.inf]]) * np.ones(columns.shape[1])
+    fall = 0.0
+    for one in np.unique(group):
+        out = group == one
+        amplitude, _ = bounded_amplitudes(start[~out], -columns[~out], wide)
+        unseen = start[out] + columns[out] @ amplitude
+        fall += float(target[out] @ target[out] - unseen @ unseen)
+    return fall / max(excess, 1e-12)
+
+
+def _to_null(fit: Refit, j: int) -> float:
+    """The step from a fitted amplitude to its null, over its sane range."""
+    k, p = fit.free[j]
+    return (p.null - fit.effects[k].parameters[p.name]) / (p.sane[1] - p.sane[0])
+
+
+def left_out_groups(observations: Observations) -> IntArray:
+    """Groups of readings that are left out together.
+
+    Returns
+    -------
+    array of int, shape (M,)
+        The run of each reading; with a single run, four stretches of it.
+    """
+    run = observations.column("run").astype(int)
+    if len(np.unique(run)) > 1:
+        return run
+    order: FloatArray = observations.column("order")
+    cuts = np.quantile(order, [0.25, 0.5, 0.75])
+    return np.asarray(np.searchsorted(cuts, order))

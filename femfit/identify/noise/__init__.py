@@ -1,0 +1,1 @@
+"""The noise of a bench: readings, runs and mounts."""

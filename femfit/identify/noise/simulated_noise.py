@@ -1,0 +1,27 @@
+"""Noise drawn from a campaign's noise model."""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.identify.noise.whitening import Whitening, random_columns
+
+
+def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> FloatArray:
+    """One draw of everything in a reading that is neither model nor effect.
+
+    Returns
+    -------
+    array, shape (M,)
+        AR(1) noise along each run, re-mounts and run offsets, in the readings' units.
+    """
+    observations, noise, chains = whitening.observations, whitening.noise, whitening.chains
+    rho = noise.rho[observations.channel] ** chains.gap
+    fresh = generator.standard_normal(len(rho))
+    value = np.empty_like(fresh)
+    for k in np.lexsort((observations.column("order"), observations.column("run"), observations.channel)):
+        value[k] = (
+            fresh[k] if chains.first[k] else rho[k] * value[chains.before[k]] + np.sqrt(1 - rho[k] ** 2) * fresh[k]
+        )
+    columns, deviations = random_columns(observations, noise.mount_m, noise.run)
+    random = columns @ (deviations * generator.standard_normal(len(deviations)))
+    return np.asarray(value * noise.sigma[observations.channel] + random)

@@ -1,0 +1,190 @@
+"""The noise model of a campaign, and the linear map that makes its readings independent with unit variance.
+
+A reading is the truth plus AR(1) noise along its run (per channel), plus the channel's slope in distance times its
+mount's random position error, plus a random offset per run and channel.
+
+References
+----------
+S. R. Searle, G. Casella and C. E. McCulloch, Variance Components (Wiley, 1992), chapter 6.
+G. E. P. Box, G. M. Jenkins and G. C. Reinsel, Time Series Analysis (Wiley, 2008), section 3.2: AR(1).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.identify.readings.observations import Observations
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """Where each reading's predecessor in its run stands.
+
+    Parameters
+    ----------
+    before : array of int, shape (M,)
+        Index of the reading before it in the same channel and run; its own where there is none.
+    first : array of bool, shape (M,)
+        Whether there is none.
+    gap : array, shape (M,)
+        Steps since then, at least 1.
+    """
+
+    before: IntArray
+    first: BoolArray
+    gap: FloatArray
+
+
+def chains_of(observations: Observations) -> Chains:
+    """Link the readings of each channel and run in the order of measuring.
+
+    Returns
+    -------
+    Chains
+        With gaps from ``order`` where its usual step is one, else one.
+    """
+    run, order = observations.column("run"), observations.column("order")
+    sorting = np.lexsort((order, run, observations.channel))
+    same = (np.diff(observations.channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
+    before, first, gap = np.arange(len(run)), np.ones(len(run), dtype=bool), np.ones(len(run))
+    before[sorting[1:][same]] = sorting[:-1][same]
+    first[sorting[1:][same]] = False
+    steps = np.diff(order[sorting])[same]
+    if len(steps) and np.median(steps) == 1.0:
+        gap[sorting[1:][same]] = np.maximum(steps, 1.0)
+    return Chains(before, first, gap)
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """Variances of a campaign.
+
+    Parameters
+    ----------
+    channels : tuple of str
+        In the order of the observations.
+    sigma : array, shape (channels,)
+        Standard deviation of a reading, in the channel's unit.
+    rho : array, shape (channels,)
+        Correlation of successive readings.
+    mount_m : float
+        Standard deviation of a re-mount's distance.
+    run : array, shape (channels,)
+        Standard deviation of a run's offset, in the channel's unit.
+    repeats, degrees_of_freedom : array, shape (channels,)
+        Of ``sigma``, counted in readings and in independent ones; infinite where it was declared.
+    source : mapping of str to str
+        Per channel ``repeats``, ``declared`` or ``samples``.
+    test_mount_m, test_run : float and array
+        The same standard deviations as tests use them: widened for having been estimated from few mounts and runs.
+    """
+
+    channels: tuple[str, ...]
+    sigma: FloatArray
+    rho: FloatArray
+    mount_m: float
+    run: FloatArray
+    repeats: FloatArray
+    degrees_of_freedom: FloatArray
+    source: Mapping[str, str]
+    test_mount_m: float
+    test_run: FloatArray
+
+    @property
+    def floor(self) -> dict[str, float]:
+        """Standard deviation of one reading per channel."""
+        return dict(zip(self.channels, (float(s) for s in self.sigma), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """The map to independent readings of unit variance."""
+
+    observations: Observations
+    noise: NoiseModel
+    chains: Chains
+
+    @cached_property
+    def _factors(self) -> tuple[FloatArray, FloatArray]:
+        """(share of the reading before, one over the standard deviation of what is new)."""
+        channel = self.observations.channel
+        rho = self.noise.rho[channel] ** self.chains.gap
+        share = np.where(self.chains.first, 0.0, rho)
+        return share, 1.0 / (self.noise.sigma[channel] * np.sqrt(1.0 - share**2))
+
+    def serial(self, x: FloatArray) -> FloatArray:
+        """Only the noise along the runs whitened, for x of shape (M,) or (M, k)."""
+        share, scale = self._factors
+        if x.ndim == 2:
+            share, scale = share[:, None], scale[:, None]
+        return (x - share * x[self.chains.before]) * scale
+
+    @cached_property
+    def _random(self) -> tuple[FloatArray, FloatArray]:
+        """Left singular vectors of the random effects' columns and the factor that shrinks along them."""
+        columns, deviations = random_columns(self.observations, self.noise.test_mount_m, self.noise.test_run)
+        keep = deviations > 0.0
+        if not keep.any():
+            return np.zeros((len(self.observations.value), 0)), np.zeros(0)
+        left, sizes, _ = np.linalg.svd(self.serial(columns[:, keep]) * deviations[keep], full_matrices=False)
+        return left, 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+
+    def full(self, x: FloatArray) -> FloatArray:
+        """All of the noise whitened, for x of shape (M,) or (M, k)."""
+        left, shrink = self._random
+        serial = self.serial(x)
+        along = left.T @ serial
+        return serial - left @ ((shrink if x.ndim == 1 else shrink[:, None]) * along)
+
+
+def random_columns(observations: Observations, mount_m: float, run: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Columns of the random effects and the standard deviation of each.
+
+    Parameters
+    ----------
+    run : array, shape (channels,)
+        Of a run's offset.
+
+    Returns
+    -------
+    tuple of array, shapes (M, q) and (q,)
+        One column a mount to first order, one to second, then one a channel and run.
+    """
+    mount, runs = observations.column("mount").astype(int), observations.column("run").astype(int)
+    mounts = np.unique(mount)
+    here = mount[:, None] == mounts
+    columns = [here * observations.distance_slope[:, None], 0.5 * here * observations.distance_curvature[:, None]]
+    # The square of a normal error of variance s^2 has the root mean square sqrt(3) s^2
+    deviations = [np.full(len(mounts), mount_m), np.full(len(mounts), np.sqrt(3.0) * mount_m**2)]
+    for c in range(len(observations.channels)):
+        here = observations.channel == c
+        there = np.unique(runs[here])
+        columns.append((runs[:, None] == there) & here[:, None])
+        deviations.append(np.full(len(there), run[c]))
+    return np.concatenate(columns, axis=1).astype(np.float64), np.concatenate(deviations)
+
+
+def orthonormal_basis(columns: FloatArray) -> FloatArray:
+    """An orthonormal basis of the columns' space.
+
+    Parameters
+    ----------
+    columns : array, shape (M, k)
+        Any scale; zero and dependent columns are passed over.
+
+    Returns
+    -------
+    array, shape (M, rank)
+        From the eigenvectors of the scaled columns' products, which is several times faster than QR for many rows;
+        directions below 1e-5 of the longest are passed over, so the basis is orthonormal to about 1e-6.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0.0] / size[size > 0.0]
+    if not columns.shape[1]:
+        return columns
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    keep = values > 1e-10 * values[-1]
+    return np.asarray(columns @ (vectors[:, keep] / np.sqrt(values[keep])))

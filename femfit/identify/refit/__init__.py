@@ -1,0 +1,1 @@
+"""A model fitted again with an effect."""

@@ -1,0 +1,178 @@
+"""Noise of a recorded series: of each sensor's sample, and what it becomes in the balances of short windows.
+
+References
+----------
+J. von Neumann, Annals of Mathematical Statistics 12 (1941) 367: variance from successive differences.
+B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008), section 6 (dither).
+J. W. Tukey, Exploratory Data Analysis (Addison-Wesley, 1977), section 2: the median as a measure that few large values
+do not move.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import comb
+
+import numpy as np
+from scipy import sparse
+
+from femfit.core.arrays import FloatArray, IntArray
+
+_ORDER = 3
+_MEDIAN = 0.6745
+"""Of the magnitude of a standard normal number."""
+
+_FAR = 6.0
+"""Standard deviations beyond which a difference is a spike."""
+
+_FREE = 0.2
+"""Of the two in which a difference varies, what patterns must leave for it to tell anything."""
+
+_LEAST = 100
+_GRID = 1e-3
+"""Steps of a converter are equal to this part of one."""
+
+
+def white_noise(rest: FloatArray, segment: IntArray) -> float:
+    """Standard deviation of white noise on samples of something smooth.
+
+    Parameters
+    ----------
+    rest : array, shape (N,)
+        Samples less what a model says of them; NaN where missing.
+    segment : array of int, shape (N,)
+        Differences are taken within each.
+
+    Returns
+    -------
+    float
+        From third differences of neighbours; NaN for fewer than a hundred.
+    """
+    if len(rest) <= _ORDER:
+        return float("nan")
+    differences = np.diff(rest, _ORDER)[segment[_ORDER:] == segment[:-_ORDER]]
+    differences = differences[np.isfinite(differences)]
+    if len(differences) < _LEAST:
+        return float("nan")
+    usual = float(np.median(np.abs(differences))) / _MEDIAN
+    if usual > 0.0:  # a coarse converter leaves most differences at zero
+        differences = np.clip(differences, -_FAR * usual, _FAR * usual)
+    return float(np.sqrt(np.mean(differences**2) / comb(2 * _ORDER, _ORDER)))
+
+
+def converter_step(values: FloatArray) -> float:
+    """The step of the converter that made these values; zero where they lie on no grid.
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+        NaN where missing.
+    """
+    levels = np.unique(values[np.isfinite(values)])
+    if not 2 < len(levels) < 0.7 * np.count_nonzero(np.isfinite(values)):
+        return 0.0
+    steps = np.diff(levels)
+    step = float(steps.min())
+    multiple = steps / step
+    return step if np.all(np.abs(multiple - np.round(multiple)) < _GRID * np.maximum(multiple, 1.0)) else 0.0
+
+
+def carried(weights: sparse.csr_array, factor: FloatArray | float) -> sparse.csr_array:
+    """Weights of samples that are multiplied by a factor each before they are summed.
+
+    Parameters
+    ----------
+    weights : sparse array, shape (n, N)
+        Of the sums.
+    factor : array of shape (N,) or float
+        Of the samples.
+
+    Returns
+    -------
+    sparse array, shape (n, N)
+        weights diag(factor).
+    """
+    return sparse.csr_array(weights.multiply(factor))
+
+
+@dataclass(frozen=True, eq=False)
+class SensorNoise:
+    """Noise of one sensor's samples.
+
+    Parameters
+    ----------
+    white : float
+        Standard deviation of a sample; NaN where nothing tells it.
+    values : array, shape (N,)
+        The samples.
+    """
+
+    white: float
+    step: float
+    values: FloatArray
+
+
+def propagated(mean: sparse.csr_array, *sensors: tuple[sparse.csr_array, SensorNoise]) -> FloatArray:
+    """Standard deviation of sums of noisy samples of independent sensors.
+
+    White noise adds up in squares. The error of a converter whose input hardly moves over a window is the same in all
+    samples up to a few jumps; noise of the size of a step makes it white (dither), motion over several averages it.
+
+    Parameters
+    ----------
+    mean : sparse array, shape (n, N)
+        Weights of means over the windows.
+    *sensors : tuple of (sparse array of shape (n, N), SensorNoise)
+        Weights of a sensor's samples in each sum.
+
+    Returns
+    -------
+    array, shape (n,)
+        NaN where a sensor's noise is not known.
+    """
+    total = np.zeros(mean.shape[0])
+    for weights, sensor in sensors:
+        total += sensor.white**2 * np.asarray(weights.power(2).sum(axis=1)).ravel()
+        if sensor.step:
+            values = np.nan_to_num(sensor.values)
+            dither = max((sensor.white / sensor.step) ** 2 - 1.0 / 12.0, 0.0)
+            spread = (mean @ values**2 - (mean @ values) ** 2) / sensor.step**2 - dither
+            moved = 1.0 + 28.0 * np.maximum(spread, 0.0)  # 28: a ramp over k steps has a spread of k^2 / 28
+            same = sensor.step**2 / 12.0 * np.exp(-4.0 * np.pi**2 * dither) / moved
+            total += same * _largest_partial_sum(weights) ** 2
+    return np.asarray(np.sqrt(total))
+
+
+def _largest_partial_sum(weights: sparse.csr_array) -> FloatArray:
+    """Largest magnitude that the weights of a row add up to on the way: what a jump between two samples changes."""
+    result = np.zeros(weights.shape[0])
+    for k, (start, stop) in enumerate(pairwise(weights.indptr)):
+        if stop > start:
+            order = np.argsort(weights.indices[start:stop])
+            result[k] = np.abs(np.cumsum(weights.data[start:stop][order])).max()
+    return result
+
+
+def successive_scatter(rest: FloatArray, follows: IntArray, removed: FloatArray) -> float:
+    """Standard deviation that successive windows show, whatever changes slowly under them.
+
+    Parameters
+    ----------
+    rest : array, shape (n,)
+        A misfit per window, smooth patterns removed.
+    follows : array of int, shape (k,)
+        Windows that follow the one before them.
+    removed : array, shape (n, p)
+        Orthonormal basis of these patterns: white noise less its part along them differs from one window to the next by
+        a variance of 2 less the squared difference of the basis' rows.
+
+    Returns
+    -------
+    float
+        From the median magnitude of their differences; NaN for fewer than twelve.
+    """
+    if len(follows) < 12:
+        return float("nan")
+    variance = 2.0 - np.sum((removed[follows] - removed[follows - 1]) ** 2, axis=1)
+    free = variance > _FREE
+    scaled = (rest[follows] - rest[follows - 1])[free] / np.sqrt(variance[free])
+    return float(np.median(np.abs(scaled)) / _MEDIAN) if len(scaled) >= 12 else float("nan")

@@ -1,0 +1,198 @@
+"""A recorded time series beside a model: rows of short-window balances for the engine that diagnoses bench tables.
+
+One row is one window. Without effects both sides of a balance come from every single sample; what effects change is
+computed on a coarser grid of the smoothed motion, which is exact enough for a change and fast enough for all of them.
+
+References
+----------
+F. R. Hampel, Journal of the American Statistical Association 69 (1974) 383: the median of magnitudes and its scatter.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import AddedEffect
+from femfit.identify.comparison.patterns import smooth_patterns
+from femfit.identify.noise.whitening import orthonormal_basis
+from femfit.identify.readings.observations import Observations, model_tolerance
+from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE, model_balances, model_readings
+from femfit.identify.series.field import sample_field, sensor_noise
+from femfit.identify.series.measured import MeasuredChannel, measure_balances, measure_sensors
+from femfit.identify.series.noise import successive_scatter
+from femfit.identify.series.remembered import remembered
+from femfit.identify.series.samples import take_samples
+from femfit.identify.series.views import View, balance_view, sensor_view
+from femfit.identify.series.weights import window_weights
+from femfit.identify.series.windows import lay_windows
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.with_effects import base_jet, nominal_of
+from femfit.tables.time_series import TimeSeries
+
+_RESTLESS = 1.25
+"""Successive windows that scatter this many times more than the sensors' noise tells have another noise."""
+
+_CHANCE = 3.5
+"""Three standard deviations of a median of magnitudes, times the root of their number (Hampel, 1974)."""
+
+_SHOWN_BY = {FORCE_BALANCE: "force_N", VOLTAGE_BALANCE: "flux_linkage_Wb"}
+"""What a bench would have to read to show as much as a balance does."""
+
+
+def series_observations(model: ActuatorModel, series: TimeSeries) -> Observations:
+    """Place a time series beside a model.
+
+    Parameters
+    ----------
+    series : TimeSeries
+        As read; with distance, current, and what the balances need.
+
+    Returns
+    -------
+    Observations
+        Channels ``force_balance_N`` (with motion), ``voltage_balance_V`` (with circuit and commanded voltage),
+        ``hall_V`` and ``force_N``; ``covariates`` also hold ``time_s``, ``velocity_m_s`` and ``current_rate_A_s``.
+
+    Raises
+    ------
+    TableError
+        If distance or current is missing, or no window can be compared.
+    """
+    base = model.base or model
+    samples = take_samples(model, series)
+    distance, current = (np.nan_to_num(samples.columns[name]) for name in ("distance_m", "current_A"))
+    windows = lay_windows(base, samples.time, samples.segment, samples.usable, distance, current)
+    state = window_weights(windows, samples.time, samples.segment, samples.usable)
+    windows = windows.select(state.valid)
+    if not len(windows.centre_s):
+        raise TableError(
+            f"{series.source} must have stretches of at least {1e3 * windows.length_s:.3g} ms without a gap in "
+            "distance and current, within the model's box; none was found. Record faster, or more steadily."
+        )
+    nominal = nominal_of(model)
+    field = sample_field(base, samples)
+    noise = sensor_noise(base, samples, field, series.declared_noise)
+    balances, sensors = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
+    channels = [
+        *((balances, one) for one in measure_balances(base, nominal, samples, field, noise, balances.windows)),
+        *((sensors, one) for one in measure_sensors(base, nominal, samples, field, noise, sensors.windows)),
+    ]
+    if not channels:
+        raise TableError(
+            f"{series.source} must hold what a balance needs: distances of a moving body of known mass, the commanded "
+            "voltage of a known circuit, or readings of a sensor that the model has; it holds "
+            f"{', '.join(series.given)}. Record more channels, or give the model a circuit, motion or sensor."
+        )
+    return _with_scatter(
+        _assembled(model, series, (*series.findings, *samples.findings), (balances, sensors), channels, nominal)
+    )
+
+
+def _assembled(
+    model: ActuatorModel,
+    series: TimeSeries,
+    findings: tuple[str, ...],
+    views: tuple[View, View],
+    channels: list[tuple[View, MeasuredChannel]],
+    nominal: Nominal,
+) -> Observations:
+    base, own = model.base or model, model.effects
+    names = tuple(channel.name for _, channel in channels)
+    pieces = [np.flatnonzero(channel.valid) for _, channel in channels]
+    # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
+    sigma = [float(np.median(c.sigma[piece])) for (_, c), piece in zip(channels, pieces, strict=True)]
+    scale = [
+        np.where(np.isfinite(usual), usual / c.sigma[piece], 1.0)
+        for usual, (_, c), piece in zip(sigma, channels, pieces, strict=True)
+    ]
+    number = np.repeat(np.arange(len(names)), [len(piece) for piece in pieces])
+    offset = [0 if view is views[0] else len(views[0].covariates) for view, _ in channels]
+
+    def stacked(values: Mapping[str, FloatArray]) -> FloatArray:
+        return np.concatenate([s * values[name][p] for name, p, s in zip(names, pieces, scale, strict=True)])
+
+    change = _change(base, views, stacked)
+    exact = stacked({c.name: c.predicted for _, c in channels})
+
+    def predict(effects: Iterable[AddedEffect]) -> FloatArray:
+        return exact + change((*own, *effects), 0.0)
+
+    step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
+    covariates = pd.concat([view.covariates for view in views], ignore_index=True)
+    tolerance = _tolerance(model, covariates)
+    return Observations(
+        channels=names,
+        channel=number,
+        row=np.concatenate([piece + start for piece, start in zip(pieces, offset, strict=True)]),
+        value=stacked({c.name: c.measured for _, c in channels}),
+        covariates=covariates,
+        given=(*series.given, *(_SHOWN_BY[name] for name in names if name in _SHOWN_BY)),
+        predict=predict,
+        distance_slope=(change(own, step) - change(own, -step)) / (2.0 * step),
+        distance_curvature=(change(own, step) - 2.0 * change(own, 0.0) + change(own, -step)) / step**2,
+        nominal=nominal,
+        declared_noise={name: s for name, s in zip(names, sigma, strict=True) if np.isfinite(s)},
+        tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
+        findings=findings,
+        present=tuple(added.effect.name for added in own),
+        noise_source="samples",
+    )
+
+
+def _change(
+    base: ActuatorModel, views: tuple[View, View], stacked: Callable[[Mapping[str, FloatArray]], FloatArray]
+) -> Callable[[Sequence[AddedEffect], float], FloatArray]:
+    """What effects, and a shift of the recorded distance, change in the stacked channels."""
+    jets = [remembered(base_jet(base), view.motion.distance_m, view.motion.current_A) for view in views]
+
+    def at(effects: Sequence[AddedEffect], shift: float) -> FloatArray:
+        values: dict[str, FloatArray] = {}
+        for view, jet, side in zip(views, jets, (model_balances, model_readings), strict=True):
+            motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
+            values |= side(base, jet, motion, view.weights, effects)
+        return stacked(values)
+
+    without = at((), 0.0)
+    return lambda effects, shift: at(effects, shift) - without if effects or shift else np.zeros_like(without)
+
+
+def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, float]:
+    """Misfit of the model to its own source in each channel; of the flux linkage as fast as it changes here."""
+    known, box = model_tolerance(model), model.validity
+    result = {name: value for name, value in known.items() if name in ("force_N", "hall_V")}
+    if "force_N" in known:
+        result[FORCE_BALANCE] = known["force_N"]
+    if "flux_linkage_Wb" in known:
+        rates = np.hypot(
+            covariates["velocity_m_s"] / (box.distance_max_m - box.distance_min_m),
+            covariates["current_rate_A_s"] / (box.current_max_A - box.current_min_A),
+        )
+        # A misfit that turns its sign some five times over the box
+        result[VOLTAGE_BALANCE] = 5.0 * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
+    return result
+
+
+def _with_scatter(observations: Observations) -> Observations:
+    """The noise of channels whose successive windows scatter more than their sensors' noise tells."""
+    patterns, residual = smooth_patterns(observations), observations.residual
+    noise, findings = dict(observations.declared_noise), []
+    order, run = observations.column("order"), observations.column("run")
+    for c, name in enumerate(observations.channels):
+        here = np.flatnonzero(observations.channel == c)
+        basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
+        rest = residual[here] - basis @ (basis.T @ residual[here])
+        follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
+        seen, told = successive_scatter(rest, follows, basis), noise.get(name, np.nan)
+        if np.isfinite(seen) and not seen <= max(_RESTLESS, 1.0 + _CHANCE / np.sqrt(len(follows))) * told:
+            noise[name] = seen
+            more = f"{seen / told:.1f} times" if np.isfinite(told) else "and nothing else tells"
+            findings.append(
+                f"Successive windows of {name} scatter by {seen:.2g}, {more} what the sensors' noise makes; this was "
+                "taken as their noise."
+            )
+    return replace(observations, declared_noise=noise, findings=(*observations.findings, *findings))

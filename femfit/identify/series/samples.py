@@ -1,0 +1,116 @@
+"""The samples of a time series at which a model can be evaluated."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.errors import TableError
+from femfit.identify.readings.reach import within_reach
+from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.time_series import TimeSeries
+
+_LARGE = 30.0
+"""A factor by which a median must miss the box for a wrong unit to be suspected."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A time series as arrays of length N.
+
+    Parameters
+    ----------
+    time, run : array
+        In s, and the run's number.
+    usable : array of bool
+        Samples whose distance and current are known and within the model's reach.
+    findings : tuple of str
+        What was left out, one plain sentence each.
+    """
+
+    time: FloatArray
+    run: FloatArray
+    segment: IntArray
+    columns: Mapping[str, FloatArray]
+    usable: BoolArray
+    findings: tuple[str, ...]
+
+
+def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
+    """Take the samples of a series that a model can explain.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Its box counts, its driver's clamp and its Hall element's range.
+
+    Returns
+    -------
+    Samples
+        Voltages as the clamp lets them pass; Hall voltages at an end of the range are missing.
+
+    Raises
+    ------
+    TableError
+        If distance or current is missing, or no sample lies within the model's reach.
+    """
+    missing = [name for name in ("current_A", "distance_m") if name not in series.given]
+    if missing:
+        raise TableError(
+            f"A time series must record current_A and distance_m for its balances; {series.source} lacks "
+            f"{' and '.join(missing)}. Record it, or estimate the distance by a filter and give it as distance_m."
+        )
+    rows, findings = series.rows, []
+    columns = {name: rows[name].to_numpy(copy=True) for name in rows.columns if name not in ("run", "time_s")}
+    distance, current = columns["distance_m"], columns["current_A"]
+    known = np.isfinite(distance) & np.isfinite(current)
+    usable = known & within_reach(model, distance, current)
+    if not usable.any():
+        raise TableError(_nowhere(model, series, distance[known], current[known]))
+    outside = int((known & ~usable).sum())
+    if outside:
+        findings.append(
+            f"{outside} samples lie outside of the model's box of distances and currents; no stretch over them is used."
+        )
+    if model.circuit is not None:
+        clamp = model.circuit.voltage_min_V, model.circuit.voltage_max_V
+        beyond = int(np.count_nonzero((columns["voltage_V"] < clamp[0]) | (columns["voltage_V"] > clamp[1])))
+        if beyond:
+            findings.append(
+                f"{beyond} commands lie beyond the driver's {clamp[0]:g} to {clamp[1]:g} V and were taken as clamped."
+            )
+            columns["voltage_V"] = np.clip(columns["voltage_V"], *clamp)
+    if model.sensor is not None:
+        ends = model.sensor.output_min_V, model.sensor.output_max_V - model.sensor.quantisation_step
+        ended = (columns["hall_V"] <= ends[0]) | (columns["hall_V"] >= ends[1])
+        if ended.any():
+            findings.append(f"{int(ended.sum())} Hall voltages stand at an end of the range and count as missing.")
+            columns["hall_V"][ended] = np.nan
+    return Samples(
+        time=rows["time_s"].to_numpy(),
+        run=rows["run"].to_numpy(),
+        segment=rows["segment"].to_numpy(),
+        columns=columns,
+        usable=usable,
+        findings=tuple(findings),
+    )
+
+
+def _nowhere(model: ActuatorModel, series: TimeSeries, distance: FloatArray, current: FloatArray) -> str:
+    box, hints = model.validity, []
+    if len(distance):
+        middle = 0.5 * (box.distance_min_m + box.distance_max_m)
+        ratio = float(np.median(distance)) / middle
+        if ratio > _LARGE or 0.0 < ratio < 1.0 / _LARGE:
+            hints.append(f"distances are {ratio:.2g} times the model's: check their unit")
+        if ratio < 0.0:
+            hints.append("distances are negative: they must be the gap, > 0")
+        if float(np.median(current)) * (box.current_min_A + box.current_max_A) < 0.0:
+            hints.append("currents have the other sign than the model's")
+    hint = f" ({'; '.join(hints)})" if hints else ""
+    return (
+        f"{series.source} must have samples within the model's box of {1e3 * box.distance_min_m:g} to "
+        f"{1e3 * box.distance_max_m:g} mm and {box.current_min_A:g} to {box.current_max_A:g} A; none was found{hint}. "
+        "Check the columns and units, or sweep and fit a wider range."
+    )

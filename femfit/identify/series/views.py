@@ -1,0 +1,236 @@
+"""The motion of a record as balances and as sensors see it: windows, their covariates, and smoothed motion at nodes.
+
+A balance takes a whole window. A sensor takes the window's middle third, and of the motion only what had happened by
+then: in a closed loop a sensor's noise drives the current that follows, so that the mean of the noise over a window and
+the rate of the current in that window are correlated, and any effect of a rate would be found in clean data. Noise and
+what came before it are independent.
+
+References
+----------
+L. Ljung, System Identification (Prentice Hall, 1999), section 13.4: bias from feedback of the noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import sparse
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.effects.conditions import Conditions, Nominal
+from femfit.identify.series.balances import Motion
+from femfit.identify.series.nodes import local_polynomials
+from femfit.identify.series.samples import Samples
+from femfit.identify.series.weights import Weights, Windows, window_weights
+
+_NODES = 12
+"""Intervals between the nodes of a window."""
+
+_REACH = 1.0 / 6.0
+"""Of a window: how far on each side of a node the samples stand to which its polynomial is fitted."""
+
+_SLOPE_REACH = 0.5
+"""The same where its slope is asked for, which noise disturbs more."""
+
+_BEHIND = 0.8
+"""The same behind a node alone."""
+
+_MIDDLE = 1.0 / 3.0
+"""Of a window: what a sensor is averaged over."""
+
+_PLAY = 0.05
+"""Of the box's currents: a current that turns by less has not changed its branch."""
+
+_TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """How a group of channels sees a record.
+
+    Parameters
+    ----------
+    covariates : DataFrame
+        n rows, as :class:`femfit.identify.readings.observations.Observations` has them, with ``time_s``
+        since the start of the run, ``velocity_m_s`` and ``current_rate_A_s``.
+    weights : Weights
+        Of the windows over the nodes; those of derivatives are zero where no balance is taken.
+    """
+
+    windows: Windows
+    covariates: pd.DataFrame
+    motion: Motion
+    weights: Weights
+
+
+def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
+    """Whole windows."""
+    time, row = _nodes(windows)
+    smooth = [
+        local_polynomials(
+            time,
+            windows.segment[row],
+            samples.time,
+            samples.segment,
+            samples.usable,
+            centre_s=time,
+            behind_s=reach * windows.length_s,
+            ahead_s=reach * windows.length_s,
+            degree=3,
+        )[order]
+        for order, reach in enumerate((_REACH, _SLOPE_REACH))
+    ]
+    own = Windows(windows.centre_s, np.arange(len(windows.centre_s)), windows.length_s)
+    weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
+    whole = window_weights(windows, samples.time, samples.segment, samples.usable)
+    rates = whole.slope @ _known(samples, "distance_m"), whole.slope @ _known(samples, "current_A")
+    covariates = _covariates(samples, windows, whole.mean, rates, nominal)
+    return View(windows, covariates, _motion(samples, windows, covariates, nominal, *smooth), weights)
+
+
+def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
+    """The middle thirds of windows.
+
+    Parameters
+    ----------
+    windows : Windows
+        Whole ones, each holding samples enough.
+
+    Returns
+    -------
+    View
+        Its ``windows`` are the middle thirds; its motion is smoothed from behind.
+    """
+    time, row = _nodes(windows)
+    behind, half = _BEHIND * windows.length_s, 0.5 * _MIDDLE * windows.length_s
+    place = (time - windows.centre_s[row]) / half
+    level, slope = local_polynomials(
+        time,
+        windows.segment[row],
+        samples.time,
+        samples.segment,
+        samples.usable,
+        centre_s=np.where(np.abs(place) < 1.0, windows.centre_s[row] - half, time),
+        behind_s=behind,
+        ahead_s=0.0,
+        degree=2,
+    )
+    bump = np.maximum(1.0 - place**2, 0.0) ** 2
+    shape = len(windows.centre_s), len(time)
+    bump /= np.bincount(row, bump)[row]
+    mean = sparse.csr_array((bump, (row, np.arange(len(time)))), shape=shape)
+    none = sparse.csr_array(shape)
+    thirds = Windows(windows.centre_s, windows.segment, _MIDDLE * windows.length_s)
+    over_samples = window_weights(thirds, samples.time, samples.segment, samples.usable)
+    rates = mean @ (slope @ _known(samples, "distance_m")), mean @ (slope @ _known(samples, "current_A"))
+    covariates = _covariates(samples, windows, mean @ level, rates, nominal)
+    motion = _motion(samples, windows, covariates, nominal, level, slope)
+    return View(thirds, covariates, motion, Weights(mean, none, none, over_samples.valid))
+
+
+def _known(samples: Samples, name: str) -> FloatArray:
+    return np.nan_to_num(samples.columns[name])
+
+
+def _nodes(windows: Windows) -> tuple[FloatArray, IntArray]:
+    """Times of the nodes, and the window of each."""
+    part = np.linspace(-0.5, 0.5, _NODES + 1)
+    time = (windows.centre_s[:, None] + windows.length_s * part).ravel()
+    return time, np.repeat(np.arange(len(windows.centre_s)), _NODES + 1)
+
+
+def _covariates(
+    samples: Samples,
+    windows: Windows,
+    mean: sparse.csr_array,
+    rates: tuple[FloatArray, FloatArray],
+    nominal: Nominal,
+) -> pd.DataFrame:
+    """What is known of every window."""
+    nearest = np.array([_nearest(samples, k, c) for k, c in zip(windows.segment, windows.centre_s, strict=True)])
+    run, labels = pd.factorize(samples.run[nearest])
+    start = np.array([samples.time[samples.run == label].min() for label in labels])
+    within = windows.centre_s - start[run]
+    order = np.round(within / windows.length_s - 0.5)
+    longest = np.array([order[run == k].max() + 1.0 for k in range(len(labels))])
+    before = np.concatenate([[0.0], np.cumsum(longest)[:-1]])
+    current = mean @ _known(samples, "current_A")
+    new = np.diff(run, prepend=-1) != 0
+    return pd.DataFrame(
+        {
+            "run": run,
+            "mount": run,
+            "distance_m": mean @ _known(samples, "distance_m"),
+            "current_A": current,
+            "branch": _branch(current, new, _PLAY * (nominal.current_max_A - nominal.current_min_A)),
+            **{name: _mean_where_known(samples, mean, name) for name in _TEMPERATURES},
+            "order": order,
+            "elapsed": before[run] + order,
+            "time_s": within,
+            "velocity_m_s": rates[0],
+            "current_rate_A_s": rates[1],
+        }
+    )
+
+
+def _branch(current: FloatArray, new: BoolArray, play: float) -> FloatArray:
+    """+1 after the current rose by more than the play, -1 after it fell by it, 0 before either."""
+    result, low, high, branch = np.zeros(len(current)), 0.0, 0.0, 0.0
+    for k, (value, fresh) in enumerate(zip(current, new, strict=True)):
+        low, high, branch = (value, value, 0.0) if fresh else (min(low, value), max(high, value), branch)
+        if value > low + play:
+            branch, low = 1.0, value - play
+        if value < high - play:
+            branch, high = -1.0, value + play
+        result[k] = branch
+    return result
+
+
+def _nearest(samples: Samples, segment: int, time: float) -> int:
+    first, last = np.searchsorted(samples.segment, [segment, segment + 1])
+    return int(min(first + np.searchsorted(samples.time[first:last], time), last - 1))
+
+
+def _mean_where_known(samples: Samples, mean: sparse.csr_array, name: str) -> FloatArray:
+    """Mean over the samples of a window that have it; NaN where none has."""
+    values, magnitude = samples.columns[name], abs(mean)
+    share = np.asarray(magnitude @ np.isfinite(values).astype(np.float64))
+    total = np.asarray(magnitude @ np.nan_to_num(values))
+    return np.where(share > 0.0, total / np.maximum(share, 1e-300), np.nan)
+
+
+def _motion(
+    samples: Samples,
+    windows: Windows,
+    covariates: pd.DataFrame,
+    nominal: Nominal,
+    level: sparse.csr_array,
+    slope: sparse.csr_array,
+) -> Motion:
+    """The smoothed motion at the nodes of all windows."""
+    time, row = _nodes(windows)
+    new = np.diff(windows.centre_s) > 1.5 * windows.length_s
+    new |= (np.diff(windows.segment) != 0) | (np.diff(windows.centre_s) <= 0.0)
+    first = np.zeros(len(time), dtype=bool)
+    first[:: _NODES + 1] = np.append(True, new)
+    within = covariates["time_s"].to_numpy()[row] + time - windows.centre_s[row]
+    campaign = (covariates["elapsed"] - covariates["order"]).to_numpy()[row]
+    cycle = covariates.groupby("run")["current_A"]
+    return Motion(
+        time_s=time,
+        first=first,
+        distance_m=level @ _known(samples, "distance_m"),
+        current_A=level @ _known(samples, "current_A"),
+        voltage_V=level @ _known(samples, "voltage_V"),
+        at=Conditions(
+            nominal=nominal,
+            branch=covariates["branch"].to_numpy()[row],
+            coil_temperature_C=covariates["coil_temperature_C"].to_numpy()[row],
+            magnet_temperature_C=covariates["magnet_temperature_C"].to_numpy()[row],
+            time_s=within,
+            elapsed=within + windows.length_s * campaign,
+            velocity_m_s=slope @ _known(samples, "distance_m"),
+            current_rate_A_s=slope @ _known(samples, "current_A"),
+            current_turn_A=(cycle.transform("min").to_numpy()[row], cycle.transform("max").to_numpy()[row]),
+        ),
+    )

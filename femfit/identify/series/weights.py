@@ -1,0 +1,203 @@
+"""Weights that turn samples in a short window into means, mean derivatives and mean second derivatives.
+
+With the test function phi(s) = (1 - s^2)^2 over a window of length T centred at c, s = 2 (t - c) / T, and phi and phi'
+zero at its ends, integrating by parts moves the derivatives from the data to phi:
+
+    <x> = int phi x dt / Z,   <x'> = -int phi' x dt / Z,   <x''> = int phi'' x dt / Z,   Z = int phi dt.
+
+(1 - s^2)^2 gives <x''> with the least variance for white noise on x.
+
+References
+----------
+M. Shinbrot, Transactions of the ASME 79 (1957) 579: method of modulating functions.
+H. A. Preisig and D. W. T. Rippin, Computers and Chemical Engineering 17 (1993) 1: review of the method.
+D. A. Messenger and D. M. Bortz, Journal of Computational Physics 443 (2021) 110525: weak form and its noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+
+LEAST_SAMPLES = 12
+"""In a window: twice what its weights are exact for."""
+
+_WIDEST_GAP = 1.0 / 6.0
+"""Of a window, between two samples that it may hold."""
+
+_DEGREE = 5
+"""Polynomials up to this degree are integrated exactly, whatever the sampling."""
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Windows of equal length, none overlapping another.
+
+    Parameters
+    ----------
+    centre_s : array, shape (n,)
+        On the record's clock.
+    segment : array of int, shape (n,)
+        Of the record.
+    """
+
+    centre_s: FloatArray
+    segment: IntArray
+    length_s: float
+
+    def select(self, keep: BoolArray) -> "Windows":
+        """Some of the windows."""
+        return Windows(self.centre_s[keep], self.segment[keep], self.length_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Rows of weights, one a window, over N samples.
+
+    Parameters
+    ----------
+    mean, slope, curvature : sparse array, shape (n, N)
+        Of <x>, <x'> and <x''>.
+    valid : array of bool, shape (n,)
+        Whether the window holds samples enough and no gap; its rows are zero otherwise.
+    """
+
+    mean: sparse.csr_array
+    slope: sparse.csr_array
+    curvature: sparse.csr_array
+    valid: BoolArray
+
+
+def window_weights(windows: Windows, time: FloatArray, segment: IntArray, known: BoolArray) -> Weights:
+    """Weights for samples of any spacing.
+
+    Parameters
+    ----------
+    time : array, shape (N,)
+        In s, growing within each segment.
+    segment : array of int, shape (N,)
+        Never falling.
+    known : array of bool, shape (N,)
+        Samples that may be used.
+
+    Returns
+    -------
+    Weights
+        Trapezoidal, corrected so that the moments up to the fifth are those of the integrals: <x>, <x'> and <x''> of a
+        quintic are then exact and consistent with each other.
+    """
+    moments = _moments(_DEGREE + 1)
+    powers = np.arange(_DEGREE + 1)
+    wanted = np.stack(
+        [
+            moments[: _DEGREE + 1],
+            powers * np.concatenate([[0.0], moments[:_DEGREE]]),
+            powers * (powers - 1) * np.concatenate([[0.0, 0.0], moments[: _DEGREE - 1]]),
+        ],
+        axis=1,
+    )
+    scale = np.array([1.0, 2.0 / windows.length_s, (2.0 / windows.length_s) ** 2])
+    valid = np.zeros(len(windows.centre_s), dtype=bool)
+    entries: list[tuple[IntArray, FloatArray]] = []
+    for k, here in enumerate(_samples(windows, time, segment, known)):
+        s = 2.0 * (time[here] - windows.centre_s[k]) / windows.length_s
+        valid[k] = _covered(s)
+        if not valid[k]:
+            entries.append((here[:0], np.zeros((0, 3))))
+            continue
+        spacing = np.diff(s)
+        quadrature = 0.5 * (np.append(spacing, 1.0 - s[-1]) + np.append(1.0 + s[0], spacing))
+        bump = (1.0 - s**2) ** 2
+        raw = np.stack([bump, 4.0 * s * (1.0 - s**2), 12.0 * s**2 - 4.0], axis=1) * quadrature[:, None] * (15.0 / 16.0)
+        basis = np.vander(s, _DEGREE + 1, increasing=True)
+        carried = (quadrature * bump)[:, None] * basis
+        raw += carried @ np.linalg.solve(basis.T @ carried, wanted - basis.T @ raw)
+        entries.append((here, raw * scale))
+    counts = [len(here) for here, _ in entries]
+    pointers = np.concatenate([[0], np.cumsum(counts)])
+    columns = np.concatenate([here for here, _ in entries]) if entries else np.zeros(0, dtype=int)
+    values = np.concatenate([value for _, value in entries]) if entries else np.zeros((0, 3))
+    shape = (len(counts), len(time))
+    mean, slope, curvature = (sparse.csr_array((values[:, j], columns, pointers), shape=shape) for j in range(3))
+    return Weights(mean, slope, curvature, valid)
+
+
+def held_weights(
+    windows: Windows, time: FloatArray, segment: IntArray, known: BoolArray, held: BoolArray
+) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array, BoolArray]:
+    """Weights of a balance x' = u with u held from each sample to the next, exact for a piecewise constant phi.
+
+    phi is replaced by its mean over each interval between known samples, so that sum of phi (x_next - x) is the
+    integral of phi x' to rounding, kinks of x at the samples included.
+
+    Parameters
+    ----------
+    held : array of bool, shape (N,)
+        Whether u is known from this known sample to the next one; where it is not, phi is zero.
+
+    Returns
+    -------
+    tuple of three sparse arrays, shape (n, N), and array of bool, shape (n,)
+        For u, for the mean of what is smooth (trapezoidal), and for x, with the validity of each window.
+    """
+    valid = np.zeros(len(windows.centre_s), dtype=bool)
+    rows: list[IntArray] = []
+    columns: list[IntArray] = []
+    values: list[FloatArray] = []
+    for k, here in enumerate(_samples(windows, time, segment, known)):
+        s = 2.0 * (time[here] - windows.centre_s[k]) / windows.length_s
+        valid[k] = _covered(s)
+        if not valid[k]:
+            continue
+        spacing, usable = np.diff(s), held[here[:-1]]
+        bump = np.where(usable, np.diff(_primitive(s)) / spacing, 0.0)
+        area = float(np.sum(bump * spacing))
+        valid[k] = area > 0.5 * 16.0 / 15.0
+        if not valid[k]:
+            continue
+        part = bump * spacing / area
+        jump = (np.append(0.0, bump) - np.append(bump, 0.0)) * (2.0 / windows.length_s / area)
+        middle = 0.5 * (np.append(part, 0.0) + np.append(0.0, part))
+        rows.append(np.full(len(here), k))
+        columns.append(here)
+        values.append(np.stack([np.append(part, 0.0), middle, jump], axis=1))
+    shape = (len(valid), len(time))
+    if not rows:
+        empty = sparse.csr_array(shape)
+        return empty, empty, empty, valid
+    row, column, value = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+    driven, mean, slope = (sparse.csr_array((value[:, j], (row, column)), shape=shape) for j in range(3))
+    return driven, mean, slope, valid
+
+
+def _samples(windows: Windows, time: FloatArray, segment: IntArray, known: BoolArray) -> list[IntArray]:
+    """Known samples of each window."""
+    result = []
+    for number, centre in zip(windows.segment, windows.centre_s, strict=True):
+        first, last = np.searchsorted(segment, [number, number + 1])
+        slack = 1e-9 * windows.length_s
+        start, stop = first + np.searchsorted(
+            time[first:last], [centre - 0.5 * windows.length_s - slack, centre + 0.5 * windows.length_s + slack]
+        )
+        result.append(start + np.flatnonzero(known[start:stop]))
+    return result
+
+
+def _covered(s: FloatArray) -> bool:
+    """Whether samples stand densely enough from -1 to 1."""
+    if len(s) < LEAST_SAMPLES:
+        return False
+    return bool(np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * _WIDEST_GAP)
+
+
+def _moments(count: int) -> FloatArray:
+    """Int s^k phi ds / int phi ds for k = 0 ... count - 1."""
+    k = np.arange(count)
+    even = 1.0 / (k + 1) - 2.0 / (k + 3) + 1.0 / (k + 5)
+    return np.where(k % 2 == 0, even / (1.0 - 2.0 / 3.0 + 1.0 / 5.0), 0.0)
+
+
+def _primitive(s: FloatArray) -> FloatArray:
+    return np.asarray(s - 2.0 * s**3 / 3.0 + s**5 / 5.0)

@@ -1,0 +1,1 @@
+"""What each effect would add to the readings."""

@@ -1,0 +1,111 @@
+"""What each effect would do to these readings, to first order."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import AddedEffect, Effect, EffectParameter
+from femfit.identify.readings.observations import Observations
+
+_STEP = 1e-3
+"""Step of a difference over the width of a parameter's sane range."""
+
+
+@dataclass(frozen=True, eq=False)
+class EffectColumns:
+    """First-order change of every reading with an effect's amplitudes, at given shape constants.
+
+    Parameters
+    ----------
+    shape : mapping of str to float
+        Shape constants.
+    columns : array, shape (M, k)
+        In the readings' units over the amplitudes'.
+    """
+
+    effect: Effect
+    amplitudes: tuple[EffectParameter, ...]
+    shape: Mapping[str, float]
+    columns: FloatArray
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Of the amplitudes, counted from null; shape (2, k)."""
+        return np.array([[p.lower - p.null for p in self.amplitudes], [p.upper - p.null for p in self.amplitudes]])
+
+    def parameters(self, amplitude: FloatArray) -> dict[str, float]:
+        """Every parameter of the effect for amplitudes counted from null, shape (k,)."""
+        values = self.effect.null() | dict(self.shape)
+        return values | {p.name: p.null + float(a) for p, a in zip(self.amplitudes, amplitude, strict=True)}
+
+
+def why_untestable(effect: Effect, observations: Observations) -> str:
+    """Why data cannot show an effect; empty where they can."""
+    if effect.name in observations.present:
+        return "the model has it already"
+    for need in effect.needs:
+        if need == "magnet":
+            if not observations.nominal.has_magnet:
+                return "the model has no magnet"
+        elif not any(_given(name, observations) for name in need.split("|")):
+            return f"these data lack {_in_words(need)}"
+    return ""
+
+
+def _given(name: str, observations: Observations) -> bool:
+    column = name.lstrip("~")
+    if column in observations.covariates and name.startswith("~"):
+        values = observations.covariates[column].to_numpy()
+        return bool(np.isfinite(values).any() and np.nanmax(values) > np.nanmin(values))
+    return column in observations.given or column in observations.channels
+
+
+def _in_words(need: str) -> str:
+    names = [name.lstrip("~") for name in need.split("|")]
+    return ("a varying " if need.startswith("~") else "") + " or ".join(names)
+
+
+def effect_columns(effect: Effect, observations: Observations) -> list[EffectColumns]:
+    """The columns of an effect, once for each combination of its shape constants.
+
+    Returns
+    -------
+    list of EffectColumns
+        Shape constants at their usual value, at the lower end and at three quarters of their usual range; combinations
+        without any effect on these readings are left out.
+    """
+    constants = [p for p in effect.parameters if p.shape]
+    grid = [
+        dict(zip((p.name for p in constants), values, strict=True))
+        for values in product(*(_trial_values(p) for p in constants))
+    ]
+    result = []
+    for shape in grid:
+        pairs = [(p, _column(effect, p, shape, observations)) for p in effect.amplitudes]
+        seen = [(p, column) for p, column in pairs if np.any(column != 0.0)]
+        if seen:
+            amplitudes, columns = zip(*seen, strict=True)
+            result.append(EffectColumns(effect, tuple(amplitudes), shape, np.stack(columns, axis=1)))
+    return result
+
+
+def _trial_values(p: EffectParameter) -> tuple[float, ...]:
+    """The usual value first: it stays where the readings do not tell."""
+    low, high = p.sane
+    return tuple(dict.fromkeys((p.null, low, low + 0.75 * (high - low))))
+
+
+def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:
+    """Change of the readings per unit of one amplitude: a central difference, one-sided at a bound."""
+    step = _STEP * (p.sane[1] - p.sane[0])
+    up, down = min(p.null + step, p.upper), max(p.null - step, p.lower)
+
+    def at(value: float) -> FloatArray:
+        if value == p.null:
+            return observations.base
+        return observations.predict([AddedEffect(effect, effect.null() | dict(shape) | {p.name: value})])
+
+    return np.asarray((at(up) - at(down)) / (up - down))

@@ -1,0 +1,65 @@
+"""What may be wrong with a bench record of a coil's voltage: the watch of coil records, and the winding's R i.
+
+A voltage that is the winding's own shows its resistance on the plateaus, where the flux stands still.
+"""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.integrate.plateaus import PlateauFlux
+from femfit.integrate.record_watch import GAIN_TOLERANCE, Finding, RecordWatch
+from femfit.tables.coil_block import CoilBlock
+
+_FOLLOWS = 0.9
+"""Squared correlation from which the voltage of the plateaus is put down to R i."""
+
+
+def watch_run(
+    time: FloatArray, voltage: FloatArray, induced: FloatArray, current: FloatArray, found: PlateauFlux
+) -> tuple[Finding, ...]:
+    """Gaps, clock jumps, samples clipped between plateaus, and a coil wired the wrong way round.
+
+    Parameters
+    ----------
+    time, voltage : array, shape (n,)
+        Of a run, in s, and V as the converter read it.
+    induced, current : array, shape (n,)
+        The voltage without R i, V, and the current, A.
+    found : PlateauFlux
+        Its plateaus. A converter repeats itself there without being at its limit.
+    """
+    between = voltage.copy()
+    for first, last in zip(found.first, found.last, strict=True):
+        between[first:last] = 0.0
+    watch = RecordWatch(1.0, float(np.median(np.diff(time))))
+    seen = watch.advance(watch.start(), CoilBlock(time, between))
+    wired = watch.advance(watch.start(), CoilBlock(time, induced, current=current))
+    signs = [finding for finding in watch.findings(wired, of_hall=False) if finding.kind == "sign"]
+    return (*watch.findings(seen, of_hall=False), *signs)
+
+
+def resistance_finding(voltage: FloatArray, current: FloatArray, given: float | None) -> Finding | None:
+    """Whether the voltages of the plateaus contradict the resistance that is taken off.
+
+    Parameters
+    ----------
+    voltage, current : array, shape (p,)
+        Means of all plateaus as measured, V and A.
+    given : float or None
+        Resistance in ohm; None for a separate sensing coil, which shows none.
+    """
+    i, u = current - current.mean(), voltage - voltage.mean()
+    spread, common = float(i @ i), float(i @ u)
+    if spread <= 0.0 or common**2 <= _FOLLOWS * spread * float(u @ u):
+        return None
+    shown = common / spread
+    if given is None:
+        return Finding(
+            "resistance",
+            f"The plateaus' voltage follows the current as {shown:.4g} ohm would make it: a winding's own voltage "
+            f"needs --resistance-ohm {shown:.4g}.",
+        )
+    if abs(shown - given) <= GAIN_TOLERANCE * given:
+        return None
+    wrong = "the sign of the voltage or the current is wrong" if shown < 0.0 else "the winding is warm, or another"
+    return Finding("resistance", f"The plateaus show {shown:.4g} ohm where {given:.4g} ohm are taken off: {wrong}.")

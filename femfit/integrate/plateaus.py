@@ -1,0 +1,219 @@
+"""A bench record's plateaus, and the flux linkage on each from the coil voltage. numpy only.
+
+References
+----------
+P. Arpaia et al., Sensors 22 (2022) 182, section 3 (the offset is the mean voltage of a settled plateau).
+F. Fiorillo, Characterization and Measurement of Magnetic Materials (Elsevier, 2004), section 5.1 (integrator drift).
+"""
+
+import itertools
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.errors import TableError
+from femfit.integrate.increments import GAP
+from femfit.integrate.methods import white_sigma
+
+OffsetMethod = Literal["trapezoid", "ffa1", "plateaus"]
+
+_LEAST = 3
+"""Samples of a settled plateau."""
+
+_ROUNDING = 1e-9
+"""Of a clock, s."""
+
+
+@dataclass(frozen=True)
+class PlateauOptions:
+    """How a run is cut and its offset voltage found.
+
+    Parameters
+    ----------
+    method : str
+        ``trapezoid``: no offset; ``ffa1``: the mean over the first plateau; ``plateaus``: the mean over each settled
+        plateau, linear in time from one to the next (FFA2 offline, which may look ahead). An error of R i on a
+        plateau is taken off with the offset.
+    settling : float
+        Seconds that are left out after each change.
+    still_A, still_m : float
+        A sample that moved by less since the one before is on a plateau, whose quarters may not differ by more either.
+    """
+
+    method: OffsetMethod = "plateaus"
+    settling: float = 0.0
+    still_A: float = 1e-3
+    still_m: float = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PlateauFlux:
+    """Flux linkage on the plateaus of a run.
+
+    Parameters
+    ----------
+    first, last : array of int, shape (p,)
+        Samples of each settled plateau, the last exclusive.
+    flux : array, shape (p,)
+        Mean flux linkage minus that of the first plateau, Wb.
+    sigma : array, shape (p,)
+        Standard uncertainty of it, Wb: from the samples' white noise and, of ``plateaus``, the offset's wander between
+        them (both type A), and from what gaps in the record between plateaus may hide.
+    branch : array, shape (p,)
+        Sign of the last change of current: +1, -1, or 0 before any.
+    offset : array, shape (p,)
+        Offset voltage taken on each plateau, V.
+    """
+
+    first: IntArray
+    last: IntArray
+    flux: FloatArray
+    sigma: FloatArray
+    branch: FloatArray
+    offset: FloatArray
+
+
+def plateau_flux(
+    time: FloatArray, voltage: FloatArray, current: FloatArray, distance: FloatArray, options: PlateauOptions
+) -> PlateauFlux:
+    """Integrate a run's induced voltage and average it on the plateaus.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        In s, rising.
+    voltage : array, shape (n,)
+        Induced voltage dlambda/dt plus offset in V: u - R i of an excitation winding, u of a sensing coil.
+    current, distance : array, shape (n,)
+        In A and m; they tell the plateaus.
+
+    Raises
+    ------
+    TableError
+        If the clock does not rise, a cell is missing, a plateau creeps, or there are fewer than two.
+    """
+    if not all(np.isfinite(column).all() for column in (time, voltage, current, distance)):
+        raise TableError("A bench record must have a time, voltage, current and distance in each row; fill or cut it.")
+    if len(time) < _LEAST or np.any(np.diff(time) <= 0.0):
+        raise TableError("A bench record's time_s must rise in each run; give each run its number in a column run.")
+    first, last = _plateaus(time, current, distance, options)
+    if len(first) < 2:
+        raise TableError(
+            f"A run needs at least 2 plateaus of {_LEAST} samples; {len(first)} found, with current still to "
+            f"{options.still_A:g} A, distance to {options.still_m:g} m and {options.settling:g} s of settling. Raise "
+            "the limits above the noise of these columns, or shorten the settling."
+        )
+    spans = list(zip(first, last, strict=True))
+    noise, step = white_sigma(voltage), np.diff(time)
+    means = np.array([voltage[a:b].mean() for a, b in spans])
+    if options.method == "trapezoid":
+        means = np.zeros(len(means))
+    elif options.method == "ffa1":
+        means = np.full(len(means), means[0])
+    rest = voltage - np.interp(time, time[np.stack([first, last - 1], axis=1)].ravel(), np.repeat(means, 2))
+    flux = np.concatenate([[0.0], np.cumsum(0.5 * step * (rest[1:] + rest[:-1]))])
+    mean = np.array([flux[a:b].mean() for a, b in spans])
+    level = np.array([current[a:b].mean() for a, b in spans])
+    variance = noise**2 * _variance(time, first, last, options.method) + _hidden(time, voltage, first, last)
+    if options.method == "plateaus":
+        variance += _wandered(time, voltage, first, last, noise)
+    sigma = np.sqrt(variance)
+    return PlateauFlux(first, last, mean - mean[0], sigma, _branch(level, options.still_A), means)
+
+
+def _variance(time: FloatArray, first: IntArray, last: IntArray, method: OffsetMethod) -> FloatArray:
+    """Variance of a plateau's mean integral minus the first's, for white noise of 1 V, in s^2; shape (p,)."""
+    step = float(np.median(np.diff(time)))
+    count = last - first
+    held = step * count
+    middle = 0.5 * (time[first] + time[last - 1])
+    elapsed = middle - middle[0]
+    # A random walk from the first plateau's mean to another's: 1/6 of either is averaged away.
+    walk = np.asarray(step * (elapsed - (held[0] + held) / 6.0))
+    walk[0] = 0.0
+    if method == "trapezoid":
+        return walk
+    if method == "ffa1":
+        # The first mean's noise is also what the walk begins with, over the half plateau after its middle.
+        return np.asarray(walk + elapsed**2 / count[0] - step * elapsed * (elapsed > 0.0))
+    # On a plateau the mean is taken off, which leaves a bridge whose mean has held / 12; between plateaus the walk and
+    # the two means' errors, each mean counting in the gap before it and in the gap after it.
+    gap = time[first[1:]] - time[last[:-1] - 1]
+    before, after = np.concatenate([[0.0], gap]), np.concatenate([gap, [0.0]])
+    inner = np.concatenate([[0.0], np.cumsum(np.square(before + after) / 4.0 / count)])[:-1]
+    through = inner + np.square(before) / 4.0 / count
+    return np.where(elapsed > 0.0, step * (np.cumsum(before) + (held[0] + held) / 12.0) + through, 0.0)
+
+
+def _hidden(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+    """Variance of what gaps between plateaus may hide of the flux, as in :func:`increments`, Wb^2; shape (p,)."""
+    step = np.diff(time)
+    moving = np.ones(len(step), dtype=np.bool_)
+    for a, b in zip(first, last, strict=True):
+        moving[a : b - 1] = False
+    gap = moving & (step > GAP * float(np.median(step)))
+    lost = np.where(gap, np.square(step * np.maximum.accumulate(np.abs(voltage))[:-1]), 0.0)
+    since = np.concatenate([[0.0], np.cumsum(lost)])[first]
+    return np.asarray(since - since[0])
+
+
+def _wandered(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntArray, noise: float) -> FloatArray:
+    """Variance of how far the offset leaves the straight line between plateaus, Wb^2; shape (p,).
+
+    Seen where nothing changes: the middle of each plateau, as long as the time between two, against the means of the
+    rest before and after it. What white noise does to that is taken off. Cautious: two gaps share a plateau's mean,
+    and a part of their errors cancels.
+    """
+    step, between = float(np.median(np.diff(time))), (time[first[1:]] - time[last[:-1] - 1])
+    middle = max(1, round(float(np.median(between)) / step))
+    surplus = []
+    for a, b in zip(first, last, strict=True):
+        side = (b - a - middle) // 2
+        if side < 1:
+            continue
+        means = voltage[a : a + side].mean() + voltage[a + side + middle : a + 2 * side + middle].mean()
+        strayed = step * (voltage[a + side : a + side + middle].sum() - 0.5 * middle * means)
+        surplus.append(strayed**2 - (step * noise) ** 2 * (middle + 0.5 * middle**2 / side))
+    one = max(0.0, float(np.mean(surplus))) if surplus else 0.0
+    return np.concatenate([[0.0], np.cumsum(one * np.square(between / (step * middle)))])
+
+
+def _plateaus(
+    time: FloatArray, current: FloatArray, distance: FloatArray, options: PlateauOptions
+) -> tuple[IntArray, IntArray]:
+    """Settled stretches in which neither current nor distance moves."""
+    moved = (np.abs(np.diff(current)) > options.still_A) | (np.abs(np.diff(distance)) > options.still_m)
+    cuts = np.concatenate([[0], np.flatnonzero(moved) + 1, [len(time)]])
+    spans = []
+    for a, b in itertools.pairwise(cuts.tolist()):
+        # A sample beside a change may hold a part of it. The first plateau follows no change, the last precedes none.
+        begin = a if a == 0 else max(a + 1, int(np.searchsorted(time, time[a] + options.settling - _ROUNDING)))
+        end = b if b == len(time) else b - 1
+        if end - begin >= _LEAST:
+            spans.append((begin, end))
+            _require_still(time[begin:end], current[begin:end], options.still_A, "A")
+            _require_still(time[begin:end], distance[begin:end], options.still_m, "m")
+    pairs = np.array(spans, dtype=np.int64).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def _require_still(time: FloatArray, values: FloatArray, still: float, unit: str) -> None:
+    """Refuse a ramp that is too slow to show between two neighbouring samples."""
+    quarter = max(1, len(values) // 4)
+    crept = abs(float(values[-quarter:].mean() - values[:quarter].mean()))
+    if crept > still:
+        raise TableError(
+            f"From {time[0]:g} to {time[-1]:g} s no sample moves by more than {still:g} {unit}, but all of them by "
+            f"{crept:.3g} {unit}. Lower the limit below a slow ramp's step, or thin the record; if this is a plateau, "
+            "raise it."
+        )
+
+
+def _branch(level: FloatArray, still: float) -> FloatArray:
+    branch = np.zeros(len(level))
+    for k in range(1, len(level)):
+        change = level[k] - level[k - 1]
+        branch[k] = np.sign(change) if abs(change) > still else branch[k - 1]
+    return branch

@@ -1,0 +1,144 @@
+"""Offline: what a Kalman filter would have said had it known the rest of the record (Rauch, Tung and Striebel).
+
+For one state the backward recursion is affine and runs in lanes; for two states it goes from correction to correction,
+and the coil's integral carries the samples between.
+
+References
+----------
+H. E. Rauch, F. Tung and C. T. Striebel, AIAA J. 3 (1965) 1445.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.integrate.feed_forward import FeedForwardIntegrator
+from femfit.integrate.field_block import FieldBlock
+from femfit.integrate.increments import increments
+from femfit.integrate.kalman import KalmanIntegrator
+from femfit.integrate.lanes import Lanes, affine_lanes
+from femfit.integrate.methods import AnyIntegrator
+from femfit.integrate.offset_filter import Correction, OffsetFilter
+from femfit.integrate.uncertainty import Responses
+from femfit.tables.coil_block import CoilBlock, joined_record
+
+
+def smooth(integrator: KalmanIntegrator | OffsetFilter, record: CoilBlock) -> FieldBlock:
+    """Filter a whole record and smooth it.
+
+    Parameters
+    ----------
+    integrator : KalmanIntegrator or OffsetFilter
+        CS1, CS2, or one with the offset state.
+
+    Returns
+    -------
+    FieldBlock
+        Smoothed field, variance and, where the integrator carries them, responses to systematics; of the offset state
+        the smoothed offset. Innovations are the filter's.
+    """
+    if isinstance(integrator, KalmanIntegrator):
+        return _smooth_one_state(integrator, record)
+    return _smooth_two_states(integrator, record)
+
+
+def smooth_blocks(integrator: AnyIntegrator, blocks: Iterable[CoilBlock]) -> Iterator[tuple[CoilBlock, FieldBlock]]:
+    """Smooth a record that comes in blocks, as one block.
+
+    Raises
+    ------
+    TableError
+        If the integrator is no Kalman filter.
+    """
+    if isinstance(integrator, FeedForwardIntegrator):
+        raise TableError("Only a Kalman filter can be smoothed; choose cs1, cs2, cs1-offset or cs2-identified.")
+    record = joined_record(blocks)
+    yield record, smooth(integrator, record)
+
+
+def _smooth_one_state(integrator: KalmanIntegrator, record: CoilBlock) -> FieldBlock:
+    """x_s,k = x_k + C_k (x_s,k+1 - x_k+1^-), C_k = P_k / P_k+1^-, backwards."""
+    start = integrator.start()
+    _, out = integrator.advance(start, record)
+    _, steps = increments(start.last, record, integrator.coil, integrator.noise, integrator.sample_time)
+    x, P = out.field, out.variance
+    predicted_variance = P[:-1] + steps.variance[1:]
+    gain = P[:-1] / predicted_variance
+    back = slice(None, None, -1)
+
+    def smoothed(values: FloatArray, increment: FloatArray) -> FloatArray:
+        return _backwards(gain[back], (values[:-1] - gain * (values[:-1] + increment[1:]))[back], float(values[-1]))
+
+    field = smoothed(x, steps.field)
+    variance = _backwards((gain**2)[back], (P[:-1] - gain**2 * predicted_variance)[back], float(P[-1]))
+    responses = None
+    if out.responses is not None:
+        still = np.zeros(len(x))
+        reference, unit = (smoothed(r, still) for r in (out.responses.reference, out.responses.reference_unit))
+        voltage = smoothed(out.responses.voltage_unit, steps.dt / integrator.coil.area_m2)
+        known = 0.0 if np.isnan(integrator.initial_field) else integrator.initial_field
+        responses = Responses(field - reference - (1.0 - unit) * known, reference, unit, voltage)
+    return replace(out, field=field, variance=variance, responses=responses)
+
+
+def _backwards(a: FloatArray, b: FloatArray, last: float) -> FloatArray:
+    """y_k = a_k y_(k-1) + b_k from the record's end on, in the record's order."""
+    if len(a) == 0:
+        return np.array([last])
+    lanes = Lanes(len(a))
+    values = lanes.unfold(affine_lanes(lanes.fold(a, 1.0), [lanes.fold(b, 0.0)], [last])[0])
+    return np.concatenate([values[::-1], [last]])
+
+
+def _smooth_two_states(integrator: OffsetFilter, record: CoilBlock) -> FieldBlock:
+    trace: list[Correction] = []
+    start = integrator.start()
+    _, out = integrator.advance(start, record, trace)
+    if not trace:
+        return out
+    area = integrator.coil.area_m2
+    means, variances = _smoothed_corrections(trace, area)
+    _, steps = increments(start.last, record, integrator.coil, integrator.noise, integrator.sample_time)
+    time = record.time
+    # What moves the columns of the mean between corrections: the coil, nothing, nothing, and a volt of offset.
+    moved = np.zeros((len(time), 4))
+    moved[:, 0], moved[:, 3] = np.cumsum(steps.field), (time - time[0]) / area
+    values, offset, variance = np.full((len(time), 4), np.nan), out.offset.copy(), out.variance.copy()
+    for place in range(len(trace) - 1):
+        begin, end = trace[place].row, trace[place + 1].row
+        rows = slice(begin, end + 1)
+        since = (time[rows] - time[begin])[:, None]
+        path = means[place, 0] + moved[rows] - moved[begin] - means[place, 1] * since / area
+        # What the walk of the offset moved is spread over the interval, so that the path meets the next correction.
+        share = since / since[-1]
+        values[rows] = path + (means[place + 1, 0] - path[-1]) * share
+        offset[rows] = means[place, 1, 0] + (means[place + 1, 1, 0] - means[place, 1, 0]) * share[:, 0]
+        variance[rows] = variances[place] + (variances[place + 1] - variances[place]) * share[:, 0]
+    known = int(np.flatnonzero(np.isfinite(out.field))[0])
+    for part, row, mean in (
+        (slice(known, trace[0].row + 1), trace[0].row, means[0]),
+        (slice(trace[-1].row, None), trace[-1].row, means[-1]),
+    ):
+        values[part] = mean[0] + moved[part] - moved[row] - mean[1] * (time[part] - time[row])[:, None] / area
+    offset[known : trace[0].row], variance[known : trace[0].row] = means[0, 1, 0], variances[0]
+    field, reference, unit, voltage = np.ascontiguousarray(values.T)
+    responses = Responses(field - reference, reference, unit, voltage)
+    return replace(out, field=field, variance=variance, offset=offset, responses=responses)
+
+
+def _smoothed_corrections(trace: list[Correction], area: float) -> tuple[FloatArray, FloatArray]:
+    """Smoothed field and offset with their responses (n, 2, 4), and the field's variance (n,), at the corrections."""
+    means, variances = np.empty((len(trace), 2, 4)), np.empty(len(trace))
+    mean, covariance = trace[-1].mean, trace[-1].covariance
+    means[-1], variances[-1] = mean, covariance[0, 0]
+    for place in range(len(trace) - 2, -1, -1):
+        here, after = trace[place], trace[place + 1]
+        F = np.array([[1.0, -after.elapsed / area], [0.0, 1.0]])
+        gain = np.linalg.solve(after.predicted_covariance, F @ here.covariance).T
+        mean = here.mean + gain @ (mean - after.predicted)
+        covariance = here.covariance + gain @ (covariance - after.predicted_covariance) @ gain.T
+        means[place], variances[place] = mean, covariance[0, 0]
+    return means, variances

@@ -1,0 +1,268 @@
+"""What a closed loop of a model needs: reference distances, controllers, filters, all derived from the model.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, section 5; Table 6 for the noise of the direct measurement.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, NoReturn
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import DomainError, FilterError
+from femfit.filters.direct import hall_inverse
+from femfit.filters.extended import ExtendedFilter
+from femfit.filters.filter import Filter
+from femfit.filters.levitation import levitation_process
+from femfit.filters.noise import default_noise, initial_covariance, with_memory
+from femfit.filters.square_root import SquareRootUnscentedFilter
+from femfit.filters.unscented import UnscentedFilter
+from femfit.model.actuator_model import ActuatorModel, Circuit
+from femfit.simulation.backstepping import Backstepping, design_backstepping
+from femfit.simulation.controller import Controller
+from femfit.simulation.observer import DirectObserver, FilterObserver, Observer
+from femfit.simulation.operating_point import OperatingPoint, current_for_force, current_range, operating_point
+from femfit.simulation.pid import Pid, design_pid
+from femfit.simulation.reference import reference_rate
+
+ControllerName = Literal["backstepping", "pid"]
+ObserverName = Literal["direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4"]
+
+CONTROLLERS: tuple[ControllerName, ...] = ("backstepping", "pid")
+OBSERVERS: tuple[ObserverName, ...] = ("direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4")
+
+PAPER_HALL_NOISE_V = 3.2e-3
+"""White noise of a Hall sample that gives Table 6's 12.32e-5 m of direct measurement between 22 and 30 mm."""
+
+BIAS_DEVIATION_V = 0.02
+"""First standard deviation of the Hall bias: the paper's sensor was 44 mV off its nominal quiescent output."""
+
+FIRST_DEVIATION_M = 1e-3
+"""First standard deviation of the distance, for a body that is put on a support."""
+
+SUPPORT_TIME_CONSTANTS = 5.0
+"""Time constants of the slowest unstable pole for which a filter sees the supported body before the loop is closed."""
+
+DESIGN_POINTS = 9
+
+COVERED_PART = 0.95
+"""Of the swept currents: what the driver's voltage may ask for at rest, with room for what back-EMF adds in motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopDesign:
+    """Reference, controllers and noise of one model's closed loop.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit, motion and sensor; the driver's voltages within what the swept currents cover.
+    points : tuple of OperatingPoint
+        From the smallest to the largest of them.
+    pid : Pid or None
+        Designed for the middle one; None where there is none for it.
+    noise_V : float
+        White noise of a Hall sample, in the sensor and as told to the filters.
+    why_no_pid : str
+        Why there is no PID controller; empty where there is one.
+    """
+
+    model: ActuatorModel
+    targets_m: tuple[float, ...]
+    points: tuple[OperatingPoint, ...]
+    backstepping: Backstepping
+    pid: Pid | None
+    reference_rate_rad_s: float
+    noise_V: float
+    why_no_pid: str = ""
+
+    @property
+    def slowest_pole_rad_s(self) -> float:
+        """The smallest unstable pole of the points: it sets how long filter and loop need to settle."""
+        return min(point.mechanical_pole_rad_s for point in self.points)
+
+    @cached_property
+    def why_no_direct(self) -> str:
+        """Why the Hall voltage cannot be inverted to a distance, which no filter needs; empty where it can."""
+        try:
+            hall_inverse(self.model)
+        except FilterError as error:
+            return str(error)
+        return ""
+
+    def steps(self, time_constants: float) -> int:
+        """Samples in so many time constants of the slowest unstable pole."""
+        return int(np.ceil(time_constants / self.slowest_pole_rad_s / self.model.sample_time_s))
+
+    def controller(self, name: ControllerName) -> Controller:
+        """The controller of this name."""
+        if name == "backstepping":
+            return self.backstepping
+        if self.pid is None:
+            raise DomainError(self.why_no_pid)
+        return self.pid
+
+    @property
+    def controllers(self) -> tuple[ControllerName, ...]:
+        """The names of the controllers that there are."""
+        return CONTROLLERS if self.pid is not None else tuple(name for name in CONTROLLERS if name != "pid")
+
+    def observer(
+        self,
+        name: ObserverName,
+        distance_deviation_m: float = FIRST_DEVIATION_M,
+        velocity_cutoff_rad_s: float = np.inf,
+    ) -> Observer[Any]:
+        """The observer of this name: a filter for the Hall voltage, or the direct measurement.
+
+        Parameters
+        ----------
+        name : str
+            One of :data:`OBSERVERS`; a trailing 4 adds the Hall bias as a state.
+        distance_deviation_m : float
+            Standard deviation of the first belief's distance, for a filter.
+        velocity_cutoff_rad_s : float
+            Of the direct measurement's derivative; infinite: raw.
+        """
+        if name == "direct":
+            return DirectObserver(self.model, hall_inverse(self.model), velocity_cutoff_rad_s)
+        biased = name.endswith("4")
+        process = levitation_process(
+            self.model,
+            hall_bias=biased,
+            noise=default_noise(self.model, self.targets_m[0], self.noise_V),
+            distance=self.targets_m[0],
+        )
+        kinds: dict[str, type[Filter]] = {
+            "ukf": UnscentedFilter,
+            "ekf": ExtendedFilter,
+            "srukf": SquareRootUnscentedFilter,
+        }
+        covariance = initial_covariance(distance_deviation_m, hall_bias_V=BIAS_DEVIATION_V if biased else None)
+        return FilterObserver(kinds[name.removesuffix("4")](process), with_memory(self.model, covariance))
+
+
+def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesign:
+    """Derive everything that a closed loop needs.
+
+    Parameters
+    ----------
+    noise_V : float or None
+        White noise of a Hall sample; None: the model's own, or the paper's where the model has none.
+
+    Raises
+    ------
+    MissingPartError
+        If the model has no circuit, motion or sensor.
+    DomainError
+        If the body cannot be held at the reference distances, or hangs there without being unstable, or the Hall
+        element is saturated there.
+    """
+    model.require_motion()
+    sensor = model.require_sensor()
+    model = replace(model, circuit=_covered(model))
+    targets = model.reference_distances_m or _derived_targets(model)
+    points = tuple(operating_point(model, float(d)) for d in np.linspace(min(targets), max(targets), DESIGN_POINTS))
+    stable = [point.distance_m for point in points if point.mechanical_pole_rad_s == 0.0]
+    if stable:
+        raise DomainError(
+            f"Model {model.name!r} must have a force that falls with the distance where it holds its body; at "
+            f"{1e3 * stable[0]:g} mm it grows, so that the body needs no controller there. Choose other reference "
+            "distances."
+        )
+    _require_sensed(model, np.array([p.distance_m for p in points]), np.array([p.current_A for p in points]))
+    pid, why_no_pid = _pid_or_why(model, points[len(points) // 2])
+    return LoopDesign(
+        model=model,
+        targets_m=targets,
+        points=points,
+        backstepping=design_backstepping(model, points),
+        pid=pid,
+        reference_rate_rad_s=reference_rate(model, targets),
+        noise_V=(sensor.noise_V or PAPER_HALL_NOISE_V) if noise_V is None else noise_V,
+        why_no_pid=why_no_pid,
+    )
+
+
+def _pid_or_why(model: ActuatorModel, point: OperatingPoint) -> tuple[Pid | None, str]:
+    """The PID controller, or why a body and coil like these have none: other controllers may hold it all the same."""
+    try:
+        return design_pid(model, point), ""
+    except DomainError as error:
+        return None, str(error)
+
+
+def _covered(model: ActuatorModel) -> Circuit:
+    """The circuit with voltages whose currents the model covers: a stronger driver would leave it at once."""
+    circuit, box = model.require_circuit(), model.validity
+    lowest, highest = (COVERED_PART * circuit.resistance_ohm * i for i in (box.current_min_A, box.current_max_A))
+    # A driver that cannot give negative currents is not limited by a sweep that begins at zero.
+    lowest = lowest if lowest < 0.0 else -np.inf
+    highest = highest if highest > 0.0 else np.inf
+    return replace(
+        circuit,
+        voltage_min_V=max(circuit.voltage_min_V, lowest),
+        voltage_max_V=min(circuit.voltage_max_V, highest),
+    )
+
+
+def _derived_targets(model: ActuatorModel) -> tuple[float, ...]:
+    """Steps over the middle 40 % of the distances at which the driver holds the body and the Hall element sees it."""
+    box, motion = model.validity, model.require_motion()
+    low, high = current_range(model)
+    d = np.linspace(box.distance_min_m, box.distance_max_m, 301)
+    weight = motion.mass_kg * motion.gravity_m_s2
+    weakest, strongest = model.magnetics.force(d, np.asarray(low)), model.magnetics.force(d, np.asarray(high))
+    holdable = d[(weakest <= weight) & (strongest >= weight)]
+    if holdable.size < 3:
+        _refuse_to_hold(model, d, weakest, strongest)
+    current = current_for_force(model, holdable, np.full_like(holdable, weight))
+    seen = holdable[_sensed(model, holdable, current)]
+    if seen.size < 3:
+        _require_sensed(model, holdable, current)
+    near, far = float(seen[0]), float(seen[-1])
+    return near + 0.3 * (far - near), near + 0.7 * (far - near), near + 0.3 * (far - near)
+
+
+def _refuse_to_hold(model: ActuatorModel, d: FloatArray, weakest: FloatArray, strongest: FloatArray) -> NoReturn:
+    motion, (low, high) = model.require_motion(), current_range(model)
+    weight = motion.mass_kg * motion.gravity_m_s2
+    repelled = d[(weakest >= weight) & (strongest <= weight)]
+    if repelled.size:
+        raise DomainError(
+            f"A positive current must attract the body of model {model.name!r}; at {1e3 * repelled[0]:.4g} mm its "
+            f"force falls as the current grows from {low:.3g} to {high:.3g} A. Turn the magnet's magnetization around "
+            "in the actuator file, which is the same as reversing the coil's leads."
+        )
+    forces = np.concatenate([weakest, strongest])
+    raise DomainError(
+        f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in {1e3 * d[0]:g}.."
+        f"{1e3 * d[-1]:g} mm: the weight is {1e3 * weight:.4g} mN, and with {low:.3g}..{high:.3g} A the force is "
+        f"{1e3 * forces.min():.4g}..{1e3 * forces.max():.4g} mN. It is not an actuator that levitates this body; "
+        "change mass or supply to simulate one that is."
+    )
+
+
+def _sensed(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
+    sensor = model.require_sensor()
+    voltage = sensor.voltage(distance, current)
+    return np.asarray((voltage > sensor.output_min_V) & (voltage < sensor.output_max_V))
+
+
+def _require_sensed(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> None:
+    """Refuse points of rest at which the Hall element gives the end of its range, whatever the distance."""
+    blind = ~_sensed(model, distance, current)
+    if np.any(blind):
+        sensor = model.require_sensor()
+        field = sensor.field.field(distance[blind], current[blind])
+        strongest = int(np.argmax(np.abs(field)))
+        raise DomainError(
+            f"The Hall element of model {model.name!r} must stay within its output range of {sensor.output_min_V:g}.."
+            f"{sensor.output_max_V:g} V where the body is held; {1e3 * field[strongest]:.4g} mT at "
+            f"{1e3 * distance[blind][strongest]:.4g} mm and {sensor.sensitivity_V_per_T:g} V/T ask for "
+            f"{sensor.quiescent_V + sensor.sensitivity_V_per_T * field[strongest]:.4g} V. Give [hall] a smaller "
+            "sensitivity_V_per_T, or move the element."
+        )

@@ -1,0 +1,153 @@
+"""Several small experiments as one batch: what differs between them is an entry a run, not another loop."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.filters.direct import hall_inverse
+from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.controller import SplitController
+from femfit.simulation.design import FIRST_DEVIATION_M, ControllerName, LoopDesign, ObserverName
+from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
+from femfit.simulation.observer import SplitObserver
+from femfit.simulation.operating_point import operating_point
+from femfit.simulation.plant import Plant, with_force_scale
+from femfit.simulation.reference import reference_steps, stack_references
+from femfit.simulation.sensor import SensorErrors
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment of a batch.
+
+    Parameters
+    ----------
+    targets_m : tuple of float
+        Reference distances in turn; one for a hold.
+    force_scale : float
+        Of the plant against the model.
+    offset_V, drift_V_per_s, drift_V_per_sqrt_s, stuck_after_s, dropout_probability : float
+        Of the Hall sensor, as in :class:`femfit.simulation.sensor.SensorErrors`.
+    noise_V : float or None
+        Of the Hall sensor; None: the design's.
+    believed_m : float or None
+        Distance that the observer starts with; None: the true one. The filter is told of so large an error.
+    """
+
+    controller: ControllerName
+    observer: ObserverName
+    targets_m: tuple[float, ...]
+    force_scale: float = 1.0
+    offset_V: float = 0.0
+    drift_V_per_s: float = 0.0
+    drift_V_per_sqrt_s: float = 0.0
+    stuck_after_s: float = np.inf
+    dropout_probability: float = 0.0
+    noise_V: float | None = None
+    believed_m: float | None = None
+    velocity_cutoff_rad_s: float = np.inf
+
+
+def run_experiments(
+    design: LoopDesign,
+    experiments: Sequence[Experiment],
+    random: np.random.Generator,
+    *,
+    runs: int,
+    steps: int,
+    windows: tuple[slice, ...] = (),
+    supported_steps: int = 0,
+    noise_blocks: int = 1,
+    recorded: int | None = None,
+    plant: ActuatorModel | None = None,
+) -> tuple[LoopResult, ...]:
+    """Run experiments side by side.
+
+    Parameters
+    ----------
+    noise_blocks : int
+        The experiments are this many equal blocks in a row that see the same noise, so that what differs between the
+        blocks is not hidden by it.
+    recorded : int or None
+        Runs of the whole batch whose series are kept; None: all.
+    plant : ActuatorModel or None
+        What truly moves and is truly sensed, where that is another model than the design's.
+
+    Raises
+    ------
+    DomainError
+        If the plant cannot hold its body at a reference distance.
+    """
+    model = design.model
+    truth = model if plant is None else replace(plant, sample_time_s=model.sample_time_s)
+
+    def each(values: Sequence[float]) -> FloatArray:
+        return np.repeat(np.asarray(values, dtype=np.float64), runs)
+
+    paths = [reference_steps(e.targets_m, steps, model.sample_time_s, design.reference_rate_rad_s) for e in experiments]
+    scale = each([e.force_scale for e in experiments])
+    loop = ClosedLoop(
+        plant=Plant(with_force_scale(truth, scale) if np.any(scale != 1.0) else truth),
+        sensor=truth.require_sensor(),
+        errors=SensorErrors(
+            noise_V=each([design.noise_V if e.noise_V is None else e.noise_V for e in experiments]),
+            offset_V=each([e.offset_V for e in experiments]),
+            drift_V_per_s=each([e.drift_V_per_s for e in experiments]),
+            drift_V_per_sqrt_s=each([e.drift_V_per_sqrt_s for e in experiments]),
+            stuck_after_s=each([e.stuck_after_s for e in experiments]),
+            dropout_probability=each([e.dropout_probability for e in experiments]),
+            blocks=noise_blocks,
+        ),
+        observer=_observers(design, experiments, runs),
+        controller=SplitController(
+            tuple(
+                (_rows([e.controller == name for e in experiments], runs), design.controller(name))
+                for name in dict.fromkeys(e.controller for e in experiments)
+            )
+        ),
+        reference=stack_references(paths, [runs] * len(experiments)),
+    )
+    starts = np.array([[e.targets_m[0], 0.0, operating_point(truth, e.targets_m[0]).current_A] for e in experiments])
+    beliefs = starts.copy()
+    beliefs[:, 0] = [e.targets_m[0] if e.believed_m is None else e.believed_m for e in experiments]
+    result = run_loop(
+        loop,
+        np.repeat(starts, runs, axis=0),
+        random,
+        start_estimate=np.repeat(beliefs, runs, axis=0),
+        supported_steps=supported_steps,
+        windows=windows,
+        recorded=recorded,
+    )
+    return tuple(result.part(slice(k * runs, (k + 1) * runs)) for k in range(len(experiments)))
+
+
+def _rows(mask: Sequence[bool], runs: int) -> IntArray:
+    return np.flatnonzero(np.repeat(mask, runs))
+
+
+def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int) -> SplitObserver:
+    """One observer for all experiments that can share it."""
+
+    def kind(e: Experiment) -> tuple[ObserverName, float, float]:
+        return e.observer, abs((e.believed_m or e.targets_m[0]) - e.targets_m[0]), e.velocity_cutoff_rad_s
+
+    parts = []
+    for name, wrong, cutoff in dict.fromkeys(kind(e) for e in experiments):
+        observer = design.observer(name, wrong or FIRST_DEVIATION_M, cutoff)
+        parts.append((_rows([kind(e) == (name, wrong, cutoff) for e in experiments], runs), observer))
+    return SplitObserver(tuple(parts))
+
+
+def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
+    """The direct measurement of a recorded loop: its readings inverted with the current that its observer had.
+
+    Returns
+    -------
+    array, shape (steps, recorded runs)
+        In m; NaN after a run was lost.
+    """
+    distance, _ = hall_inverse(design.model).distance(series.hall_V.ravel(), series.estimated_current_A.ravel())
+    return distance.reshape(series.hall_V.shape)

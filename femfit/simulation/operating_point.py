@@ -1,0 +1,206 @@
+"""Where the body hangs at rest, and the linear model around it.
+
+At rest F(d, i) = m g and U = R i. Around that point, with x = (distance, velocity, current),
+
+    x' = A x + B u,    A = [[0, 1, 0], [-F_d/m, 0, -k_m/m], [0, k_m/L, -R/L]],    B = [0, 0, 1/L].
+
+F_d < 0 makes the point unstable: the mechanical pole without back-EMF is sqrt(-F_d/m).
+
+References
+----------
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 5.1.
+C. F. Van Loan, IEEE Trans. Automat. Contr. 23 (1978) 395, for the matrix exponential of (A, B).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import DomainError
+from femfit.filters.theory import holding_current
+from femfit.model.actuator_model import ActuatorModel
+
+USABLE_PART = 0.3
+"""Fastest pole that a loop is designed with, times the sample time: a third of it turns by 0.1 rad a sample."""
+
+_NEWTON_STEPS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class OperatingPoint:
+    """A point of rest and its linear model.
+
+    Parameters
+    ----------
+    mechanical_pole_rad_s : float
+        sqrt(-F_d/m) where the point is unstable, 0 where it is stable.
+    A : array, shape (3, 3)
+        In (m, m/s, A).
+    B : array, shape (3,)
+        Input column, in A/(V s).
+    """
+
+    distance_m: float
+    current_A: float
+    voltage_V: float
+    mechanical_pole_rad_s: float
+    coil_pole_rad_s: float
+    motional_constant_N_A: float
+    inductance_H: float
+    A: FloatArray
+    B: FloatArray
+
+    def discrete(self, step: float) -> tuple[FloatArray, FloatArray]:
+        """(Phi, Gamma) of x(k+1) = Phi x(k) + Gamma u(k), the voltage held over a step in s."""
+        return zero_order_hold(self.A, self.B, step)
+
+
+def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
+    """The point of rest at a distance.
+
+    Raises
+    ------
+    DomainError
+        If the distance lies outside of the model or no voltage of the driver holds the body there.
+    """
+    circuit, motion = model.require_circuit(), model.require_motion()
+    current = holding_current(model, distance)
+    if not circuit.voltage_min_V <= circuit.resistance_ohm * current <= circuit.voltage_max_V:
+        raise DomainError(
+            f"The driver must hold {1e3 * motion.mass_kg:g} g at {1e3 * distance:g} mm with a voltage of "
+            f"{circuit.voltage_min_V:g}..{circuit.voltage_max_V:g} V; model {model.name!r} needs "
+            f"{circuit.resistance_ohm * current:.4g} V there. Choose another reference distance, or change the body's "
+            "mass or the supply in the actuator file."
+        )
+    d, i = np.array([distance]), np.array([current])
+    magnetic = model.magnetics.state(d, i)
+    gradient = float(model.magnetics.force_gradient(d, i)[0])
+    inductance, motional = float(magnetic.inductance[0]), float(magnetic.motional_constant[0])
+    mass, resistance = motion.mass_kg, circuit.resistance_ohm
+    A = np.array(
+        [
+            [0.0, 1.0, 0.0],
+            [-gradient / mass, 0.0, -motional / mass],
+            [0.0, motional / inductance, -resistance / inductance],
+        ]
+    )
+    return OperatingPoint(
+        distance_m=distance,
+        current_A=current,
+        voltage_V=resistance * current,
+        mechanical_pole_rad_s=float(np.sqrt(max(-gradient / mass, 0.0))),
+        coil_pole_rad_s=resistance / inductance,
+        motional_constant_N_A=motional,
+        inductance_H=inductance,
+        A=A,
+        B=np.array([0.0, 0.0, 1.0 / inductance]),
+    )
+
+
+def usable_coil_pole(point: OperatingPoint, step: float) -> float:
+    """The coil's pole that a controller may count on: its own, but slow enough for the samples.
+
+    An air coil's R/L is beyond what a sampled loop can use: gains made for it would act within one sample.
+
+    Returns
+    -------
+    float
+        In rad/s, at most :data:`USABLE_PART` over the step.
+    """
+    return min(point.coil_pole_rad_s, USABLE_PART / step)
+
+
+def current_range(model: ActuatorModel) -> tuple[float, float]:
+    """The currents in A that the driver's clamp can hold and the model covers.
+
+    Returns
+    -------
+    (float, float)
+        Smallest and largest, in A.
+    """
+    circuit, box = model.require_circuit(), model.validity
+    low = max(circuit.voltage_min_V / circuit.resistance_ohm, box.current_min_A)
+    high = min(circuit.voltage_max_V / circuit.resistance_ohm, box.current_max_A)
+    return low, high
+
+
+def current_for_force(model: ActuatorModel, distance: FloatArray, force: FloatArray) -> FloatArray:
+    """The current that gives a force: F(d, i) = force, kept between the currents of :func:`current_range`.
+
+    Newton's iteration from the largest current: dF/di rises with the current in an unsaturated actuator, so that it
+    approaches the root from one side. Where no current of the range gives the force, the nearer end is returned.
+
+    Parameters
+    ----------
+    distance : array, shape (...)
+        In m.
+    force : array, shape (...)
+        In N.
+
+    Returns
+    -------
+    array, shape (...)
+        In A.
+    """
+    low, high = current_range(model)
+    current = np.full(np.shape(distance), high)
+    for _ in range(_NEWTON_STEPS):
+        slope_d, slope_di = model.magnetics.coenergy_derivatives(distance, current, ((1, 0), (1, 1)))
+        slope = np.maximum(-slope_di, 1e-12 * np.abs(slope_d) / high + np.finfo(np.float64).tiny)
+        updated = np.clip(current - (-slope_d - force) / slope, low, high)
+        change = np.abs(updated - current)
+        current = updated
+        if not np.any(change > 1e-6 * high):  # the next change would be its square
+            break
+    return current
+
+
+def current_for_acceleration(model: ActuatorModel, distance: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """The current for which F(d, i) = m (g - a), as :func:`current_for_force`.
+
+    Parameters
+    ----------
+    distance : array, shape (...)
+        In m.
+    acceleration : array, shape (...)
+        Along growing distance, in m/s^2.
+
+    Returns
+    -------
+    array, shape (...)
+        In A.
+    """
+    motion = model.require_motion()
+    return current_for_force(model, distance, motion.mass_kg * (motion.gravity_m_s2 - acceleration))
+
+
+def zero_order_hold(A: FloatArray, B: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Discretise x' = A x + B u with u held: exp of [[A, B], [0, 0]] by scaling, Taylor series and squaring.
+
+    Parameters
+    ----------
+    A : array, shape (n, n)
+        In 1/s.
+    B : array, shape (n,)
+        Input column.
+
+    Returns
+    -------
+    Phi : array, shape (n, n)
+        exp(A step).
+    Gamma : array, shape (n,)
+        Integral of exp(A t) B over the step.
+    """
+    n = len(B)
+    M = np.zeros((n + 1, n + 1))
+    M[:n, :n], M[:n, n] = A * step, B * step
+    squarings = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(M, 1)), 1e-300)))) + 4)
+    M = M / 2.0**squarings
+    term, result = np.eye(n + 1), np.eye(n + 1)
+    for k in range(1, 13):  # |M| <= 1/16: the 13th term is below 1e-24
+        term = term @ M / k
+        result = result + term
+    for _ in range(squarings):
+        result = result @ result
+    return result[:n, :n], result[:n, n]

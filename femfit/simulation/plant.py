@@ -1,0 +1,122 @@
+"""The simulated actuator: the model's own equations, with known differences on request.
+
+m d'' = m g - s F(d, i) + disturbance: a force scaled by s comes from a co-energy whose part that depends on the
+distance is scaled by s, so the plant stays conservative and its inductance keeps its value.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (2) and (3), corrected in femfit.model.dynamics.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.coenergy_jet import coenergy_jet
+from femfit.model.dynamics import runge_kutta_step
+from femfit.model.magnetics import Magnetics
+from femfit.model.with_effects import EffectMagnetics
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledForce(Magnetics):
+    """Magnetics whose force and motional constant are scaled, the inductance left alone.
+
+    W'(d, i) = s (W'_0(d, i) - W'_0(d_ref, i)) + W'_0(d_ref, i): at d_ref the flux linkage is unchanged as well.
+
+    Parameters
+    ----------
+    scale : array, shape (runs,)
+        s, one factor a run.
+    """
+
+    base: Magnetics
+    scale: FloatArray
+    reference_distance_m: float
+
+    def _derivatives(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        values = self.base.coenergy_derivatives(distance, current, orders)
+        reference = np.asarray(self.reference_distance_m)
+        unscaled = iter(self.base.coenergy_derivatives(reference, current, tuple((0, b) for a, b in orders if a == 0)))
+        return [
+            self.scale * value if a else self.scale * value + (1.0 - self.scale) * next(unscaled)
+            for (a, _), value in zip(orders, values, strict=True)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A batch of simulated actuators.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With circuit and motion; what truly moves.
+    substeps : int
+        Runge-Kutta steps in one sample period.
+    disturbance_N : array, shape (runs,), or float
+        Constant further force along growing distance.
+    """
+
+    model: ActuatorModel
+    substeps: int = 1
+    disturbance_N: FloatArray | float = 0.0
+
+    def start(self, state: FloatArray) -> FloatArray:
+        """The first state, those of the model's effects at rest.
+
+        Parameters
+        ----------
+        state : array, shape (runs, 3)
+            Distance in m, velocity in m/s, current in A.
+
+        Returns
+        -------
+        array, shape (runs, 3 or more)
+            With zeros for ``model.memory_names``.
+        """
+        added = len(self.model.memory_names)
+        return np.concatenate([np.array(state, dtype=np.float64), np.zeros((len(state), added))], axis=1)
+
+    def step(self, state: FloatArray, voltage: FloatArray) -> FloatArray:
+        """Advance by one sample period.
+
+        Parameters
+        ----------
+        state : array, shape (runs, 3 or more)
+            Distance in m, velocity in m/s, current in A; after them ``model.memory_names``.
+        voltage : array, shape (runs,)
+            Held over the period, in V.
+
+        Returns
+        -------
+        array, in the shape of ``state``
+            The next state.
+        """
+        return runge_kutta_step(self.model, state, voltage, self.model.sample_time_s, self.substeps, self.disturbance_N)
+
+
+def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> ActuatorModel:
+    """The model with its force scaled: a plant that the unscaled model describes wrongly by that much.
+
+    Parameters
+    ----------
+    scale : array, shape (runs,), or float
+        1.01 for a force one per cent larger; one factor for all runs or one a run.
+
+    Returns
+    -------
+    ActuatorModel
+        For a plant of as many runs.
+    """
+    box = model.validity
+    middle, factor = 0.5 * (box.distance_min_m + box.distance_max_m), np.asarray(scale, dtype=np.float64)
+    dynamics = model.dynamics
+    if dynamics is not None:
+        scaled = ScaledForce(EffectMagnetics(dynamics.motion_jet), factor, middle)
+        dynamics = replace(dynamics, motion_jet=coenergy_jet(scaled, None))
+    return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle), dynamics=dynamics)

@@ -1,0 +1,120 @@
+"""Reference steps that the driver can follow.
+
+A step of the wanted distance passes three equal first-order filters,
+
+    r''' = w^3 (target - r) - 3 w^2 r' - 3 w r'',
+
+which give r, r' and r'' that belong together. (34)'s ref_d and ref_dd are such filters with 150 and 125 rad/s (printed
+as Hz: exp(-150 t_s) = 0.9277), each differentiating the one before without a common r; an 8 mm step through them asks
+for 1.2 m/s at once, which no voltage of the clamp gives. Here w is the largest for which the voltage that is needed,
+
+    u = R i + L i' - k_m r',    F(r, i) = m (g - r''),
+
+uses at most a part of the way from the holding voltage to the clamp, so that the rest is left to the feedback.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eq. (34).
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.controller import Reference
+from femfit.simulation.operating_point import (
+    current_for_acceleration,
+    operating_point,
+    usable_coil_pole,
+    zero_order_hold,
+)
+
+USED_AUTHORITY = 0.5
+"""Part of the voltage between holding and clamp that the reference may use."""
+
+
+def reference_steps(targets: Sequence[float], steps: int, sample_time: float, rate: float) -> Reference:
+    """Equally long stays at each target, the first from rest.
+
+    Parameters
+    ----------
+    targets : sequence of float
+        Distances in m.
+    rate : float
+        w in rad/s.
+    """
+    A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(rate**3), -3.0 * rate**2, -3.0 * rate]])
+    phi, gamma = zero_order_hold(A, np.array([0.0, 0.0, rate**3]), sample_time)
+    target = np.asarray(targets)[np.arange(steps) * len(targets) // steps]
+    states = np.empty((steps, 3))
+    state = np.array([targets[0], 0.0, 0.0])
+    for k in range(steps):
+        states[k] = state
+        state = phi @ state + gamma * target[k]
+    return Reference(states[:, 0], states[:, 1], states[:, 2])
+
+
+def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> Reference:
+    """Different references for consecutive runs of one batch, shape (steps, runs).
+
+    Parameters
+    ----------
+    references : sequence of Reference
+        Of the same length, each of shape (steps,).
+    """
+    parts = (
+        np.stack([getattr(r, name) for r in references], axis=1) for name in ("distance", "velocity", "acceleration")
+    )
+    return Reference(*(np.repeat(part, counts, axis=1) for part in parts))
+
+
+def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
+    """The largest w that leaves the feedback its part of the voltage, for the largest of the steps.
+
+    Parameters
+    ----------
+    targets : sequence of float
+        Distances in m.
+
+    Returns
+    -------
+    float
+        w in rad/s, at most a third of the coil's usable pole.
+    """
+    highest = usable_coil_pole(operating_point(model, targets[0]), model.sample_time_s) / 3.0
+    pairs = {pair for pair in pairwise(targets) if pair[0] != pair[1]}
+    low, high = 1e-3 * highest, highest
+    if all(_fits(model, pair, high) for pair in pairs):
+        return high
+    for _ in range(20):
+        middle = float(np.sqrt(low * high))
+        if all(_fits(model, pair, middle) for pair in pairs):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _fits(model: ActuatorModel, pair: tuple[float, float], rate: float) -> bool:
+    circuit = model.require_circuit()
+    step = 0.02 / rate
+    path = reference_steps((pair[0], pair[1]), 1000, step, rate)
+    moving = slice(500, 1000)  # the second half: the step and ten time constants
+    r, v, a = path.distance[moving], path.velocity[moving], path.acceleration[moving]
+    needed = _voltage(model, r, v, a, step)
+    resting = _voltage(model, r, np.zeros_like(v), np.zeros_like(a), np.inf)
+    lower = resting - USED_AUTHORITY * (resting - circuit.voltage_min_V)
+    upper = resting + USED_AUTHORITY * (circuit.voltage_max_V - resting)
+    return bool(np.all((needed >= lower) & (needed <= upper)))
+
+
+def _voltage(model: ActuatorModel, r: FloatArray, v: FloatArray, a: FloatArray, step: float) -> FloatArray:
+    circuit = model.require_circuit()
+    current = current_for_acceleration(model, r, a)
+    magnetic = model.magnetics.state(r, current)
+    rate = np.gradient(current) / step
+    voltage = circuit.resistance_ohm * current + magnetic.inductance * rate - magnetic.motional_constant * v
+    return np.asarray(voltage)

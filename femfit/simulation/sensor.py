@@ -1,0 +1,111 @@
+"""The Hall sensor as the controller sees it: field, offset, drift, noise, clipping, converter, faults.
+
+V = quiescent + S B(d, i) + offset + drift(t) + noise, clipped to the output's range and rounded to the converter's
+steps of (V_max - V_min) / 2^bits; a random-walk drift adds N(0, q^2 t_s) each sample.
+
+References
+----------
+Allegro MicroSystems, A1321/A1322/A1323 datasheet: 5 mV/G, ratiometric quiescent output of half the supply.
+B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008): error variance LSB^2/12.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.model.actuator_model import HallSensor
+
+
+@dataclass(frozen=True, eq=False)
+class SensorErrors:
+    """What is wrong with the sensor; every entry is one number or one a run.
+
+    Parameters
+    ----------
+    noise_V : array, shape (runs,), or float
+        Standard deviation of white noise on a sample.
+    offset_V : array or float
+        Constant offset that the model does not know.
+    drift_V_per_sqrt_s : array or float
+        Random walk of the offset: its standard deviation after one second.
+    stuck_after_s : array or float
+        From then on the last reading is repeated; infinite for never.
+    dropout_probability : array or float
+        Of a sample that reads the lower end of the range.
+    blocks : int
+        The runs are this many equal blocks in a row that share their random numbers, so that what differs between the
+        blocks is not hidden by the noise (common random numbers).
+    """
+
+    noise_V: FloatArray | float = 0.0
+    offset_V: FloatArray | float = 0.0
+    drift_V_per_s: FloatArray | float = 0.0
+    drift_V_per_sqrt_s: FloatArray | float = 0.0
+    stuck_after_s: FloatArray | float = np.inf
+    dropout_probability: FloatArray | float = 0.0
+    blocks: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class SensorState:
+    """What the sensor remembers.
+
+    Parameters
+    ----------
+    walk_V : array, shape (runs,)
+        Random-walk part of the offset.
+    reading_V : array, shape (runs,)
+        Last reading.
+    """
+
+    walk_V: FloatArray
+    reading_V: FloatArray
+
+
+def initial_sensor_state(runs: int) -> SensorState:
+    """A sensor that has not drifted yet."""
+    return SensorState(np.zeros(runs), np.zeros(runs))
+
+
+def read_sensor(
+    sensor: HallSensor,
+    errors: SensorErrors,
+    state: SensorState,
+    voltage: FloatArray,
+    time: float,
+    sample_time: float,
+    random: np.random.Generator,
+) -> SensorState:
+    """Take one reading.
+
+    Parameters
+    ----------
+    voltage : array, shape (runs,)
+        The element's output without these errors, in V.
+
+    Returns
+    -------
+    SensorState
+        Whose ``reading_V`` is the new reading.
+    """
+    runs = len(voltage)
+    drawn = runs // errors.blocks
+    # Always all three, so that switching one error on leaves the others' random numbers as they were
+    numbers = random.standard_normal(drawn), random.standard_normal(drawn), random.random(drawn)
+    white, step, lost = (np.tile(part, errors.blocks) for part in numbers)
+    walk = state.walk_V + errors.drift_V_per_sqrt_s * np.sqrt(sample_time) * step
+    voltage = voltage + errors.offset_V + errors.drift_V_per_s * time + walk + errors.noise_V * white
+    reading = np.where(lost < errors.dropout_probability, sensor.output_min_V, convert(sensor, voltage))
+    return SensorState(walk, np.where(time >= errors.stuck_after_s, state.reading_V, reading))
+
+
+def convert(sensor: HallSensor, voltage: FloatArray) -> FloatArray:
+    """Clip to the output's range and round to the converter's steps."""
+    low, high = sensor.output_min_V, sensor.output_max_V
+    clipped = np.clip(voltage, low, high)
+    if sensor.adc_bits == 0:
+        return clipped
+    step = sensor.quantisation_step
+    codes = np.minimum(np.round((clipped - low) / step), 2.0**sensor.adc_bits - 1.0)
+    return low + step * codes

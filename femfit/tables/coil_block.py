@@ -1,0 +1,61 @@
+"""A stretch of a coil record: what a search coil, a Hall probe and a current sensor read. numpy only."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class CoilBlock:
+    """Consecutive samples of a coil record; one sample is a block too.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        In s, rising.
+    voltage : array, shape (n,)
+        Of the coil in V; positive for a rising field.
+    hall : array, shape (n,), or None
+        Hall probe's reading in T; NaN where there is none.
+    current : array, shape (n,), or None
+        Excitation current in A.
+    """
+
+    time: FloatArray
+    voltage: FloatArray
+    hall: FloatArray | None = None
+    current: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice | IntArray | BoolArray) -> "CoilBlock":
+        def part(column: FloatArray | None) -> FloatArray | None:
+            return None if column is None else column[rows]
+
+        return CoilBlock(self.time[rows], self.voltage[rows], part(self.hall), part(self.current))
+
+
+def joined_record(blocks: Iterable[CoilBlock]) -> CoilBlock:
+    """Consecutive coil blocks as one.
+
+    Parameters
+    ----------
+    blocks : iterable of CoilBlock
+        At least one, all with the same columns.
+    """
+    whole = list(blocks)
+
+    def column(parts: list[FloatArray | None]) -> FloatArray | None:
+        known = [part for part in parts if part is not None]
+        return np.concatenate(known) if known else None
+
+    return CoilBlock(
+        np.concatenate([block.time for block in whole]),
+        np.concatenate([block.voltage for block in whole]),
+        column([block.hall for block in whole]),
+        column([block.current for block in whole]),
+    )

@@ -1,0 +1,188 @@
+"""From the file's coordinates and signs to femfit's: face at z = 0, moving part above it, positive current attracts.
+
+Mirroring z leaves A_phi, the current and B_z as they are and turns B_r and F_z round, so that a drawing whose moving
+part hangs below is mirrored without a change of magnets or current. Reversing every magnet and current reverses B
+and leaves the force; it is done where the moving magnet points along -z, so that a positive current attracts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import Polygon, box
+
+from femfit.tables.femm.faces import GRID, MIN_AREA
+from femfit.tables.femm.mover import FemBodies
+from femfit.tables.femm.options import FemOptions
+from femfit.tables.femm.parse import DIGITS
+from femfit.tables.femm.parts import FemPart
+from femfit.tables.femm.winding import FemWinding
+from femfit.tables.finding import Finding
+
+
+@dataclass(frozen=True)
+class FemFrame:
+    """How the file's drawing is placed in an actuator file.
+
+    Parameters
+    ----------
+    face_mm : float
+        Height of the electromagnet's face in the file's z.
+    up : float
+        +1 where the moving part stands above it in the file, -1 below.
+    distance_mm : float
+        From the face to the moving part's nearest point, in the file.
+    field_sign : float
+        -1 where every magnet and current is reversed.
+    current_sign : float
+        femfit's current and flux linkage over the file's; also -1 for turns counted the other way.
+    """
+
+    face_mm: float
+    up: float
+    distance_mm: float
+    field_sign: float
+    current_sign: float
+
+    def placed(self, polygon: Polygon, *, moving: bool) -> Polygon:
+        """A polygon of the file where the actuator file draws it; the moving part at distance 0."""
+        base = np.array([0.0, self.face_mm + (self.up * self.distance_mm if moving else 0.0)])
+        placed: Polygon = shapely.transform(
+            polygon, lambda points: np.round((points - base) * np.array([1.0, self.up]), DIGITS) + 0.0
+        )
+        return placed
+
+
+def find_frame(
+    bodies: FemBodies, winding: FemWinding, options: FemOptions, problems: list[str], findings: list[Finding]
+) -> FemFrame | None:
+    """The place of the face, the side of the moving part and the file's distance.
+
+    Parameters
+    ----------
+    options : FemOptions
+        The user's choice of side and face.
+
+    Returns
+    -------
+    FemFrame or None
+        None if there is no gap, or it is not clear where it is counted from.
+    """
+    fixed = shapely.union_all([*(part.polygon for part in bodies.fixed), winding.polygon])
+    moving = shapely.union_all([part.polygon for part in bodies.moving])
+    up = _side(fixed, moving, options, problems)
+    if up == 0.0:
+        return None
+    face = _face(fixed, moving, up, findings) if options.face_mm is None else round(up * options.face_mm, DIGITS)
+    if face is None:
+        problems.append(
+            "it is not clear from where the distance is counted: no fixed part lies before the moving part. Give the "
+            "height of a corner of the electromagnet in the file's z with --face-mm, or the side with --mover-side."
+        )
+        return None
+    distance = round(_height(moving, up, lowest=True) - face, DIGITS)
+    if distance <= 0:
+        problems.append(
+            f"the moving part stands at a distance of {distance:g} mm from the face at z = {up * face:g} mm; femfit "
+            "needs a gap. Move it away, or give another face with --face-mm or side with --mover-side."
+        )
+        return None
+    field = _polarity(bodies)
+    current = field * (1.0 if winding.turns > 0 else -1.0)
+    frame = FemFrame(up * face + 0.0, up, distance, field, current)
+    _say(frame, winding, findings)
+    return frame
+
+
+def _side(fixed: Polygon, moving: Polygon, options: FemOptions, problems: list[str]) -> float:
+    """The side that the user says; else the one with a fixed part before it; else by the middles."""
+    if options.mover_side != "auto":
+        return 1.0 if options.mover_side == "above" else -1.0
+    if options.face_mm is None:
+        sides = [up for up in (1.0, -1.0) if _before(fixed, moving, up) is not None]
+        if len(sides) == 1:
+            return sides[0]
+    middle = [0.5 * (shape.bounds[1] + shape.bounds[3]) for shape in (moving, fixed)]
+    if abs(middle[0] - middle[1]) <= GRID:
+        problems.append(
+            "the moving part stands level with the electromagnet; it is not clear which way it moves off. "
+            "Say --mover-side above or below."
+        )
+        return 0.0
+    return 1.0 if middle[0] > middle[1] else -1.0
+
+
+def _height(shape: Polygon, up: float, *, lowest: bool) -> float:
+    _, low, _, high = shape.bounds
+    return float(min(up * low, up * high) if lowest else max(up * low, up * high))
+
+
+def _face(fixed: Polygon, moving: Polygon, up: float, findings: list[Finding]) -> float | None:
+    """Height along ``up`` that the distance is counted from; None if no fixed part is passed before it."""
+    before = _before(fixed, moving, up)
+    if before is not None:
+        return before
+    corners = up * shapely.get_coordinates(fixed)[:, 1]
+    passed = corners[corners <= _height(moving, up, lowest=True) + GRID]
+    if not len(passed):
+        return None
+    findings.append(
+        Finding(
+            "open-bore",
+            "warning",
+            "No fixed part lies straight before the moving part, as in an open bore; the distance is counted from the "
+            "corner of the electromagnet that its front has passed last.",
+            "Name another with --face-mm.",
+        )
+    )
+    return float(passed.max())
+
+
+def _before(fixed: Polygon, moving: Polygon, up: float) -> float | None:
+    """Height along ``up`` of the fixed parts' top, or of what lies before a moving part that reaches into them."""
+    bottom, top = _height(moving, up, lowest=True), _height(fixed, up, lowest=False)
+    if top <= bottom + GRID:
+        return top
+    r0, _, r1, _ = moving.bounds
+    z0, z1 = sorted((up * bottom, up * (bottom - 1e6)))
+    met = fixed.intersection(box(r0, z0, r1, z1))
+    return _height(met, up, lowest=False) if met.area > MIN_AREA else None
+
+
+def _polarity(bodies: FemBodies) -> float:
+    """Sign of the moving part's magnetic moment; of the fixed magnets' where it has none."""
+    for parts in (bodies.moving, bodies.fixed):
+        moment = _moment(parts)
+        if moment:
+            return 1.0 if moment > 0 else -1.0
+    return 1.0
+
+
+def _moment(parts: Sequence[FemPart]) -> float:
+    return sum(part.sign * part.material.remanence * part.volume_mm3 for part in parts)
+
+
+def _say(frame: FemFrame, winding: FemWinding, findings: list[Finding]) -> None:
+    turned = " and mirrored, for the moving part lies below" if frame.up < 0 else ""
+    findings.append(
+        Finding(
+            "frame",
+            "info",
+            f"The drawing is shifted by {0.0 - frame.up * frame.face_mm:.9g} mm{turned}, so that the face at the "
+            f"file's z = {frame.face_mm:.9g} mm lies at z = 0; the file's own distance is {frame.distance_mm:.9g} mm.",
+        )
+    )
+    if frame.current_sign < 0:
+        findings.append(
+            Finding(
+                "current-sign",
+                "info",
+                f"Current and flux linkage have the opposite sign of circuit {winding.circuit.name!r}, so that a "
+                "positive current attracts the magnet and makes a field along +z.",
+            )
+        )
+    if frame.field_sign < 0:
+        findings.append(
+            Finding("field-sign", "info", "Every field has the opposite sign of the file's: the magnets are reversed.")
+        )

@@ -1,0 +1,205 @@
+"""What a FEMM magnetics file says: frozen data, lengths in mm, indices resolved to the objects that they name."""
+
+from dataclasses import dataclass
+
+from femfit.core.constants import MU_0
+
+NON_MAGNETIC = 1e-3
+"""Deviation of mu_r from 1 below which a material is taken as air; the actuator's own limit."""
+
+
+@dataclass(frozen=True)
+class FemMaterial:
+    """A block property.
+
+    Parameters
+    ----------
+    mu_x, mu_y : float
+        Relative permeabilities along r and z.
+    coercivity : float
+        H_c in A/m; a linear magnet has B = mu_0 mu_r (H + H_c).
+    coercivity_angle : float
+        ``H_cAngle`` in degrees; format 4.0 solvers take the direction from the block label instead.
+    lamination_type : int
+        0 none or in the plane, 1 and 2 stacked, 3 and above kinds of wire.
+    lamination_fill : float
+        Fraction of iron in a laminated block.
+    curve : tuple of (float, float)
+        B-H points (B in T, H in A/m); empty for a linear material.
+    """
+
+    name: str
+    mu_x: float = 1.0
+    mu_y: float = 1.0
+    coercivity: float = 0.0
+    coercivity_angle: float = 0.0
+    current_density: float = 0.0
+    conductivity: float = 0.0
+    lamination_type: int = 0
+    lamination_fill: float = 1.0
+    strands: int = 0
+    wire_diameter_mm: float = 0.0
+    curve: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def remanence(self) -> float:
+        """B_r = mu_0 mu_r H_c in T, without sign."""
+        return MU_0 * self.mu_y * abs(self.coercivity)
+
+    @property
+    def magnetic(self) -> bool:
+        """Whether a field acts on it otherwise than on air."""
+        return bool(self.coercivity or self.curve or max(abs(self.mu_x - 1.0), abs(self.mu_y - 1.0)) > NON_MAGNETIC)
+
+
+@dataclass(frozen=True)
+class FemBoundary:
+    """A boundary property.
+
+    Parameters
+    ----------
+    kind : int
+        0 prescribed A, 1 small skin depth, 2 mixed, 3 strategic dual image, 4 and 5 (anti)periodic, 6 and 7 air gap.
+    c0, c1 : float
+        (1/mu) dA/dn + c0 A + c1 = 0 of kind 2.
+    """
+
+    name: str
+    kind: int = 0
+    potentials: tuple[float, ...] = (0.0, 0.0, 0.0)
+    c0: float = 0.0
+    c1: float = 0.0
+
+
+@dataclass(frozen=True)
+class FemCircuit:
+    """A circuit property.
+
+    Parameters
+    ----------
+    current_A : float
+        Real part of the total current.
+    series : bool
+        Whether its blocks are windings in series.
+    """
+
+    name: str
+    current_A: float = 0.0
+    series: bool = True
+
+
+@dataclass(frozen=True)
+class FemPointProperty:
+    """A point property.
+
+    Parameters
+    ----------
+    potential : float
+        Prescribed A, where there is no current.
+    """
+
+    name: str
+    potential: float = 0.0
+    current_A: float = 0.0
+
+
+@dataclass(frozen=True)
+class FemPoint:
+    """A node of the drawing.
+
+    Parameters
+    ----------
+    r, z : float
+        In mm.
+    """
+
+    r: float
+    z: float
+    property: FemPointProperty | None = None
+
+
+@dataclass(frozen=True)
+class FemLine:
+    """A segment or an arc.
+
+    Parameters
+    ----------
+    start, end : FemPoint
+        Its ends; an arc runs counter-clockwise.
+    angle : float
+        Of the arc in degrees; 0 for a segment.
+    """
+
+    start: FemPoint
+    end: FemPoint
+    angle: float = 0.0
+    boundary: FemBoundary | None = None
+
+
+@dataclass(frozen=True)
+class FemLabel:
+    """A block label.
+
+    Parameters
+    ----------
+    number : int
+        Its place in the file's list, from 1.
+    r, z : float
+        In mm.
+    material : FemMaterial or None
+        None for a region without mesh.
+    magnetization : float
+        Direction in degrees from the r axis.
+    direction_formula : str
+        A Lua expression for the direction; empty for none.
+    external : bool
+        Whether it lies in the mapped external region.
+    default : bool
+        Whether it stands for every region without a label.
+    """
+
+    number: int
+    r: float
+    z: float
+    material: FemMaterial | None
+    circuit: FemCircuit | None = None
+    turns: float = 1.0
+    magnetization: float = 0.0
+    direction_formula: str = ""
+    group: int = 0
+    external: bool = False
+    default: bool = False
+
+    @property
+    def place(self) -> str:
+        """How messages name it."""
+        name = "<No Mesh>" if self.material is None else self.material.name
+        return f"block {name!r} at (r, z) = ({self.r:g}, {self.z:g}) mm"
+
+
+@dataclass(frozen=True)
+class FemModel:
+    """A whole file.
+
+    Parameters
+    ----------
+    unit_mm : float
+        That unit in mm.
+    previous_solution : str
+        File that the solution starts from; empty for none.
+    labels : tuple of FemLabel
+        Block labels; holes have no material.
+    """
+
+    source: str
+    version: float
+    problem_type: str
+    frequency: float
+    unit: str
+    unit_mm: float
+    previous_solution: str
+    previous_type: int
+    comment: str
+    points: tuple[FemPoint, ...]
+    lines: tuple[FemLine, ...]
+    labels: tuple[FemLabel, ...]

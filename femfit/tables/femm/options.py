@@ -1,0 +1,110 @@
+"""What a user can say about a FEMM model where the file does not say it."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from femfit.core.errors import FemFileError
+from femfit.device.decimals import axis_values
+from femfit.device.schema import MAX_AXIS_POINTS, RangeEntry
+
+MIN_ARC_DEGREES, MAX_ARC_DEGREES = 0.1, 30.0
+LARGEST_VALUE = 1e5
+"""Of a distance in mm or a current in A, as in actuator files."""
+
+MoverSide = Literal["auto", "above", "below"]
+
+
+@dataclass(frozen=True)
+class FemOptions:
+    """Choices and values that a ``.fem`` file does not hold.
+
+    Parameters
+    ----------
+    moving_groups : tuple of int
+        Groups of the blocks that move.
+    moving_blocks : tuple of str
+        Names of block properties (materials) whose blocks move.
+    circuit : str or None
+        Name of the winding's circuit, where several have turns.
+    mover_side : {"auto", "above", "below"}
+        Where the moving part stands from the electromagnet, in the file's z.
+    face_mm : float or None
+        Height of the electromagnet's face in the file's z, in mm, from which the distance is counted.
+    distances_mm, currents_A : tuple of float
+        Ascending axes of the sweep; the file's own point is added to them.
+    mass_g : float or None
+        Of the moving body; from its volume otherwise.
+    density_g_per_cm3 : float or None
+        Of the moving body's magnetic parts, for the mass from the volume.
+    arc_degrees : float
+        Largest angle of an arc's chord.
+    name : str or None
+        Of the actuator; from the file's name otherwise.
+    """
+
+    moving_groups: tuple[int, ...] = ()
+    moving_blocks: tuple[str, ...] = ()
+    circuit: str | None = None
+    mover_side: MoverSide = "auto"
+    face_mm: float | None = None
+    distances_mm: tuple[float, ...] = ()
+    currents_A: tuple[float, ...] = ()
+    mass_g: float | None = None
+    density_g_per_cm3: float | None = None
+    resistance_ohm: float | None = None
+    wire_diameter_mm: float | None = None
+    arc_degrees: float = 3.0
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse values that no model could be read with."""
+        given = {
+            "--mass-g": self.mass_g,
+            "--density-g-per-cm3": self.density_g_per_cm3,
+            "--resistance-ohm": self.resistance_ohm,
+            "--wire-diameter-mm": self.wire_diameter_mm,
+        }
+        problems = [
+            f"{option} must be a positive number; instead received {value:g}."
+            for option, value in given.items()
+            if value is not None and not 0.0 < value < math.inf
+        ]
+        if not MIN_ARC_DEGREES <= self.arc_degrees <= MAX_ARC_DEGREES:
+            problems.append(
+                f"--arc-degrees must lie between {MIN_ARC_DEGREES:g} and {MAX_ARC_DEGREES:g}; "
+                f"instead received {self.arc_degrees:g}."
+            )
+        if self.face_mm is not None and not math.isfinite(self.face_mm):
+            problems.append(f"--face-mm must be a height; instead received {self.face_mm:g}.")
+        if problems:
+            raise FemFileError("a model with these options", problems)
+
+
+def axis_option(text: str | None, option: str) -> tuple[float, ...]:
+    """The values of an axis as typed: ``start:stop:step`` with both ends, or numbers separated by commas.
+
+    Raises
+    ------
+    FemFileError
+        If it is no such axis.
+    """
+    if text is None:
+        return ()
+    try:
+        numbers = [float(word) for word in text.replace(":", ",").split(",")]
+    except ValueError:
+        numbers = []
+    stepped = text.count(":") == 2 and "," not in text and len(numbers) == 3
+    usable = numbers and all(abs(number) <= LARGEST_VALUE for number in numbers) and (":" not in text or stepped)
+    if not usable or len(numbers) > MAX_AXIS_POINTS or (stepped and numbers[2] <= 0):
+        raise FemFileError(
+            f"a model with {option} {text[:40]!r}",
+            [f"{option} must be start:stop:step with a positive step, or numbers separated by commas."],
+        )
+    problems: list[str] = []
+    axis = RangeEntry(start=numbers[0], stop=numbers[1], step=numbers[2]) if stepped else sorted(set(numbers))
+    values = axis_values(axis, option, problems)
+    if problems:
+        raise FemFileError(f"a model with {option} {text[:40]!r}", problems)
+    return values

@@ -1,0 +1,143 @@
+"""What surrounds the parts and is not needed: air, the shells of an open boundary, the boundary itself.
+
+The field solver's domain is open, so whatever a FEMM user drew to end theirs is dropped. It is said how it
+ended, since FEMM's own numbers contain that.
+"""
+
+import re
+from collections.abc import Sequence
+
+import shapely
+from shapely import LineString, MultiPolygon, Point, Polygon
+
+from femfit.tables.femm.faces import GRID, FemFace
+from femfit.tables.femm.model import FemBoundary, FemModel
+from femfit.tables.finding import Finding
+
+_SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
+"""How FEMM's open boundary builder names its materials."""
+
+
+def drop_surroundings(
+    model: FemModel, faces: Sequence[FemFace], problems: list[str], findings: list[Finding]
+) -> tuple[FemFace, ...]:
+    """The faces of the actuator, without air, boundary shells and holes.
+
+    Parameters
+    ----------
+    problems : list of str
+        Appended to: what the open boundary of the solver cannot stand for.
+    """
+    meshed = [face for face in faces if face.label.material is not None]
+    domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
+    if not isinstance(domain, Polygon):
+        count = len(domain.geoms) if isinstance(domain, MultiPolygon) else 0
+        problems.append(
+            f"the drawing falls into {count} separate pieces; femfit solves one. Delete the others (an external "
+            "region is not needed), or draw the air between them."
+        )
+        return ()
+    problems += [
+        f"{face.label.place} is an empty region within the field, which would end at it as at a wall. "
+        "Give it the material that it is, air otherwise."
+        for face in faces
+        if face.label.material is None and Polygon(domain.exterior).contains(face.polygon.representative_point())
+    ]
+    shells = _shells(meshed, domain)
+    inside = [face for face in meshed if face not in shells]
+    parts = tuple(face for face in inside if _is_part(face))
+    rim = _off_axis(shapely.unary_union([face.polygon for face in inside], grid_size=GRID))
+    problems += [
+        f"{face.label.place} touches the drawing's outer boundary, which acts there as a mirror or a wall. Draw the "
+        "whole actuator with air around it."
+        for face in parts
+        if face.polygon.distance(rim) <= GRID
+    ]
+    _check_boundaries(model, _off_axis(domain), problems)
+    _say(model, domain, shells, parts, findings)
+    return parts
+
+
+def _is_part(face: FemFace) -> bool:
+    material = face.label.material
+    return material is not None and (material.magnetic or face.label.circuit is not None)
+
+
+def _shells(faces: Sequence[FemFace], domain: Polygon) -> list[FemFace]:
+    """Shells of made-up permeability, from the rim inwards."""
+    left = [
+        face
+        for face in faces
+        if face.label.material is not None
+        and _SHELL_NAME.fullmatch(face.label.material.name)
+        and not (face.label.material.coercivity or face.label.material.curve or face.label.circuit)
+    ]
+    shells: list[FemFace] = []
+    front = _off_axis(domain)
+    while True:
+        reached = [face for face in left if face.polygon.intersection(front).length > GRID]
+        if not reached:
+            return shells
+        shells += reached
+        left = [face for face in left if face not in reached]
+        front = shapely.union_all([face.polygon.exterior for face in reached])
+
+
+def _off_axis(domain: Polygon | MultiPolygon) -> shapely.Geometry:
+    """The outer boundary without the axis."""
+    _, z0, _, z1 = domain.bounds
+    outlines = [part.exterior for part in getattr(domain, "geoms", [domain])]
+    return shapely.union_all(outlines).difference(LineString([(0.0, z0 - 1.0), (0.0, z1 + 1.0)]))
+
+
+def _check_boundaries(model: FemModel, rim: shapely.Geometry, problems: list[str]) -> None:
+    places: dict[FemBoundary, bool] = {}
+    for line in model.lines:
+        if line.boundary is not None and not (line.angle == 0 and line.start.r == 0 and line.end.r == 0):
+            ends = (Point(line.start.r, line.start.z), Point(line.end.r, line.end.z))
+            outer = all(end.distance(rim) <= GRID for end in ends)
+            places[line.boundary] = places.get(line.boundary, True) and outer
+    for boundary, outer in places.items():
+        name = f"boundary {boundary.name!r}"
+        if boundary.kind in {4, 5}:
+            problems.append(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
+        elif boundary.kind not in {0, 2}:
+            problems.append(f"{name} is of type {boundary.kind}; femfit takes prescribed A and mixed. Remove it.")
+        elif any(boundary.potentials) or boundary.c1:
+            problems.append(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
+        elif not outer:
+            problems.append(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
+
+
+def _say(
+    model: FemModel, domain: Polygon, shells: Sequence[FemFace], parts: Sequence[FemFace], findings: list[Finding]
+) -> None:
+    if shells:
+        names = sorted({face.label.material.name for face in shells if face.label.material})
+        findings.append(
+            Finding(
+                "open-boundary",
+                "info",
+                f"{len(shells)} shells of the open boundary ({', '.join(names)}) are left out: "
+                "femfit's domain is open by itself.",
+            )
+        )
+        return
+    boundaries = {line.boundary for line in model.lines if line.boundary is not None}
+    if any(boundary.kind == 2 and boundary.c0 for boundary in boundaries):
+        findings.append(
+            Finding("mixed-boundary", "info", "The mixed (asymptotic) boundary is left out: femfit's domain is open.")
+        )
+        return
+    wall = "A = 0" if any(boundary.kind == 0 for boundary in boundaries) else "natural (no condition)"
+    nearest = min((face.polygon.distance(_off_axis(domain)) for face in parts), default=0.0)
+    findings.append(
+        Finding(
+            "near-boundary",
+            "warning",
+            f"The drawing ends at a plain {wall} boundary, {nearest:.4g} mm from the nearest part; it is left out, "
+            "for femfit's domain is open.",
+            "FEMM's own numbers for this file contain the error of that boundary; compare with an open one.",
+            nearest,
+        )
+    )

@@ -1,0 +1,163 @@
+"""The text of a ``.fem`` file in its parts: header keys, property blocks, rows of numbers.
+
+References
+----------
+FEMM 4.0 file format: ``[Key] = value`` lines; properties as ``<BeginX> ... <EndX>`` blocks of ``<Key> = value``; lists
+as ``[NumX] = n`` followed by n rows. Keys are read without regard to case; what follows ``[Solution]`` (an ``.ans``
+file) is left alone.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from femfit.core.errors import FemFileError
+
+PROPERTIES = ("pointprops", "bdryprops", "blockprops", "circuitprops")
+LISTS = ("numpoints", "numsegments", "numarcsegments", "numholes", "numblocklabels")
+
+_KEY = re.compile(r"\[(\w+)\]\s*=?\s*(.*)")
+_PROPERTY = re.compile(r"<(\w+)>\s*=?\s*(.*)")
+_FIELD = re.compile(r'"[^"]*"?|\S+')
+
+
+@dataclass(frozen=True)
+class FemText:
+    """A file's parts, as text.
+
+    Parameters
+    ----------
+    properties : mapping
+        Section to its blocks, each a mapping of lower-case keys; the rows after ``bhpoints`` are under ``curve``.
+    rows : mapping
+        List to its rows, each a list of fields.
+    problems : list of str
+        What could not be read; appended to by the number readers.
+    """
+
+    source: str
+    header: Mapping[str, str]
+    properties: Mapping[str, Sequence[Mapping[str, str]]]
+    rows: Mapping[str, Sequence[Sequence[str]]]
+    problems: list[str] = field(default_factory=list)
+
+    def number(self, text: str, where: str) -> float:
+        """A finite number; a problem and 0 if it is none."""
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            self.problems.append(f"{where} must be a number; instead received {text[:40]!r}. Save it again with FEMM.")
+            return 0.0
+        return value
+
+    def integer(self, text: str, where: str) -> int:
+        """A whole number of at most nine digits; a problem and 0 if it is none."""
+        value = self.number(text, where)
+        if not value.is_integer() or abs(value) > 1e9:
+            self.problems.append(f"{where} must be a whole number; instead received {text[:40]!r}.")
+            return 0
+        return int(value)
+
+
+def split_fem(content: bytes, source: str) -> FemText:
+    """The parts of a file.
+
+    Parameters
+    ----------
+    content : bytes
+        The whole file; UTF-8, or the Latin-1 family that Windows programs write.
+
+    Raises
+    ------
+    FemFileError
+        If it is no FEMM magnetics file.
+    """
+    lines = [line.strip() for line in _decode(content, source).splitlines()]
+    header: dict[str, str] = {}
+    properties: dict[str, list[dict[str, str]]] = {}
+    rows: dict[str, list[list[str]]] = {}
+    problems: list[str] = []
+    at = 0
+    while at < len(lines):
+        found = _KEY.match(lines[at])
+        at += 1
+        if found is None:
+            continue
+        key, value = found[1].lower(), found[2].strip()
+        if key == "solution":
+            break
+        if key in PROPERTIES:
+            properties[key], at = _property_blocks(lines, at, problems)
+            _check_count(found[1], value, len(properties[key]), problems)
+        elif key in LISTS:
+            rows[key], at = _list_rows(lines, at)
+            _check_count(found[1], value, len(rows[key]), problems)
+        else:
+            header[key] = value.strip('"').strip()
+    _check_kind(header, rows, source)
+    return FemText(source, header, properties, rows, problems)
+
+
+def unquoted(text: str) -> str:
+    """A quoted name without its quotes and without control characters."""
+    return "".join(character for character in text.strip().strip('"') if character.isprintable())[:60]
+
+
+def _decode(content: bytes, source: str) -> str:
+    if b"\x00" in content:
+        raise FemFileError(source, ["it is no text file. Give a .fem file as FEMM's Save writes it."])
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _property_blocks(lines: list[str], at: int, problems: list[str]) -> tuple[list[dict[str, str]], int]:
+    blocks: list[dict[str, str]] = []
+    while at < len(lines) and (not lines[at] or lines[at].startswith("<")):
+        found = _PROPERTY.match(lines[at])
+        at += 1
+        if found is None:
+            continue
+        key, value = found[1].lower(), found[2].strip()
+        if key.startswith("begin"):
+            blocks.append({})
+        elif blocks and not key.startswith("end"):
+            blocks[-1][key] = value
+            if key == "bhpoints":
+                curve, at = _list_rows(lines, at)
+                blocks[-1]["curve"] = "\n".join(" ".join(row) for row in curve)
+                _check_count(f"BHPoints of block {blocks[-1].get('blockname', '')}", value, len(curve), problems)
+    return blocks, at
+
+
+def _list_rows(lines: list[str], at: int) -> tuple[list[list[str]], int]:
+    rows = []
+    while at < len(lines) and not lines[at].startswith(("[", "<")):
+        if lines[at]:
+            rows.append(_FIELD.findall(lines[at]))
+        at += 1
+    return rows, at
+
+
+def _check_count(what: str, value: str, found: int, problems: list[str]) -> None:
+    if value != str(found):
+        problems.append(f"{what} says {value[:40] or 'nothing'} but {found} follow; the file is cut or edited wrongly.")
+
+
+def _check_kind(header: Mapping[str, str], rows: Mapping[str, object], source: str) -> None:
+    if "format" not in header or "numpoints" not in rows or "numblocklabels" not in rows:
+        missing = [
+            name
+            for name, given in (
+                ("[Format]", "format" in header),
+                ("[NumPoints]", "numpoints" in rows),
+                ("[NumBlockLabels]", "numblocklabels" in rows),
+            )
+            if not given
+        ]
+        what = f"it is no FEMM magnetics file of format 4.0: {', '.join(missing)} missing."
+        raise FemFileError(source, [f"{what} Give a .fem file as FEMM saves it."])

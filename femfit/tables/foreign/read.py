@@ -1,0 +1,252 @@
+"""From the tables that FEMM users have to a checked sweep table."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit import __version__
+from femfit.core.errors import TableError
+from femfit.core.sweep_columns import COLUMNS
+from femfit.tables.finding import Finding
+from femfit.tables.foreign.check_cells import check_cells, drop_incomplete
+from femfit.tables.foreign.check_grid import tidy_grid
+from femfit.tables.foreign.check_noise import check_noise
+from femfit.tables.foreign.check_reciprocity import check_reciprocity, flux_from_inductance
+from femfit.tables.foreign.check_units import check_units
+from femfit.tables.foreign.file_axis import value_in_name
+from femfit.tables.foreign.force_sign import settle_force_sign
+from femfit.tables.foreign.long_form import long_points
+from femfit.tables.foreign.mapping import ColumnUse
+from femfit.tables.foreign.matrix_form import is_matrix, matrix_points
+from femfit.tables.foreign.options import ImportOptions
+from femfit.tables.foreign.parquet_table import MAGIC, parse_parquet_table
+from femfit.tables.foreign.quantities import QUANTITIES, REQUIRED
+from femfit.tables.foreign.raw_table import RawTable
+from femfit.tables.foreign.rival_forces import compare_forces
+from femfit.tables.foreign.text_table import parse_text_table
+from femfit.tables.sweep_table import SweepTable
+
+_SUFFIXES = frozenset((".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet"))
+_FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less
+_NOT_A_NUMBER = "no number in the imported table"
+
+
+@dataclass(frozen=True)
+class ImportedTable:
+    """An imported table and what was concluded about it.
+
+    Parameters
+    ----------
+    table : SweepTable
+        SI columns of the contract; manifest of kind ``import``.
+    findings : tuple of Finding
+        In the order in which they were made; no error that was not accepted.
+    mapping : tuple of ColumnUse
+        Column and unit of each quantity (of the first file that had it).
+    dialects : mapping of str to str
+        File name to encoding, delimiter and decimal mark.
+    """
+
+    table: SweepTable
+    findings: tuple[Finding, ...]
+    mapping: tuple[ColumnUse, ...]
+    dialects: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = None) -> ImportedTable:
+    """Read, convert to SI, put in order and check a table from one or more files.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Text or Parquet files, or directories of them.
+
+    Raises
+    ------
+    TableError
+        If the files cannot be understood, or a check finds an error that ``options.accept`` does not name.
+    """
+    options = options or ImportOptions()
+    files = _files(paths)
+    contents = {file: file.read_bytes() for file in files}
+    points, mapping, findings, dialects = _gather(contents, options)
+    good, bad, found = check_cells(points)
+    findings += found
+    if good.empty:
+        raise TableError(
+            f"{', '.join(file.name for file in files[:4])}: no row has numbers for current, distance and force; "
+            f"{found[0].sentence if found else 'there is no row below the header.'}"
+        )
+    good = _place(good, options)
+    findings += check_units(good)
+    _stop_at_errors(findings, options)
+    good, findings = _check(good, findings, options)
+    findings = _stop_at_errors(findings, options)
+    rows = _rows(good, _place(bad, options))
+    manifest = _manifest(files, contents, mapping, dialects, findings, rows)
+    return ImportedTable(SweepTable(rows, manifest), tuple(findings), tuple(mapping.values()), dialects)
+
+
+def _files(paths: Sequence[Path]) -> list[Path]:
+    files: list[Path] = []
+    for path in map(Path, paths):
+        if path.is_dir():
+            found = sorted(file for file in path.iterdir() if file.suffix.casefold() in _SUFFIXES)
+            if not found:
+                raise TableError(f"Directory {path} holds no table ({', '.join(sorted(_SUFFIXES))}).")
+            files += found
+        elif path.is_file():
+            files.append(path)
+        else:
+            raise TableError(f"Table {path} does not exist.")
+    if not files:
+        raise TableError("An import needs at least one file or directory.")
+    return files
+
+
+def _gather(
+    contents: Mapping[Path, bytes], options: ImportOptions
+) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[Finding], dict[str, str]]:
+    """All files' rows under each other."""
+    frames: list[pd.DataFrame] = []
+    mapping: dict[str, ColumnUse] = {}
+    findings: list[Finding] = []
+    dialects: dict[str, str] = {}
+    for index, (file, content) in enumerate(contents.items()):
+        raw = _parse(content, file.name, options)
+        dialects[file.name] = raw.dialect
+        findings += [Finding("reading", "info", f"{file.name}: {note}.") for note in raw.notes]
+        frame, uses, found = _points(raw, _constants(file, index, len(contents), options), options)
+        frames.append(frame)
+        findings += [finding for finding in found if finding not in findings]
+        for quantity, use in uses.items():
+            mapping.setdefault(quantity, use)
+    return pd.concat(frames, ignore_index=True), mapping, findings, dialects
+
+
+def _parse(content: bytes, name: str, options: ImportOptions) -> RawTable:
+    return parse_parquet_table(content, name) if content.startswith(MAGIC) else parse_text_table(content, name, options)
+
+
+def _points(
+    raw: RawTable, constants: dict[str, float], options: ImportOptions
+) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[Finding]]:
+    if is_matrix(raw, options):
+        frame, uses, notes = matrix_points(raw, options)
+        return frame, uses, [Finding("matrix", "info", f"{note}.") for note in notes]
+    return long_points(raw, constants, options)
+
+
+def _constants(file: Path, index: int, count: int, options: ImportOptions) -> dict[str, float]:
+    """Current and distance of a whole file, from the options or from its name."""
+    constants = {}
+    given = {"current": options.file_currents_A, "distance": options.file_distances_m}
+    for quantity, values in given.items():
+        if values and len(values) != count:
+            raise TableError(
+                f"{len(values)} values of --file-{quantity} were given for {count} files; give one a file."
+            )
+        value = values[index] if values else value_in_name(file, quantity)
+        if value is not None:
+            constants[quantity] = value
+    return constants
+
+
+def _place(points: pd.DataFrame, options: ImportOptions) -> pd.DataFrame:
+    """Apply start, direction and polarity."""
+    start = options.distance_start_m or 0.0
+    direction = -1.0 if options.flip_distance else 1.0
+    points = points.assign(distance=start + direction * points["distance"])
+    if options.flip_current:
+        points = points.assign(current=-points["current"] + 0.0)
+        if "flux_linkage" in points:
+            points = points.assign(flux_linkage=-points["flux_linkage"])
+    return points
+
+
+def _check(points: pd.DataFrame, findings: list[Finding], options: ImportOptions) -> tuple[pd.DataFrame, list[Finding]]:
+    points, found = tidy_grid(points)
+    findings = findings + found
+    points, found = settle_force_sign(points, options.force_sign)
+    findings += found
+    points, found = flux_from_inductance(points)
+    findings += found + check_reciprocity(points)
+    points, found = drop_incomplete(points, [name for name in QUANTITIES if name not in REQUIRED])
+    findings += found
+    points, found = check_noise(points)
+    findings += found
+    points, found = compare_forces(points)
+    return points, findings + found
+
+
+def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:
+    """Accepted errors as warnings; the others stop the import, all at once."""
+    accepted = set(options.accept) - _FINAL
+    settled = [
+        finding.accepted() if finding.severity == "error" and finding.code in accepted else finding
+        for finding in findings
+    ]
+    errors = [finding for finding in settled if finding.severity == "error"]
+    if errors:
+        lines = [f"  - {finding.sentence} {finding.remedy} [{finding.code}]" for finding in errors]
+        raise TableError(
+            "\n".join(
+                [
+                    f"The table has {len(errors)} error{'s' * (len(errors) > 1)}:",
+                    *lines,
+                    "To go on in spite of one: --accept CODE.",
+                ]
+            )
+        )
+    return settled
+
+
+def _rows(good: pd.DataFrame, bad: pd.DataFrame) -> pd.DataFrame:
+    """Columns of the contract, in their order."""
+    columns = {quantity.column: name for name, quantity in QUANTITIES.items()}
+    rows = pd.DataFrame({column: good[columns[column]] for column in COLUMNS if columns.get(column) in good})
+    rows["status"] = "ok"
+    known = bad[np.isfinite(bad[["current", "distance"]].to_numpy(dtype=float)).all(axis=1)]
+    if known.empty:
+        return rows
+    without = pd.DataFrame({"current_A": known["current"], "distance_m": known["distance"], "status": _NOT_A_NUMBER})
+    return pd.concat([rows, without], ignore_index=True)
+
+
+def _manifest(
+    files: list[Path],
+    contents: Mapping[Path, bytes],
+    mapping: Mapping[str, ColumnUse],
+    dialects: Mapping[str, str],
+    findings: Sequence[Finding],
+    rows: pd.DataFrame,
+) -> dict[str, Any]:
+    return {
+        "kind": "import",
+        "name": files[0].stem if len(files) == 1 else files[0].resolve().parent.name,
+        "sources": [
+            {"file": file.name, "sha256": hashlib.sha256(contents[file]).hexdigest(), "read_as": dialects[file.name]}
+            for file in files
+        ],
+        "mapping": [use.as_dict() for use in mapping.values()],
+        "findings": [finding.as_dict() for finding in findings],
+        "rows": len(rows),
+        "versions": {"femfit": __version__, "numpy": np.__version__, "pandas": pd.__version__},
+    }
+
+
+def with_actuator(imported: ImportedTable, entry: Mapping[str, Any]) -> ImportedTable:
+    """The same table with an actuator's circuit, motion and sensor in its manifest.
+
+    Parameters
+    ----------
+    entry : mapping
+        From :func:`femfit.device.summary.sweep_manifest_entry`.
+    """
+    manifest = {**imported.table.manifest, "actuator": dict(entry)}
+    return replace(imported, table=SweepTable(imported.table.rows, manifest))

@@ -1,0 +1,129 @@
+"""The sweep table: one row a solved point, as Parquet and CSV beside a manifest.
+
+Written by the sweep and by the importer of FEMM tables, read by the fit; both kinds look the same.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femfit.core.errors import TableError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+REQUIRED = ("current_A", "distance_m", "force_N")
+TABLE_STEM = "sweep"
+MANIFEST_NAME = "manifest.json"
+
+
+@dataclass(frozen=True)
+class SweepTable:
+    """A sweep table with its manifest.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Columns as in :data:`COLUMNS`; those without data may be absent, ``REQUIRED`` are not.
+    manifest : mapping
+        ``kind`` (``sweep`` or ``import``), ``name``, ``actuator`` (circuit, motion, sensor as far as known: keys
+        ``mass_kg, resistance_ohm, voltage_min_V, voltage_max_V, sample_time_s, reference_distances_m, hall`` with the
+        fields of :class:`femfit.device.parts.HallElement`), versions and hashes.
+    """
+
+    rows: "pd.DataFrame"
+    manifest: Mapping[str, Any] = field(default_factory=dict)
+
+    def valid_rows(self) -> "pd.DataFrame":
+        """The rows whose status is ``ok``."""
+        if "status" not in self.rows:
+            return self.rows
+        return self.rows[self.rows["status"] == "ok"].reset_index(drop=True)
+
+
+def write_sweep_table(table: SweepTable, directory: Path) -> Path:
+    """Write ``sweep.parquet``, ``sweep.csv`` and ``manifest.json``, each completely or not at all."""
+    directory = Path(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    parquet = directory / f"{TABLE_STEM}.parquet"
+    partial = directory / f".{TABLE_STEM}.partial"
+    try:
+        table.rows.to_parquet(partial, index=False)
+        partial.replace(parquet)
+        table.rows.to_csv(partial, index=False)
+        partial.replace(directory / f"{TABLE_STEM}.csv")
+        partial.write_text(json.dumps(dict(table.manifest), indent=1) + "\n", encoding="utf-8")
+        partial.replace(directory / MANIFEST_NAME)
+    finally:
+        partial.unlink(missing_ok=True)  # what a full disk left of it
+    return parquet
+
+
+def read_sweep_table(path: Path) -> SweepTable:
+    """Read a sweep table.
+
+    Parameters
+    ----------
+    path : Path
+        A run directory, or its ``.parquet`` or ``.csv`` file; the manifest beside it is read where there is one.
+
+    Raises
+    ------
+    TableError
+        If there is no such file, a required column is missing, empty or not numeric, or no row is usable.
+    """
+    import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
+
+    path = Path(path)
+    file = _table_file(path)
+    try:
+        rows = pd.read_parquet(file) if file.suffix == ".parquet" else pd.read_csv(file)
+    except (OSError, ValueError) as error:
+        raise TableError(f"Sweep table {file} cannot be read: {error}") from error
+    _check(rows, file)
+    manifest_file = file.with_name(MANIFEST_NAME)
+    manifest: dict[str, Any] = {}
+    if manifest_file.is_file():
+        try:
+            manifest = json.loads(manifest_file.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise TableError(f"{manifest_file} must be JSON; {error}. Run the sweep or the import again.") from error
+    return SweepTable(rows, manifest)
+
+
+def _table_file(path: Path) -> Path:
+    if path.is_dir():
+        for suffix in (".parquet", ".csv"):
+            if (path / f"{TABLE_STEM}{suffix}").is_file():
+                return path / f"{TABLE_STEM}{suffix}"
+        raise TableError(f"{path} holds no {TABLE_STEM}.parquet; run femfit sweep ACTUATOR.toml -o {path} first.")
+    if not path.is_file():
+        raise TableError(f"Sweep table {path} does not exist.")
+    return path
+
+
+def _check(rows: "pd.DataFrame", file: Path) -> None:
+    from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
+
+    missing = [name for name in REQUIRED if name not in rows]
+    if missing:
+        raise TableError(
+            f"Sweep table {file} must have the columns {', '.join(REQUIRED)}; {', '.join(missing)} missing "
+            f"(it has {', '.join(map(str, rows.columns))}). For a table of another program use femfit import."
+        )
+    if rows.empty:
+        raise TableError(f"Sweep table {file} has no rows.")
+    usable = rows[rows["status"] == "ok"] if "status" in rows else rows
+    if usable.empty:
+        raise TableError(f"Sweep table {file} has no row with status ok.")
+    for name in REQUIRED:
+        if not is_numeric_dtype(usable[name]):
+            raise TableError(f"Column {name} of {file} must be numeric; it holds {usable[name].iloc[0]!r}.")
+        if not np.isfinite(usable[name].to_numpy(dtype=float)).all():
+            raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")
+    if (usable["distance_m"] <= 0).any():
+        raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")

@@ -1,0 +1,92 @@
+"""No text, however damaged, brings anything but an actuator or an ActuatorFileError."""
+
+import contextlib
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from femfit.core.errors import ActuatorFileError
+from femfit.device.load import actuator_from_toml
+
+PATHS = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
+FILES = [path.read_text(encoding="utf-8") for path in PATHS]
+TOKENS = [
+    *("nan", "inf", "-inf", "0", "-1", "2.5", "1e308", "-1e308", "1e-320", "1" * 400),
+    *("true", '"text"', "'+z'", "1979-05-27", "[]", "{}", "[[]]", "[0, 5.5]", "[[0, 0]]", "[[0, 0], [1, 0], [0, 1]]"),
+    "{ start = 0, stop = 1e300, step = 1e-300 }",
+]
+SETTINGS = settings(max_examples=150, deadline=None, derandomize=True)
+
+
+def load_or_refuse(text: str) -> None:
+    with contextlib.suppress(ActuatorFileError):
+        actuator = actuator_from_toml(text)
+        values = [*actuator.sweep.currents_A, *actuator.sweep.distances_m, actuator.coil.resistance_ohm]
+        assert all(math.isfinite(value) for value in values)
+        assert min(actuator.sweep.distances_m) > 0
+        assert actuator.coil.turns > 0 < actuator.coil.resistance_ohm
+
+
+@SETTINGS
+@given(st.sampled_from(FILES), st.data())
+def test_values_replaced_at_random_load_or_are_refused(text, data):
+    lines = text.splitlines()
+    settable = [n for n, line in enumerate(lines) if " = " in line and not line.startswith("#")]
+    for n in data.draw(st.lists(st.sampled_from(settable), min_size=1, max_size=4)):
+        key = lines[n].split(" = ", 1)[0]
+        lines[n] = f"{key} = {data.draw(st.sampled_from(TOKENS) | st.floats().map(repr) | st.integers().map(str))}"
+    load_or_refuse("\n".join(lines))
+
+
+@SETTINGS
+@given(st.sampled_from(FILES), st.data())
+def test_lines_dropped_doubled_or_moved_load_or_are_refused(text, data):
+    lines = text.splitlines()
+    chosen = data.draw(st.lists(st.integers(0, len(lines) - 1), min_size=1, max_size=5))
+    for n in chosen:
+        line = lines.pop(min(n, len(lines) - 1))
+        if data.draw(st.booleans()):
+            lines.insert(data.draw(st.integers(0, len(lines))), line)
+    load_or_refuse("\n".join(lines))
+
+
+@SETTINGS
+@given(st.sampled_from(FILES), st.integers(0, 3000), st.integers(0, 40), st.text(max_size=20))
+def test_text_cut_or_inserted_loads_or_is_refused(text, start, length, inserted):
+    load_or_refuse(text[:start] + inserted + text[start + length :])
+
+
+NUMBERS = st.floats(-30, 60, allow_nan=False).map(lambda value: round(value, 2))
+
+
+@SETTINGS
+@given(st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=8))
+def test_any_polygon_is_drawn_or_refused(corners):
+    text = FILES[-1]
+    assert "r_mm = [0, 5]\nz_mm = [0, 35]" in text
+    polygon = f"polygon_mm = {[list(corner) for corner in corners]}"
+    load_or_refuse(text.replace("r_mm = [0, 5]\nz_mm = [0, 35]", polygon))
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.integers(-50, 50), st.integers(1, 400), st.integers(1, 200), st.integers(0, 4))
+def test_a_range_is_the_decimals_counted_by_hand(start, count, step, digits):
+    scale = 10**digits
+    axis = f"{{ start = {start / scale}, stop = {(start + count * step) / scale}, step = {step / scale} }}"
+    text = FILES[-1].replace("{ start = 0, stop = 1, step = 0.25 }", axis)
+    currents = actuator_from_toml(text).sweep.currents_A
+    # Integers divided once are the doubles nearest to the decimals.
+    assert currents == tuple((start + k * step) / scale for k in range(count + 1))
+
+
+@pytest.mark.parametrize("token", TOKENS)
+@pytest.mark.parametrize("text", FILES, ids=[path.stem for path in PATHS])
+def test_each_odd_value_at_each_key_loads_or_is_refused(text, token):
+    lines = text.splitlines()
+    for n, line in enumerate(lines):
+        if " = " in line and not line.startswith("#"):
+            key = line.split(" = ", 1)[0]
+            load_or_refuse("\n".join([*lines[:n], f"{key} = {token}", *lines[n + 1 :]]))

@@ -1,0 +1,184 @@
+"""What a valid file becomes: SI values exact to the last digit, resistance by hand, the three files of geometry/."""
+
+import json
+import math
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from femfit.device.decimals import scaled
+from femfit.device.load import actuator_from_toml, read_actuator
+from femfit.device.materials import LIBRARY
+from femfit.device.outline import swept
+from femfit.device.parts import HallElement
+from femfit.device.schema import HallEntry
+from femfit.device.summary import sweep_manifest_entry
+from femfit.device.winding import smallest_winding_area, wire_resistance
+
+GEOMETRY = Path(__file__).parents[2] / "geometry"
+PLUNGER = (GEOMETRY / "plunger-solenoid.toml").read_text(encoding="utf-8")
+
+
+def with_sweep(**axes: str) -> str:
+    text = PLUNGER
+    lines = {
+        "current_A": "{ start = 0, stop = 1, step = 0.25 }",
+        "distance_mm": "{ start = 0.5, stop = 10, step = 0.5 }",
+    }
+    for key, new in axes.items():
+        text = text.replace(f"{key} = {lines[key]}", f"{key} = {new}")
+    return text
+
+
+def area(vertices) -> float:
+    turned = vertices[1:] + vertices[:1]
+    return 0.5 * sum(r0 * z1 - r1 * z0 for (r0, z0), (r1, z1) in zip(vertices, turned, strict=True))
+
+
+@pytest.mark.parametrize("name", ["emaws", "emaws-rig", "plunger-solenoid"])
+def test_each_file_of_geometry_loads_under_its_own_name(name):
+    assert read_actuator(GEOMETRY / f"{name}.toml").name == name
+
+
+@pytest.mark.parametrize("name", ["emaws", "emaws-rig"])
+def test_the_suspension_sweeps_the_488_points_of_the_paper_in_exact_decimals(name):
+    sweep = read_actuator(GEOMETRY / f"{name}.toml").sweep
+    assert sweep.currents_A == (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4)
+    assert sweep.distances_m == tuple(float(f"{15 + k / 2}e-3") for k in range(61))
+    assert len(sweep.currents_A) * len(sweep.distances_m) == 488
+
+
+def test_the_rig_and_the_printed_suspension_differ_only_in_their_coil():
+    printed, rig = (read_actuator(GEOMETRY / f"{name}.toml") for name in ("emaws", "emaws-rig"))
+    for part in ("fixed", "moving", "supply", "sweep", "hall"):
+        assert getattr(printed, part) == getattr(rig, part)
+    assert (printed.coil.turns, rig.coil.turns) == (30, 308)
+    # eq. (32): R / L = 165.6 1/s and 1 / L = 61.61 1/H, R to the three digits the file gives
+    assert rig.coil.resistance_ohm == pytest.approx(165.6 / 61.61, abs=0.005)
+
+
+def test_the_core_of_the_suspension_has_the_volume_of_table_1():
+    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
+    volume = sum(2 * math.pi * area(r.vertices_m) * (r.vertices_m[0][0] + r.vertices_m[1][0]) / 2 for r in rig.fixed)
+    by_hand = math.pi * (2 * 0.005 * (0.02**2 - 0.0025**2) + 0.015 * (0.01**2 - 0.0025**2))
+    assert volume == pytest.approx(by_hand, rel=1e-12)
+
+
+def test_the_plunger_has_no_magnet_and_the_mass_of_its_steel():
+    actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
+    assert all(region.material.remanence_T == 0 for region in (*actuator.fixed, *actuator.moving.regions))
+    # steel at 7.85 g/cm3; the file gives three digits
+    assert actuator.moving.mass_kg == pytest.approx(7850 * math.pi * 0.005**2 * 0.035, rel=2e-3)
+    assert actuator.hall is None
+
+
+def test_308_turns_of_049_mm_have_265_ohm():
+    # By hand: 308 turns of 2 pi 15 mm are 29.028 m; 0.18857 mm^2 of copper at 0.017241 ohm mm^2/m.
+    assert wire_resistance(308, 0.015, 0.49e-3) == pytest.approx(29.028 * 0.017241 / 0.18857, rel=1e-4)
+    assert wire_resistance(308, 0.015, 0.49e-3) == pytest.approx(2.65, rel=0.01)
+
+
+def test_copper_gains_393_per_mille_per_kelvin():
+    ratio = wire_resistance(308, 0.015, 0.49e-3, 120.0) / wire_resistance(308, 0.015, 0.49e-3)
+    assert ratio == pytest.approx(1.393, rel=1e-12)
+
+
+def test_a_winding_without_resistance_has_it_from_wire_and_mean_turn_at_its_temperature():
+    cold = actuator_from_toml(PLUNGER).coil.resistance_ohm
+    hot = actuator_from_toml(PLUNGER.replace("turns = 560", "turns = 560\ntemperature_C = 70")).coil.resistance_ohm
+    # mean radius 9.5 mm: 560 turns are 33.427 m of 0.15904 mm^2
+    assert cold == pytest.approx(33.427 * 0.017241 / 0.15904, rel=1e-4)
+    assert hot / cold == pytest.approx(1 + 0.00393 * 50, rel=1e-12)
+
+
+def test_the_mean_turn_of_a_polygon_is_that_of_its_centroid():
+    box = actuator_from_toml(PLUNGER).coil
+    polygon = "polygon_mm = [[6.5, -14], [12.5, -14], [12.5, 14], [6.5, 14]]"
+    same = actuator_from_toml(PLUNGER.replace("r_mm = [6.5, 12.5]", polygon).replace("z_mm = [-14, 14]\n", ""))
+    assert same.coil == box
+
+
+def test_square_packing_is_no_tighter_than_the_area_asked_for():
+    # n x n wires of diameter d fill (n d)^2 in a square grid, so the bound must not exceed it.
+    assert smallest_winding_area(100, 0.5) <= (10 * 0.5) ** 2
+    assert smallest_winding_area(100, 0.5) == pytest.approx(100 * math.pi / 4 * 0.25 / 0.9069, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("axis", "expected"),
+    [
+        ("{ start = 0, stop = 0.6, step = 0.2 }", (0.0, 0.2, 0.4, 0.6)),
+        ("{ start = -0.3, stop = 0.3, step = 0.1 }", (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)),
+        ("{ start = 1, stop = 1.0003, step = 1e-4 }", (1.0, 1.0001, 1.0002, 1.0003)),
+        ("[0.1, 0.7, 3]", (0.1, 0.7, 3.0)),
+        ("[0]", (0.0,)),
+    ],
+)
+def test_a_grid_has_the_decimals_that_are_typed(axis, expected):
+    assert actuator_from_toml(with_sweep(current_A=axis)).sweep.currents_A == expected
+
+
+def test_millimetres_become_the_nearest_double_of_the_metres():
+    assert [scaled(v) for v in (0.1, 0.3, 15.5, 20, 1e-5)] == [0.0001, 0.0003, 0.0155, 0.02, 1e-8]
+
+
+def test_outlines_are_counter_clockwise_without_a_repeated_corner():
+    clockwise = "polygon_mm = [[0, 0], [0, 35], [5, 35], [5, 0], [0, 0]]"
+    text = PLUNGER.replace("r_mm = [0, 5]\nz_mm = [0, 35]", clockwise)
+    (plunger,) = actuator_from_toml(text).moving.regions
+    assert len(set(plunger.vertices_m)) == len(plunger.vertices_m) == 4
+    assert area(plunger.vertices_m) == pytest.approx(0.005 * 0.035, rel=1e-12)
+
+
+def test_a_magnet_pointing_down_has_negative_remanence():
+    text = (GEOMETRY / "emaws.toml").read_text(encoding="utf-8")
+    up = actuator_from_toml(text).moving.regions[0].material
+    down = actuator_from_toml(text.replace('"+z"', '"-z"')).moving.regions[0].material
+    assert (up.remanence_T, down.remanence_T) == (1.45, -1.45)
+    assert down.relative_permeability == up.relative_permeability == 1.05
+
+
+def test_a_material_of_the_file_goes_before_one_of_the_library():
+    assert LIBRARY["n52"].material.remanence_T != 1.45
+    assert read_actuator(GEOMETRY / "emaws.toml").moving.regions[0].material.remanence_T == 1.45
+
+
+def test_every_library_material_has_a_source_and_a_physical_value():
+    for name, entry in LIBRARY.items():
+        assert name == entry.material.name
+        assert len(entry.reference) > 20
+        assert entry.material.relative_permeability >= 1
+        assert 0 <= entry.material.remanence_T < 1.6  # the highest NdFeB grade reaches about 1.5 T
+
+
+def test_better_neodymium_grades_have_more_remanence():
+    grades = [entry.material.remanence_T for name, entry in LIBRARY.items() if name.startswith("n")]
+    assert len(grades) == 8
+    assert grades == sorted(grades)
+
+
+def test_the_defaults_of_the_file_are_those_of_the_element():
+    defaults = {f.name: f.default for f in fields(HallElement) if f.name in HallEntry.model_fields}
+    assert defaults
+    for name, value in defaults.items():
+        assert HallEntry.model_fields[name].default == value
+
+
+def test_the_manifest_entry_is_json_and_rebuilds_the_sensor():
+    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
+    entry = json.loads(json.dumps(sweep_manifest_entry(rig)))
+    assert HallElement(**entry["hall"]) == rig.hall
+    assert (entry["mass_kg"], entry["resistance_ohm"], entry["turns"]) == (0.00435, 2.69, 308)
+    assert (entry["voltage_min_V"], entry["voltage_max_V"], entry["sample_time_s"]) == (0.5, 3.0, 0.0005)
+    assert entry["reference_distances_m"] == [0.022, 0.03, 0.022]
+    assert sweep_manifest_entry(read_actuator(GEOMETRY / "plunger-solenoid.toml"))["hall"] is None
+
+
+def test_what_a_polygon_passes_has_its_area_and_its_width_times_the_way():
+    from shapely import Polygon
+
+    wedge = Polygon([(0, 0), (4, 0), (4, 3)])
+    # Cavalieri: a convex shape gains width times way.
+    assert swept(wedge, 1.0, 6.0).area == pytest.approx(6.0 + 4.0 * 5.0, rel=1e-12)
+    assert swept(wedge, 2.0, 2.0).area == pytest.approx(6.0, rel=1e-12)

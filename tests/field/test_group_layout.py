@@ -1,0 +1,86 @@
+"""The layer round the moving part is as wide as its group of distances has room for."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from femfit.device.load import read_actuator
+from femfit.device.parts import LinearMaterial, Region
+from femfit.field.drawing import build_mesh
+from femfit.field.layout import layer_outlines, layout_of, layout_of_group, mover_outline, stretch_groups
+from femfit.field.settings import SolverSettings
+from support.actuators import assembly, rectangle
+from support.field import prepared
+
+SETTINGS = SolverSettings(order=4)
+NARROW, FAR = 1e-4, 8e-3
+
+
+def swept_over(distances):
+    actuator = read_actuator(Path(__file__).parents[2] / "geometry" / "biased-electromagnet.toml")
+    return replace(actuator, hall=None, sweep=replace(actuator.sweep, distances_m=tuple(distances)))
+
+
+def test_a_narrow_gap_costs_nothing_where_the_gap_is_wide():
+    actuator = swept_over([NARROW, FAR])
+    thin = build_mesh(actuator, FAR, layout_of(actuator, SETTINGS), SETTINGS)
+    assert prepared(actuator, FAR, SETTINGS).mesh.ne < 0.5 * thin.ne
+
+
+@pytest.mark.parametrize("distances", [(NARROW,), (NARROW, 1.1 * NARROW, 1.2 * NARROW)])
+def test_a_narrow_gap_makes_the_layer_thin_at_the_gap_alone(distances):
+    actuator = swept_over(distances)
+    layout = layout_of_group(actuator, distances, layout_of(actuator, SETTINGS), SETTINGS)
+    mover = mover_outline(actuator)
+    inner, outer = layer_outlines(actuator, layout)
+    core = shapely.union_all([shapely.Polygon(region.vertices_m) for region in actuator.fixed])
+    assert outer.contains(inner)
+    assert inner.contains_properly(shapely.LineString([p for p in mover.exterior.coords if p[0] > 0.0]))
+    assert shapely.affinity.translate(outer, 0.0, NARROW).distance(core) > 0.2 * NARROW
+    assert mover.bounds[1] - outer.bounds[1] < NARROW
+    assert outer.bounds[3] - mover.bounds[3] > 20.0 * NARROW
+
+
+def test_a_pot_magnets_narrow_gap_costs_few_elements_and_no_accuracy():
+    # 0.1 mm before poles of 40 mm: a layer as thin as the gap all round the plate took 18,000 elements.
+    iron = LinearMaterial("iron", 1000.0)
+    core = [
+        Region("base", rectangle(0.0, 0.02, -0.025, -0.02), iron),
+        Region("pole", rectangle(0.0, 0.008, -0.02, 0.0), iron),
+        Region("shell", rectangle(0.017, 0.02, -0.02, 0.0), iron),
+    ]
+    plate = [Region("plate", rectangle(0.0, 0.02, 0.0, 0.005), iron)]
+    coil = rectangle(0.009, 0.016, -0.019, -0.001)
+    actuator = assembly(fixed=core, moving=plate, distances=(NARROW,), coil=coil, turns=600)
+    problem = prepared(actuator, NARROW)
+    assert problem.mesh.ne < 9000
+    rows = problem.rows(NARROW, (1.0,))
+    finer = prepared(actuator, NARROW, SolverSettings(order=6, corner_fraction=0.015)).rows(NARROW, (1.0,))
+    error = abs(rows["force_N"][0] / finer["force_N"][0] - 1.0)
+    assert error < 1e-3
+    assert error <= rows["force_error_N"][0] / rows["force_N"][0] <= 10.0 * error
+
+
+def test_the_width_of_the_layer_does_not_matter_to_the_force():
+    moderate = swept_over([2e-3, FAR])
+    near, alone = (prepared(a, FAR, SETTINGS).rows(FAR, a.sweep.currents_A) for a in (moderate, swept_over([FAR])))
+    np.testing.assert_allclose(near["force_N"], alone["force_N"], rtol=1e-9)  # the same mesh, solved twice
+    finer = prepared(swept_over([FAR]), FAR, SolverSettings(order=6, corner_fraction=0.03))
+    reference = finer.rows(FAR, moderate.sweep.currents_A)
+    off = np.abs(np.subtract(near["force_N"], reference["force_N"]))
+    assert np.all(off <= np.array(near["force_error_N"]))  # the estimate covers the error
+
+
+@pytest.mark.parametrize("count", [12, 40])
+def test_no_group_is_stretched_beyond_the_limit(count):
+    actuator = swept_over(np.geomspace(NARROW, FAR, count))
+    layout = layout_of(actuator, SETTINGS)
+    for group in stretch_groups(actuator.sweep.distances_m, layout, SETTINGS):
+        own = layout_of_group(actuator, group, layout, SETTINGS)
+        near, far = (d - own.fixed_top - own.outer_offset for d in (group[0], group[-1]))
+        assert near > 0.0
+        assert far / near <= SETTINGS.stretch_limit * (1.0 + 1e-9)
+        assert own.outer_offset >= layout.outer_offset

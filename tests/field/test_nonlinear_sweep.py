@@ -1,0 +1,100 @@
+"""Sweeps of saturating actuators as runs: columns, points that do not converge, resumption, workers."""
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.field import nonlinear_point, sweep_task
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep import run_sweep
+from femfit.field.sweep_summary import summarise
+from femfit.tables.sweep_table import COLUMNS, read_sweep_table
+from support.actuators import magnet
+from support.saturating import bobbin, rows_at
+
+QUICK = SolverSettings(order=3)
+CURRENTS = (-2.0, 0.0, 2.0, 8.0)
+
+
+@pytest.fixture(scope="module")
+def actuator():
+    body = [magnet(1.2, 0.0055, 0.003, permeability=1.05)]
+    return bobbin(distances=(0.008, 0.009, 0.01, 0.011), currents=CURRENTS, mover=body)
+
+
+@pytest.fixture(scope="module")
+def whole(actuator, tmp_path_factory):
+    return run_sweep(actuator, tmp_path_factory.mktemp("whole"), workers=1, settings=QUICK)
+
+
+def test_table_has_the_contracts_columns_with_iterations_and_residual(whole, actuator, tmp_path):
+    assert list(whole.rows.columns) == list(COLUMNS)
+    assert (whole.rows["status"] == "ok").all()
+    assert whole.rows["newton_iterations"].between(1, 40).all()
+    assert whole.rows["newton_residual"].between(0.0, 1e-8).all()
+    assert len(whole.rows) == len(CURRENTS) * len(actuator.sweep.distances_m)
+    assert not whole.rows.isna().any(axis=None)
+
+
+def test_a_sweep_cut_short_resumes_to_the_same_table_bit_for_bit(whole, actuator, tmp_path):
+    run_sweep(actuator, tmp_path, workers=1, settings=QUICK)
+    journal = tmp_path / "journal.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    for kept in (1, 2, 4):
+        journal.write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
+        sweep_task._prepared.cache_clear()  # as in a new process
+        resumed = run_sweep(actuator, tmp_path, workers=1, settings=QUICK)
+        pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)
+
+
+def test_two_processes_give_the_numbers_of_one(whole, actuator, tmp_path):
+    two = run_sweep(actuator, tmp_path, workers=2, settings=QUICK)
+    pd.testing.assert_frame_equal(whole.rows, two.rows, check_exact=True)
+
+
+def failing_at(current, minimise):
+    """Newton's iteration given up at one current after two corrections."""
+
+    def limited(system, i, start):
+        return minimise(system, i, start, limit=2 if i == current else 60)
+
+    return limited
+
+
+def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(whole, actuator, tmp_path, monkeypatch):
+    monkeypatch.setattr(nonlinear_point, "minimise", failing_at(2.0, nonlinear_point.minimise))
+    sweep_task._prepared.cache_clear()
+    few = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=(0.008,)))
+    table = run_sweep(few, tmp_path, workers=1, settings=QUICK)
+    rows = table.rows.set_index("current_A")
+    assert rows.loc[2.0, "status"].startswith("failed: Newton's iteration left a residual of")
+    assert "sweep the current in smaller steps" in rows.loc[2.0, "status"]
+    assert rows.loc[2.0, "newton_iterations"] == 2
+    assert np.isnan(rows.loc[2.0, ["force_N", "flux_linkage_Wb", "hall_T"]].astype(float)).all()
+    good = rows.drop(index=2.0)
+    assert (good["status"] == "ok").all()
+    assert np.isfinite(good["force_N"]).all()
+    assert summarise(table)["failed"] == 1
+    assert len(read_sweep_table(tmp_path).valid_rows()) == 3
+    sweep_task._prepared.cache_clear()
+
+
+def test_currents_of_both_signs_start_from_the_weakest_and_do_not_change_the_result(actuator):
+    alone = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, currents_A=(8.0,)))
+    together = rows_at(actuator, 0.009)
+    # Both end within a tenth of the iteration's tolerance of 1e-8 of the same minimum.
+    for column in ("force_N", "flux_linkage_Wb", "hall_T"):
+        assert together[column][3] == pytest.approx(rows_at(alone, 0.009)[column][0], rel=1e-7)
+
+
+def test_reversed_current_and_magnet_give_the_same_force_and_flux_of_opposite_sign():
+    def solved(remanence, currents):
+        body = [magnet(remanence, 0.0055, 0.003, permeability=1.05)]
+        return rows_at(bobbin(distances=(0.006,), currents=currents, mover=body), settings=QUICK)
+
+    plain, reverse = solved(1.2, (-5.0, 5.0)), solved(-1.2, (-5.0, 5.0))
+    np.testing.assert_allclose(plain["force_N"], reverse["force_N"][::-1], rtol=1e-7)
+    np.testing.assert_allclose(plain["flux_linkage_Wb"], -reverse["flux_linkage_Wb"][::-1], rtol=1e-7)
+    np.testing.assert_allclose(plain["inductance_H"], reverse["inductance_H"][::-1], rtol=1e-6)

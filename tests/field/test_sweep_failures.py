@@ -1,0 +1,131 @@
+"""Exhausted memory, a full disk, a mesh that fails: in linear, saturating and parameter sweeps."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+
+from femfit.core.errors import FieldSolverError
+from femfit.device.variants import variants_from_toml
+from femfit.field import moving_mesh, sweep_task
+from femfit.field import sweep as sweep_module
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep import run_sweep
+from support.actuators import GEOMETRY
+from support.dying_worker import die_at_20_mm, starve_at_20_mm
+
+QUICK = SolverSettings(order=3)
+TEXT = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
+AXIS = "{ start = 15, stop = 45, step = 5 }"
+DISTANCES = (0.015, 0.02, 0.025)
+
+
+def sweep_of(kind):
+    """Three distances of the rig, with its linear core, with a saturating one, in two variants."""
+    text = (
+        TEXT.replace(AXIS, "[15, 20, 25]").replace("[308, 308, 250]", "[308, 250]").replace("[20, 80, 20]", "[20, 80]")
+    )
+    text = text.replace("[10, 10, 11]", "[10, 11]")
+    if kind == "variants":
+        return variants_from_toml(text)
+    if kind == "saturating":
+        text = text.replace('material = "ferrite"', 'material = "steel_1010"')
+    return variants_from_toml(text).actuator
+
+
+KINDS = ("linear", "saturating", "variants")
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def case(request, tmp_path_factory):
+    sweep = sweep_of(request.param)
+    sweep_task._prepared.cache_clear()
+    return sweep, run_sweep(sweep, tmp_path_factory.mktemp("whole"), workers=1, settings=QUICK)
+
+
+def assert_only_20_mm_failed(table, whole, reason):
+    here = table.rows["distance_m"] == 0.02
+    assert table.rows[here]["status"].str.contains(reason).all()
+    assert table.rows[here]["force_N"].isna().all()
+    # Whole numbers become floats in a column with a hole; the values are the same bits.
+    pd.testing.assert_frame_equal(table.rows[~here], whole.rows[~here], check_exact=True, check_dtype=False)
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"), [(starve_at_20_mm, "failed: out of memory"), (die_at_20_mm, "process died")]
+)
+def test_a_worker_without_memory_or_killed_costs_its_own_rows_only(case, tmp_path, monkeypatch, fault, reason):
+    sweep, whole = case
+    monkeypatch.setattr(sweep_module, "solve_task", fault)
+    assert_only_20_mm_failed(run_sweep(sweep, tmp_path, workers=2, settings=QUICK), whole, reason)
+    monkeypatch.undo()  # the machine has its memory back: the same command solves what it could not
+    again = run_sweep(sweep, tmp_path, workers=1, settings=QUICK)
+    pd.testing.assert_frame_equal(again.rows, whole.rows, check_exact=True)
+
+
+def refuse_at(refused):
+    build = moving_mesh.build_mesh
+
+    def build_or_refuse(actuator, distance, layout, settings):
+        if refused(distance):
+            raise FieldSolverError("no mesh")
+        return build(actuator, distance, layout, settings)
+
+    return build_or_refuse
+
+
+def test_a_distance_that_cannot_be_meshed_is_rows_with_the_reason(case, tmp_path, monkeypatch):
+    sweep, _ = case
+    settings = dataclasses.replace(QUICK, stretch_limit=1.0)  # a mesh of its own for each distance
+    whole = run_sweep(sweep, tmp_path / "whole", workers=1, settings=settings)
+    monkeypatch.setattr(moving_mesh, "build_mesh", refuse_at(lambda distance: distance == 0.02))
+    sweep_task._prepared.cache_clear()
+    table = run_sweep(sweep, tmp_path / "run", workers=1, settings=settings)
+    assert_only_20_mm_failed(table, whole, "^failed: no mesh$")
+
+
+def test_a_group_whose_mesh_fails_is_meshed_distance_by_distance(case, tmp_path, monkeypatch):
+    sweep, whole = case
+    monkeypatch.setattr(moving_mesh, "build_mesh", refuse_at(lambda distance: distance not in DISTANCES))
+    sweep_task._prepared.cache_clear()
+    table = run_sweep(sweep, tmp_path, workers=1, settings=QUICK)
+    assert (table.rows["status"] == "ok").all()
+    # Other meshes, other errors: the force agrees within twice the estimates.
+    error = table.rows["force_error_N"] + whole.rows["force_error_N"]
+    assert ((table.rows["force_N"] - whole.rows["force_N"]).abs() <= 2.0 * error).all()
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from femfit.core.errors import RunDirectoryError
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep import run_sweep
+sys.path.insert(0, sys.argv[1])
+from fem.test_sweep_failures import sweep_of
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[4]), resource.RLIM_INFINITY))
+try:
+    run_sweep(sweep_of(sys.argv[3]), Path(sys.argv[2]), workers=1, settings=SolverSettings(order=3))
+except RunDirectoryError as error:
+    sys.exit(str(error))
+"""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_full_disk_keeps_what_fits_and_the_same_command_goes_on(kind, tmp_path):
+    whole = run_sweep(sweep_of(kind), tmp_path / "whole", workers=1, settings=QUICK)
+    lines = (tmp_path / "whole" / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    room = len(lines[0] + lines[1]) + len(lines[2]) // 2  # the second result's line finds half of its room
+    tests, target = str(GEOMETRY.parent / "tests"), tmp_path / "full"
+    arguments = [tests, str(target), kind, str(room)]
+    result = subprocess.run([sys.executable, "-c", FULL, *arguments], capture_output=True, text=True, check=False)
+    count = len(lines) - 1
+    assert f"1 of {count} results are in the journal. Make room" in result.stderr
+    assert result.returncode == 1
+    assert [path.name for path in target.iterdir()] == ["journal.jsonl"]
+    assert len([json.loads(line) for line in (target / "journal.jsonl").read_bytes().splitlines()]) == 2
+    resumed = run_sweep(sweep_of(kind), target, workers=1, settings=QUICK)
+    pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)

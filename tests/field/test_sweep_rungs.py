@@ -1,0 +1,101 @@
+"""Sweeps to a tolerance: a group's rung is chosen once, by one worker, and kept in the journal."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.core.errors import FieldSolverError
+from femfit.device.load import read_actuator
+from femfit.field import moving_mesh, sweep_task
+from femfit.field import sweep as sweep_module
+from femfit.field import tolerance as tolerance_module
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep import run_sweep
+from femfit.field.sweep_pool import DIED
+from femfit.field.sweep_summary import summarise
+from femfit.field.sweep_task import RungTask
+from support.actuators import GEOMETRY
+
+SETTINGS = SolverSettings(tolerance=1e-2)
+DISTANCES = (0.015, 0.016, 0.017, 0.018, 0.03, 0.033, 0.036, 0.039)
+
+
+@pytest.fixture(scope="module")
+def actuator():
+    """Two groups of four distances."""
+    rig = read_actuator(GEOMETRY / "emaws-rig.toml")
+    return dataclasses.replace(rig, sweep=dataclasses.replace(rig.sweep, distances_m=DISTANCES))
+
+
+@pytest.fixture(scope="module")
+def whole(actuator, tmp_path_factory):
+    directory = tmp_path_factory.mktemp("whole")
+    return directory, run(actuator, directory)
+
+
+def run(actuator, directory, workers=1, **options):
+    sweep_task._prepared.cache_clear()  # as in a new process
+    return run_sweep(actuator, directory, workers=workers, settings=SETTINGS, **options)
+
+
+def test_two_processes_give_the_numbers_of_one(actuator, whole, tmp_path):
+    pd.testing.assert_frame_equal(run(actuator, tmp_path, workers=2).rows, whole[1].rows, check_exact=True)
+
+
+def test_progress_counts_points_and_no_rungs(actuator, tmp_path):
+    calls = []
+    run(actuator, tmp_path, progress=lambda done, total: calls.append((done, total)))
+    counts = [done for done, _ in calls]
+    assert sorted(set(counts)) == [8 * k for k in range(9)]
+    assert {total for _, total in calls} == {64}
+
+
+def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, whole, tmp_path, monkeypatch):
+    directory, expected = whole
+    lines = (directory / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    assert len(lines) == 1 + 2 + len(DISTANCES)
+    climbs = []
+    climb = tolerance_module.meet_tolerance
+    monkeypatch.setattr("femfit.field.problem.meet_tolerance", lambda *given: climbs.append(given) or climb(*given))
+    for kept in range(1, len(lines)):
+        target = tmp_path / str(kept)
+        target.mkdir()
+        (target / "journal.jsonl").write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
+        rungs = sum("rung" in json.loads(line).get("key", "") for line in lines[:kept])
+        climbs.clear()
+        resumed = run(actuator, target)
+        assert len(climbs) == 2 - rungs  # what the journal has is not climbed again
+        pd.testing.assert_frame_equal(resumed.rows, expected.rows, check_exact=True)
+
+
+def test_a_group_whose_mesh_fails_chooses_a_rung_for_each_distance(actuator, whole, tmp_path, monkeypatch):
+    build = moving_mesh.build_mesh
+
+    def build_or_refuse(given, distance, layout, settings):
+        if distance not in DISTANCES:
+            raise FieldSolverError("no mesh")
+        return build(given, distance, layout, settings)
+
+    monkeypatch.setattr(moving_mesh, "build_mesh", build_or_refuse)
+    rows = run(actuator, tmp_path).rows
+    assert (rows["status"] == "ok").all()
+    difference = np.abs(rows["force_N"] - whole[1].rows["force_N"])
+    assert (difference <= rows["force_error_N"] + whole[1].rows["force_error_N"]).all()
+
+
+def test_a_worker_that_dies_at_a_rung_costs_that_group_until_the_command_is_given_again(
+    actuator, whole, tmp_path, monkeypatch
+):
+    solve = sweep_module.solve_task
+
+    def die(task):
+        return dict(DIED) if isinstance(task, RungTask) and 0.015 in task.mesh.distances else solve(task)
+
+    monkeypatch.setattr(sweep_module, "solve_task", die)
+    summary = summarise(run(actuator, tmp_path))
+    assert summary["failures"] == {DIED["status"]: 32}
+    monkeypatch.undo()
+    pd.testing.assert_frame_equal(run(actuator, tmp_path).rows, whole[1].rows, check_exact=True)

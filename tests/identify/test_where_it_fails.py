@@ -1,0 +1,110 @@
+"""Where a model fails: the right channel, the right covariates, and a sentence that one would say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.identify.comparison.where import where_it_fails
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.whitening import Whitening, chains_of
+from femfit.identify.readings.observations import bench_observations
+from femfit.model.actuator_model import ValidityBox
+from femfit.model.magnetics import Coefficient, LawMagnetics
+from support.campaign import NOISE, campaign
+
+
+def located(model, seed, change, **settings):
+    observations = bench_observations(model, campaign(model, seed, change=change, **settings))
+    noise = estimate_noise(observations)
+    return where_it_fails(observations, Whitening(observations, noise, chains_of(observations)))
+
+
+def changed(channel, by):
+    """A campaign's change: ``by`` maps (readings of the channel, rows) to what is added to them."""
+
+    def change(readings, rows):
+        return readings | {channel: readings[channel] + by(readings[channel], rows)}
+
+    return change
+
+
+def test_a_force_that_is_low_in_a_corner_is_told_like_that(levitation_model):
+    def corner(force, rows):
+        return np.where((rows["current_A"] > 0.8) & (rows["distance_m"] < 0.02), -0.06 * force, 0.0)
+
+    where = located(levitation_model, 1, changed("force_N", corner))
+    assert where.channel == "force_N"
+    assert set(where.covariates) == {"distance_m", "current_A"}
+    # The campaign reads at 0.7 and 0.93 A, at 18.4 and 21.6 mm: any threshold between is right
+    assert where.sentence.startswith("Measured force is ")
+    assert " % low above 0." in where.sentence
+    assert where.sentence.endswith(" and below 20 mm, in both branches.")
+
+
+def test_a_misfit_that_turns_with_the_branch_is_told_for_both(levitation_model):
+    where = located(levitation_model, 2, changed("flux_linkage_Wb", lambda flux, rows: -1e-4 * rows["branch"]))
+    assert (where.channel, where.covariates) == ("flux_linkage_Wb", ("branch",))
+    assert "on the rising branch" in where.sentence
+    assert "on the falling one" in where.sentence
+    assert "100 µWb low" in where.sentence
+
+
+def test_a_misfit_that_is_the_same_everywhere_has_no_covariate(levitation_model):
+    where = located(levitation_model, 3, changed("hall_V", lambda hall, rows: 0.02))
+    assert (where.channel, where.covariates) == ("hall_V", ())
+    assert where.sentence == "Measured Hall output is 20 mV high everywhere, in both branches."
+
+
+@pytest.mark.parametrize(
+    ("channel", "column", "by"),
+    [
+        ("force_N", "distance_m", lambda y, rows: np.sin(rows["distance_m"] / 2e-3)),
+        ("force_N", "current_A", lambda y, rows: rows["current_A"] ** 2),
+        ("flux_linkage_Wb", "branch", lambda y, rows: rows["branch"]),
+        (
+            "hall_V",
+            "coil_temperature_C",
+            lambda y, rows: rows["coil_temperature_C"] - rows["coil_temperature_C"].mean(),
+        ),
+        ("hall_V", "current_A", lambda y, rows: rows["current_A"]),
+        ("voltage_V", "current_A", lambda y, rows: rows["current_A"]),
+    ],
+)
+def test_the_channel_and_the_covariate_of_a_misfit_of_one_sigma_are_found(levitation_model, channel, column, by):
+    def one_sigma(readings, rows):
+        shape = np.asarray(by(readings, rows))
+        return NOISE[channel] * shape / np.sqrt(np.mean(shape**2))
+
+    # Misfits of one standard deviation rms, re-mounts of 20 um: at least three of four campaigns must be right
+    found = [located(levitation_model, seed, changed(channel, one_sigma)) for seed in range(4)]
+    right = [one for one in found if one.channel == channel and column in one.covariates[:1]]
+    assert len(right) >= 3
+
+
+def test_an_amount_has_the_sign_of_the_misfit_and_a_share_that_of_the_magnitude(levitation_model):
+    box = levitation_model.validity
+    both = replace(levitation_model, validity=replace(box, current_min_A=-1.4))
+    up = located(both, 6, changed("voltage_V", lambda voltage, rows: np.where(rows["current_A"] < -0.5, 0.05, 0.0)))
+    assert up.sentence.startswith("Measured coil voltage is 5")
+    assert " mV high below -0." in up.sentence
+    share = located(both, 7, changed("voltage_V", lambda voltage, rows: 0.03 * voltage))
+    assert " % high below -0." in share.sentence
+
+
+def test_a_core_that_saturates_near_contact_is_said_to_lower_the_flux(levitation_model):
+    pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
+    model = replace(levitation_model, magnetics=pot, validity=ValidityBox(0.6e-3, 6e-3, 0.0, 2.0), sensor=None)
+    noise = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
+
+    def saturated(readings, rows):
+        kept = (1.0 + (readings["flux_linkage_Wb"] / 0.15) ** 8) ** -0.125
+        return readings | {
+            "flux_linkage_Wb": kept * readings["flux_linkage_Wb"],
+            "force_N": kept**2 * readings["force_N"],
+        }
+
+    where = located(model, 8, saturated, noise=noise, mount_m=5e-6, runs=4)
+    assert where.channel == "flux_linkage_Wb"
+    assert " low " in where.sentence
+    assert "high" not in where.sentence

@@ -1,0 +1,102 @@
+"""Equation (11) to the letter, systematics by their sensitivities, and an uncertainty that holds what it says."""
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import TableError
+from femfit.integrate.methods import (
+    IntegrationOptions,
+    integrate_blocks,
+    make_integrator,
+    record_noise,
+    sample_time,
+    white_sigma,
+)
+from femfit.integrate.uncertainty import (
+    PAPER_COIL,
+    LinearSigma,
+    Noise,
+    Responses,
+    Systematics,
+    increment_variance,
+    paper_noise,
+)
+from femfit.tables.coil_block import CoilBlock
+
+DT = 1e-3
+
+
+def test_the_literal_increment_is_equation_11():
+    voltage, dt = np.array([0.010, 0.012]), np.array([1.0 / 204.8e3])
+    sigma = 2.05e-3 + 3e-6 * voltage
+    area, spread = 0.059394, 2.29e-6
+    expected = dt**2 / (4 * area**2) * (spread**2 / area**2 * np.sum(voltage) ** 2 + np.sum(sigma**2))
+    np.testing.assert_allclose(increment_variance(paper_noise("hall"), PAPER_COIL, voltage, dt), expected, rtol=1e-12)
+
+
+def test_the_area_is_no_noise_in_the_gum_treatment():
+    noise = Noise(LinearSigma(0.0), LinearSigma(1e-5), 1e-3)
+    assert increment_variance(noise, PAPER_COIL, np.array([1.0, 1.0]), np.array([DT]))[0] == 0.0
+
+
+def test_the_literal_sigmas_keep_their_spectral_density():
+    full, slow = paper_noise("current"), paper_noise("current", 204.8e3 / 16)
+    assert slow.voltage.floor == pytest.approx(full.voltage.floor / 4)
+    assert slow.reference.relative == pytest.approx(full.reference.relative / 4)
+
+
+def test_independent_systematics_add_in_squares():
+    one = np.ones(1)
+    responses = Responses(2.0 * one, 3.0 * one, 0.5 * one, 100.0 * one)
+    given = Systematics(coil_gain=1e-3, reference_gain=2e-3, reference_offset_T=4e-3, offset_voltage_V=1e-5)
+    expected = (2e-3, 6e-3, 2e-3, 1e-3)
+    np.testing.assert_allclose([part[0] for part in responses.parts(given).values()], expected)
+    assert responses.variance(given)[0] == pytest.approx(sum(value**2 for value in expected))
+
+
+@pytest.mark.parametrize("sigma", [1e-9, 1e-3])
+def test_white_noise_is_found_on_a_moving_signal(sigma):
+    time = np.arange(20_000) * DT
+    values = 1e-3 * np.sin(time) + sigma * np.random.default_rng(1).normal(size=len(time))
+    # A median of 2e4 second differences: 1.5 %; the sine bends by 1e-9 a sample squared.
+    assert white_sigma(values) == pytest.approx(sigma, rel=0.05 if sigma > 1e-6 else 0.3)
+
+
+def test_noise_is_evaluated_from_the_record():
+    rng = np.random.default_rng(2)
+    block = CoilBlock(np.arange(5000) * DT, 2e-6 * rng.normal(size=5000), 1.0 + 3e-5 * rng.normal(size=5000))
+    noise = record_noise(IntegrationOptions("cs1-offset", PAPER_COIL), block, DT)
+    assert noise.voltage.floor == pytest.approx(2e-6, rel=0.1)
+    assert noise.reference.floor == pytest.approx(3e-5, rel=0.1)
+
+
+@pytest.mark.parametrize("method", ["trapezoid", "cs1-offset"])
+def test_the_uncertainty_holds_what_it_says(method):
+    """Errors of gain, area and offset drawn from what is claimed: the error over its sigma has an rms of 1."""
+    rng = np.random.default_rng(3)
+    time = np.arange(4000) * DT
+    field = 0.2 + 0.1 * np.minimum(time, 2.0)
+    claimed = Systematics(1e-3, 2e-3, 1e-4, 0.0 if method == "cs1-offset" else 1e-5)
+    scores = []
+    for _ in range(60):
+        area, gain, zero, offset = rng.normal(size=4)
+        voltage = 0.059394 * np.gradient(field, time) * (1 + 1e-3 * area) + 1e-5 * offset + 1e-6 * rng.normal(size=4000)
+        hall = field * (1 + 2e-3 * gain) + 1e-4 * zero + 1e-5 * rng.normal(size=4000)
+        record = CoilBlock(time, voltage, hall)
+        initial = 0.2 if method == "trapezoid" else None
+        options = IntegrationOptions(method, PAPER_COIL, initial_field=initial, systematics=claimed)
+        ((_, block),) = integrate_blocks(make_integrator(options, record), [record])
+        scores.append((block.field[-1] - field[-1]) / block.sigma(claimed)[-1])
+    # 60 draws: the rms is known to 9 % (one standard deviation).
+    assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_record_of_two_samples_is_refused():
+    with pytest.raises(TableError, match="at least 3 samples"):
+        sample_time(CoilBlock(np.array([0.0, DT]), np.zeros(2)))
+
+
+def test_a_filter_without_a_field_model_says_what_to_give():
+    block = CoilBlock(np.arange(10) * DT, np.zeros(10), current=np.zeros(10))
+    with pytest.raises(TableError, match="--field-model"):
+        make_integrator(IntegrationOptions("cs2-identified", PAPER_COIL), block)

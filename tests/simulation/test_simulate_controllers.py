@@ -1,0 +1,129 @@
+"""Controllers: poles where they were placed, stable over the whole range, clamped, without windup."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import DomainError
+from femfit.simulation.controller import Reference, SplitController
+from femfit.simulation.design import CONTROLLERS, design_loop
+from femfit.simulation.operating_point import operating_point
+from femfit.simulation.pid import design_pid
+from femfit.simulation.plant import Plant
+
+
+@pytest.fixture(scope="module")
+def design(levitation_model):
+    return design_loop(levitation_model)
+
+
+def closed_loop_poles(model, controller, distance):
+    """Continuous poles of plant and controller, from the linearised one-sample map of the code itself."""
+    point = operating_point(model, distance)
+    rest = np.array([distance, 0.0, point.current_A])
+    words = controller.initial_memory(rest[None]).shape[1]
+    still = np.zeros(1)
+    reference = Reference(np.array([distance]), still, still)
+
+    def advance(z):
+        state, memory = z[None, :3], z[None, 3:]
+        voltage, memory = controller.command(memory, state, reference)
+        return np.concatenate([Plant(model).step(state, voltage)[0], memory[0]])
+
+    centre = np.concatenate([rest, np.zeros(words)])
+    steps = np.concatenate([[1e-7, 1e-5, 1e-5], np.full(words, 1e-6)])  # volts from these stay far below the clamp
+    if words:
+        steps[5:] = 1e-8  # errors in metres, times 5000 V/m
+    columns = [(advance(centre + e) - advance(centre - e)) / (2 * e.max()) for e in np.diag(steps)]
+    multipliers = np.linalg.eigvals(np.array(columns).T)
+    return np.log(np.maximum(np.abs(multipliers), 1e-12)) / model.sample_time_s
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("distance", np.linspace(0.022, 0.030, 5))
+def test_the_loop_is_stable_over_the_range(levitation_model, design, name, distance):
+    slowest = closed_loop_poles(levitation_model, design.controller(name), distance).max()
+    assert slowest < -8.0  # 1/s: settles in half a second; the plant's own unstable pole is +25 or more
+
+
+def test_backstepping_without_enough_velocity_gain_is_unstable(levitation_model, design):
+    b, points = design.backstepping, design.points
+    needed = max((p.mechanical_pole_rad_s**2 + b.position_gain) / p.coil_pole_rad_s for p in points)
+    assert b.velocity_gain > needed
+    lame = replace(b, velocity_gain=0.7 * needed)
+    assert closed_loop_poles(levitation_model, lame, points[0].distance_m).max() > 0.0
+
+
+def test_backstepping_puts_the_three_poles_at_a_third_of_the_coils(design):
+    b = design.backstepping
+    point = max(design.points, key=lambda p: p.mechanical_pole_rad_s)
+    p = min(q.coil_pole_rad_s for q in design.points)
+    polynomial = [1 / p, 1.0, b.velocity_gain - point.mechanical_pole_rad_s**2 / p, b.position_gain]
+    np.testing.assert_allclose(np.array(polynomial) * p, np.poly(np.full(3, -p / 3)), rtol=1e-9)
+
+
+def test_pid_has_its_quadruple_pole_where_it_is_designed(levitation_model, design):
+    middle = design.points[len(design.points) // 2]
+    pid = design.pid
+    phi, gamma = middle.discrete(levitation_model.sample_time_s)
+    a = np.poly(phi)
+    c = np.poly(phi - np.outer(gamma, [1.0, 0.0, 0.0])) - a
+    closed = np.polymul(np.polymul(a, [1.0, -1.0]), [1.0, -pid.filter_pole])
+    closed = np.polyadd(closed, np.polymul(c[1:], pid.gains_V_m))
+    roots = np.roots(closed)
+    slow = roots[np.argsort(-np.abs(roots))[:4]]
+    # a quadruple root splits by the fourth root of rounding, but its mean does not
+    assert np.ptp(np.abs(slow)) < 3e-3
+    w = -np.log(np.mean(slow).real) / levitation_model.sample_time_s
+    n, coil, unstable = 3 * middle.coil_pole_rad_s, middle.coil_pole_rad_s, middle.mechanical_pole_rad_s
+    assert 10 * w**2 - 4 * (coil + n) * w + n * coil == pytest.approx(
+        unstable**2, rel=0.3
+    )  # continuous against sampled
+
+
+def test_pid_removes_a_constant_disturbance(levitation_model, design):
+    point = operating_point(levitation_model, 0.026)
+    plant = Plant(levitation_model, disturbance_N=0.02 * levitation_model.motion.mass_kg * 9.81)
+    state = np.array([[0.026, 0.0, point.current_A]])
+    memory, zero = design.pid.initial_memory(state), np.zeros(1)
+    for _ in range(4000):
+        voltage, memory = design.pid.command(memory, state, Reference(np.array([0.026]), zero, zero))
+        state = plant.step(state, voltage)
+    assert state[0, 0] == pytest.approx(0.026, abs=1e-7)  # backstepping would be off by 0.02 g/k_p = 0.2 mm
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_commands_stay_within_the_clamp_and_nothing_winds_up_behind_it(levitation_model, design, name):
+    circuit, controller = levitation_model.circuit, design.controller(name)
+    far = np.array([[0.030, 0.0, 0.5]])
+    zero = np.zeros(1)
+    reference = Reference(np.array([0.022]), zero, zero)
+    memory = controller.initial_memory(far)
+    memories = []
+    for _ in range(1000):
+        voltage, memory = controller.command(memory, far, reference)
+        assert circuit.voltage_min_V <= voltage[0] <= circuit.voltage_max_V
+        memories.append(memory)
+    assert voltage[0] == pytest.approx(circuit.voltage_max_V)
+    np.testing.assert_allclose(memories[-1], memories[500], atol=1e-6)  # an integrator would have doubled
+
+
+def test_a_split_controller_gives_each_run_its_own(design):
+    estimate = np.array([[0.0221, 0.01, 0.3], [0.0222, 0.0, 0.3], [0.0219, 0.0, 0.3]])
+    zero = np.zeros(())
+    reference = Reference(np.array(0.022), zero, zero)
+    split = SplitController(((np.array([0, 2]), design.backstepping), (np.array([1]), design.pid)))
+    voltage, memory = split.command(split.initial_memory(estimate), estimate, reference)
+    for run, controller in ((0, design.backstepping), (1, design.pid), (2, design.backstepping)):
+        own = estimate[run : run + 1]
+        alone, words = controller.command(controller.initial_memory(own), own, reference)
+        assert voltage[run] == alone[0]
+        np.testing.assert_array_equal(memory[run, : words.shape[1]], words[0])
+
+
+def test_a_coil_slower_than_the_body_gets_no_pid(levitation_model):
+    slow = replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=0.15))
+    slow = replace(slow, circuit=replace(slow.circuit, voltage_min_V=0.0))
+    with pytest.raises(DomainError, match="Use backstepping"):
+        design_pid(slow, operating_point(slow, 0.022))

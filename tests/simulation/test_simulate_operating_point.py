@@ -1,0 +1,188 @@
+"""Operating points, the linear model around them, and the reference that the driver can follow."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from femfit.core.errors import DomainError, FilterError, MissingPartError
+from femfit.model.actuator_model import ValidityBox
+from femfit.model.dynamics import state_derivative
+from femfit.simulation.design import design_loop
+from femfit.simulation.experiment import Experiment, run_experiments
+from femfit.simulation.operating_point import current_for_force, operating_point, zero_order_hold
+from femfit.simulation.reference import reference_rate, reference_steps
+
+
+def test_the_linear_model_is_the_derivative_of_the_equations_of_motion(levitation_model):
+    point = operating_point(levitation_model, 0.025)
+    x0, u0 = np.array([0.025, 0.0, point.current_A]), point.voltage_V
+    for k, h in enumerate((1e-7, 1e-4, 1e-6)):
+        ends = [state_derivative(levitation_model, x0 + s * h * np.eye(3)[k], np.asarray(u0)) for s in (1, -1)]
+        np.testing.assert_allclose(point.A[:, k], (ends[0] - ends[1]) / (2 * h), rtol=1e-5, atol=1e-5)
+    ends = [state_derivative(levitation_model, x0, np.asarray(u0 + s)) for s in (1.0, -1.0)]
+    np.testing.assert_allclose(point.B, (ends[0] - ends[1]) / 2, atol=1e-9)
+
+
+def test_the_unstable_pole_is_that_of_the_body_and_the_back_emf_slows_it(levitation_model):
+    point = operating_point(levitation_model, 0.022)
+    unstable = np.linalg.eigvals(point.A).real.max()
+    assert 0.95 * point.mechanical_pole_rad_s < unstable < point.mechanical_pole_rad_s
+
+
+@pytest.mark.parametrize("step", [1e-5, 5e-4, 0.1])
+def test_zero_order_hold_is_the_matrix_exponential(levitation_model, step):
+    point = operating_point(levitation_model, 0.022)
+    whole = np.zeros((4, 4))
+    whole[:3, :3], whole[:3, 3] = point.A, point.B
+    expected = scipy.linalg.expm(whole * step)
+    phi, gamma = zero_order_hold(point.A, point.B, step)
+    np.testing.assert_allclose(phi, expected[:3, :3], rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(gamma, expected[:3, 3], rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+
+
+def test_current_for_force_inverts_the_force_and_stops_at_the_clamp(levitation_model):
+    d, i = np.meshgrid(np.linspace(0.02, 0.032, 7), np.linspace(0.2, 1.1, 7))
+    np.testing.assert_allclose(
+        current_for_force(levitation_model, d, levitation_model.magnetics.force(d, i)), i, rtol=1e-9
+    )
+    circuit = levitation_model.circuit
+    ends = current_for_force(levitation_model, np.full(2, 0.025), np.array([-1.0, 1.0]))
+    np.testing.assert_allclose(ends, np.array([circuit.voltage_min_V, circuit.voltage_max_V]) / circuit.resistance_ohm)
+
+
+def test_a_distance_beyond_the_clamp_is_refused_with_the_voltage_that_it_needs(levitation_model):
+    weak = replace(levitation_model, circuit=replace(levitation_model.circuit, voltage_max_V=1.5))
+    with pytest.raises(DomainError, match=r"needs \d.* V there"):
+        operating_point(weak, 0.030)
+
+
+def test_a_body_that_nothing_holds_is_refused_by_name(levitation_model):
+    heavy = replace(levitation_model, motion=replace(levitation_model.motion, mass_kg=1.0), reference_distances_m=())
+    with pytest.raises(DomainError, match="not an actuator that levitates"):
+        design_loop(heavy)
+
+
+@pytest.mark.parametrize("part", ["circuit", "motion", "sensor"])
+def test_a_model_without_a_part_is_refused_with_the_remedy(levitation_model, part):
+    with pytest.raises(MissingPartError, match=r"Fit it again with an actuator file"):
+        design_loop(replace(levitation_model, **{part: None}))
+
+
+def test_targets_are_derived_where_the_model_has_none(levitation_model):
+    design = design_loop(replace(levitation_model, reference_distances_m=()))
+    near, far, again = design.targets_m
+    assert near == again
+    circuit = levitation_model.circuit
+    for point in design.points:
+        assert circuit.voltage_min_V < point.voltage_V < circuit.voltage_max_V
+    assert far - near > 3e-3
+
+
+def test_the_reference_starts_at_rest_reaches_each_target_and_its_rates_belong_together(levitation_model):
+    step, rate = 1e-4, 25.0
+    reference = reference_steps((0.022, 0.030), 20_000, step, rate)
+    r, v, a = reference.distance, reference.velocity, reference.acceleration
+    assert (r[0], v[0], a[0]) == (0.022, 0.0, 0.0)
+    # after 1 s: (1 + 25 + 25^2/2) e^-25 = 5e-9 of the step
+    assert r[-1] == pytest.approx(0.030, abs=1e-9)
+    np.testing.assert_allclose(np.gradient(r, step), v, atol=1e-5 * v.max())
+    np.testing.assert_allclose(np.gradient(v, step)[9_900:], a[9_900:], atol=3e-3 * a.max())
+
+
+def test_the_reference_leaves_half_of_the_voltage_to_the_feedback(levitation_model):
+    targets = levitation_model.reference_distances_m
+    rate = reference_rate(levitation_model, targets)
+    circuit, motion = levitation_model.circuit, levitation_model.motion
+    path = reference_steps(targets, 3000, 1e-3, rate)
+    wanted = motion.mass_kg * (motion.gravity_m_s2 - path.acceleration)
+    voltage = circuit.resistance_ohm * current_for_force(levitation_model, path.distance, wanted)
+    assert voltage.min() > circuit.voltage_min_V + 0.1
+    assert voltage.max() < circuit.voltage_max_V - 0.3
+    narrower = replace(levitation_model, circuit=replace(circuit, voltage_min_V=0.7, voltage_max_V=2.5))
+    assert reference_rate(narrower, targets) < rate
+
+
+def test_the_currents_of_the_clamp_never_leave_the_model(levitation_model):
+    small = replace(levitation_model, validity=ValidityBox(0.015, 0.045, 0.25, 0.9))
+    ends = current_for_force(small, np.full(2, 0.025), np.array([-1.0, 1.0]))
+    np.testing.assert_allclose(ends, [0.25, 0.9])
+
+
+def reversed_magnetics(model):
+    """The model's co-energy with its current reversed: a coil whose leads are the wrong way round."""
+    spline = model.magnetics.spline
+    ends = spline.y_knots
+    return replace(
+        model.magnetics, spline=replace(spline, y_knots=-ends[::-1], coefficients=spline.coefficients[:, ::-1])
+    )
+
+
+def test_a_coil_that_repels_is_refused_with_its_polarity(levitation_model):
+    circuit = replace(levitation_model.circuit, voltage_min_V=-3.0, voltage_max_V=-0.5)
+    box = replace(levitation_model.validity, current_min_A=-1.4, current_max_A=0.0)
+    repelling = replace(
+        levitation_model,
+        magnetics=reversed_magnetics(levitation_model),
+        circuit=circuit,
+        validity=box,
+        reference_distances_m=(),
+    )
+    with pytest.raises(
+        DomainError, match=r"positive current must attract.*falls as the current grows from -1\.12 to -0"
+    ):
+        design_loop(repelling)
+
+
+def test_targets_are_derived_where_the_hall_element_is_not_saturated(levitation_model):
+    free = replace(levitation_model, reference_distances_m=())
+    # 8.3 mT fill the range above the quiescent output at 300 V/T; the magnet alone has 8.7 mT at 20 mm.
+    sensitive = replace(free, sensor=replace(free.sensor, sensitivity_V_per_T=300.0))
+    design = design_loop(sensitive)
+    assert min(design.targets_m) > min(design_loop(free).targets_m)
+    for point in design.points:
+        assert 0.0 < sensitive.sensor.voltage(np.array([point.distance_m]), np.array([point.current_A]))[0] < 5.0
+
+
+@pytest.mark.parametrize("targets", [(), (0.022, 0.030)])
+def test_a_hall_element_that_is_saturated_throughout_is_refused_with_the_remedy(levitation_model, targets):
+    blind = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=2000.0))
+    with pytest.raises(DomainError, match=r"within its output range of 0\.\.5 V .* smaller sensitivity_V_per_T"):
+        design_loop(replace(blind, reference_distances_m=targets))
+
+
+def test_the_driver_asks_for_no_current_that_the_model_does_not_cover(levitation_model):
+    strong = replace(levitation_model, circuit=replace(levitation_model.circuit, voltage_max_V=30.0))
+    circuit = design_loop(strong).model.circuit
+    assert circuit.voltage_max_V == pytest.approx(0.95 * 1.4 * 2.69)
+    assert circuit.voltage_min_V == 0.5
+    assert design_loop(levitation_model).model.circuit == levitation_model.circuit  # 1.12 A at most
+
+
+def test_a_coil_that_is_faster_than_the_samples_is_designed_for_as_slow_as_they_can_follow(levitation_model):
+    # An air coil: a twelfth of the inductance, R/L of 2000 rad/s at a period of 0.5 ms.
+    fast = replace(
+        levitation_model,
+        circuit=replace(levitation_model.circuit, resistance_ohm=32.0, voltage_max_V=36.0, voltage_min_V=6.0),
+    )
+    design = design_loop(fast)
+    assert design.points[0].coil_pole_rad_s > 1800.0
+    assert design.reference_rate_rad_s <= 200.0 * (1 + 1e-9)
+    assert design.backstepping.position_gain == pytest.approx(200.0**2 / 3.0)
+    assert abs(design.pid.filter_pole) < 1.0
+    (result,) = run_experiments(
+        design,
+        [Experiment("backstepping", "ukf", (0.022,))],
+        np.random.default_rng(3),
+        runs=4,
+        steps=600,
+        supported_steps=design.steps(5.0),
+    )
+    assert result.held.all()
+
+
+def test_a_coil_that_a_step_cannot_follow_is_refused_with_the_step_that_could(levitation_model):
+    circuit = replace(levitation_model.circuit, resistance_ohm=100.0, voltage_max_V=110.0, voltage_min_V=20.0)
+    with pytest.raises(FilterError, match=r"steps of at most 0\.3\d* ms.*sample_time_ms"):
+        design_loop(replace(levitation_model, circuit=circuit)).observer("ukf")

@@ -1,0 +1,102 @@
+"""The plant obeys mechanics, circuit and energy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.model.dynamics import state_derivative
+from femfit.model.magnetics import Magnetics
+from femfit.simulation.operating_point import operating_point
+from femfit.simulation.plant import Plant, with_force_scale
+
+
+class NoField(Magnetics):
+    """A coil of 10 mH that pulls nothing."""
+
+    def _derivatives(self, distance, current, orders):
+        values = {(0, 2): 0.01}
+        return [np.full(np.broadcast_shapes(distance.shape, current.shape), values.get(o, 0.0)) for o in orders]
+
+
+def trajectory(model, state, voltage, steps, substeps=1):
+    plant = Plant(model, substeps)
+    states = [state]
+    for _ in range(steps):
+        states.append(plant.step(states[-1], voltage))
+    return np.array(states)
+
+
+def test_a_body_without_field_falls_by_half_g_t_squared(levitation_model):
+    model = replace(levitation_model, magnetics=NoField())
+    fallen = trajectory(model, np.array([[0.02, 0.0, 0.0]]), np.zeros(1), 100)[-1, 0]
+    time, g = 100 * model.sample_time_s, model.motion.gravity_m_s2
+    assert fallen[:2] == pytest.approx([0.02 + 0.5 * g * time**2, g * time], rel=1e-12)  # RK4 is exact on parabolas
+
+
+def test_a_coil_without_motion_charges_with_the_time_constant_l_over_r(levitation_model):
+    model = replace(levitation_model, magnetics=NoField())
+    states = trajectory(model, np.array([[0.02, 0.0, 0.0]]), np.ones(1), 20)
+    time = 20 * model.sample_time_s
+    resistance = model.circuit.resistance_ohm
+    # RK4 with R h/L = 0.13 a step: (0.13)^5/120 = 3e-7 a step
+    assert states[-1, 0, 2] == pytest.approx((1.0 - np.exp(-resistance / 0.01 * time)) / resistance, rel=1e-5)
+
+
+@pytest.mark.parametrize("distance", [0.022, 0.026, 0.030])
+def test_the_operating_point_is_at_rest(levitation_model, distance):
+    point = operating_point(levitation_model, distance)
+    rate = state_derivative(levitation_model, np.array([[distance, 0.0, point.current_A]]), np.array([point.voltage_V]))
+    assert np.abs(rate).max() < 1e-9  # m/s^2 and A/s, against 9.8 and 50
+
+
+def test_halving_the_step_divides_the_error_by_sixteen(levitation_model):
+    model = replace(levitation_model, sample_time_s=8e-3)
+    start, voltage = np.array([[0.024, 0.05, 0.3]]), np.array([1.5])
+    exact = trajectory(model, start, voltage, 1, substeps=256)[-1]
+    errors = [np.abs(trajectory(model, start, voltage, 1, substeps=n)[-1] - exact).max(axis=0) for n in (2, 4, 8)]
+    orders = np.log2([errors[0] / errors[1], errors[1] / errors[2]])
+    # fourth order; the spline's breaks disturb it a little
+    assert np.all(orders > 3.7)
+    assert np.all(orders < 4.5)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.3])
+def test_electrical_input_is_ohmic_loss_and_field_energy_and_mechanical_energy(levitation_model, scale):
+    model = with_force_scale(replace(levitation_model, sample_time_s=1e-5), scale)
+    circuit, motion = model.circuit, model.motion
+    steps, voltage = 3000, np.array([1.8])
+    states = trajectory(model, np.array([[0.024, 0.0, 0.2]]), voltage, steps)[:, 0]
+    d, v, i = states.T
+    time = model.sample_time_s * np.arange(steps + 1)
+    given = np.trapezoid(voltage[0] * i, time)
+    lost = np.trapezoid(circuit.resistance_ohm * i**2, time)
+    field = i * model.magnetics.flux_linkage(d, i) - model.magnetics.coenergy(d, i)
+    kinetic = 0.5 * motion.mass_kg * v**2
+    lifted = -motion.mass_kg * motion.gravity_m_s2 * d
+    stored = field + kinetic + lifted
+    assert abs(v[-1]) > 0.02  # it moved, so that mechanical work is in the balance
+    # trapezoid over 3000 steps of 1e-5 s with rates of 170/s: (1.7e-3)^2/12 = 2e-7 of the input
+    assert given - lost == pytest.approx(stored[-1] - stored[0], abs=1e-6 * given)
+
+
+def test_a_scaled_force_keeps_reciprocity_and_scales_force_and_motional_constant(levitation_model):
+    scaled = with_force_scale(levitation_model, 1.01).magnetics
+    base = levitation_model.magnetics
+    d, i, h = np.array([0.021, 0.029]), np.array([0.3, 0.8]), 1e-6
+    np.testing.assert_allclose(scaled.force(d, i), 1.01 * base.force(d, i), rtol=1e-14)
+    np.testing.assert_allclose(scaled.motional_constant(d, i), 1.01 * base.motional_constant(d, i), rtol=1e-14)
+    slope = -(scaled.flux_linkage(d + h, i) - scaled.flux_linkage(d - h, i)) / (2.0 * h)
+    np.testing.assert_allclose(scaled.motional_constant(d, i), slope, rtol=1e-5)  # rounding of 1e-16 Wb over 2e-6 m
+    np.testing.assert_allclose(scaled.inductance(d, i), base.inductance(d, i), rtol=1e-3)  # k_m moves L by 0.01 %
+
+
+def test_a_constant_disturbance_is_weight(levitation_model):
+    heavier = replace(levitation_model, motion=replace(levitation_model.motion, gravity_m_s2=10.0))
+    extra = levitation_model.motion.mass_kg * (10.0 - levitation_model.motion.gravity_m_s2)
+    start, voltage = np.array([[0.024, 0.0, 0.3]]), np.array([1.0])
+    np.testing.assert_allclose(
+        Plant(levitation_model, disturbance_N=extra).step(start, voltage),
+        Plant(heavier).step(start, voltage),
+        rtol=1e-13,
+    )

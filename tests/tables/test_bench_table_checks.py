@@ -1,0 +1,163 @@
+"""What cannot be right in a bench table is set aside with a sentence; what is physics is left alone."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.core.errors import TableError
+from femfit.tables.measurement_file import read_bench_table
+
+DISTANCES, CURRENTS = np.linspace(0.016, 0.044, 10), np.linspace(0.0, 1.4, 8)
+NOISE = 4e-4
+
+
+def bench(runs=3, seed=0, step=1e-5):
+    """A sweep of a force that rises steeply towards the electromagnet, up and down in current at each distance."""
+    generator = np.random.default_rng(seed)
+    cycle = np.concatenate([CURRENTS, CURRENTS[::-1]])
+    branch = np.repeat([1, -1], len(CURRENTS))
+    d, i = (x.ravel() for x in np.meshgrid(DISTANCES, cycle, indexing="ij"))
+    force = 4.2e-9 / d**4 + 0.29 * np.exp(-d / 0.0166) * i
+    pieces = []
+    for run in range(runs):
+        reading = force * (1.0 + 0.002 * run) + NOISE * generator.standard_normal(len(d))
+        pieces.append(
+            pd.DataFrame(
+                {
+                    "run": run + 1,
+                    "order": np.arange(len(d)),
+                    "current_A": i,
+                    "distance_m": d,
+                    "branch": np.tile(branch, len(DISTANCES)),
+                    "force_N": np.round(reading / step) * step,
+                }
+            )
+        )
+    return pd.concat(pieces, ignore_index=True)
+
+
+def read(path, rows):
+    rows.to_csv(path / "bench.csv", index=False)
+    return read_bench_table(path / "bench.csv")
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize("step", [1e-9, 1e-5, 1e-3])
+def test_a_clean_bench_is_left_alone(tmp_path, runs, step):
+    rows = bench(runs, step=step)
+    table = read(tmp_path, rows)
+    assert table.findings == ()
+    assert table.rows["force_N"].to_numpy() == pytest.approx(rows["force_N"].to_numpy())
+
+
+def test_lone_outliers_are_set_aside_and_said(tmp_path):
+    rows = bench()
+    for row, wrong in ((37, 0.5), (205, -0.2), (400, 0.05)):  # 1250, 500 and 125 times the noise
+        rows.loc[row, "force_N"] += wrong
+    table = read(tmp_path, rows)
+    assert np.flatnonzero(table.rows["force_N"].isna()).tolist() == [37, 205, 400]
+    assert len(table.findings) == 1
+    assert "3 readings contradict all neighbours in force_N" in table.findings[0]
+    assert "order 37" in table.findings[0]
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize(
+    "effect",
+    [
+        lambda r: 0.05 * (r["distance_m"] < 0.0165),  # a stop that is touched at one distance only
+        lambda r: -0.03 * (r["current_A"] > 1.3) * (r["distance_m"] < 0.0165),  # a corner that saturates
+        lambda r: 0.01 * r["branch"],  # hysteresis
+        lambda r: 0.02 * (r["run"] == 2),  # one run off
+        lambda r: 0.05 * (r["order"] > 80),  # something slipped during the run
+        lambda r: 0.03 * np.sin(r["distance_m"] / 5e-4),  # a stage's periodic error
+        lambda r: 0.2 * np.random.default_rng(1).standard_t(2, len(r)) * NOISE,  # heavy tails
+    ],
+)
+def test_an_effect_however_sharp_is_no_outlier(tmp_path, runs, effect):
+    rows = bench(runs)
+    table = read(tmp_path, rows.assign(force_N=rows["force_N"] + effect(rows)))
+    assert table.rows["force_N"].notna().all()
+    assert table.findings == ()
+
+
+def test_a_stuck_channel_is_set_aside_from_where_it_sticks(tmp_path):
+    rows = bench()
+    rows.loc[100:139, "force_N"] = rows.loc[100, "force_N"]
+    table = read(tmp_path, rows)
+    assert np.flatnonzero(table.rows["force_N"].isna()).tolist() == list(range(100, 140))
+    assert "40 rows on end" in table.findings[0]
+
+
+def test_a_coarse_channel_that_hardly_changes_is_not_stuck(tmp_path):
+    rows = bench()
+    far = rows["distance_m"] > 0.03
+    flat = np.where(far, 0.0, rows["force_N"])  # a balance that shows 0.00 N beyond 30 mm in every run
+    table = read(tmp_path, rows.assign(force_N=np.round(flat, 2)))
+    assert table.findings == ()
+
+
+def test_rows_that_stand_twice_count_once(tmp_path):
+    rows = bench(1)
+    table = read(tmp_path, pd.concat([rows, rows[:50]]))
+    assert len(table.rows) == len(rows)
+    assert "50 rows repeat an earlier one" in " ".join(table.findings)
+    one = read(tmp_path, pd.concat([rows, rows[:1]]).drop(columns=["order"]).round(12))
+    assert "1 row repeats" not in " ".join(one.findings)  # readings to 0.01 mN may be equal by chance
+
+
+def test_runs_without_a_column_are_told_apart_by_their_order(tmp_path):
+    table = read(tmp_path, bench(3).drop(columns=["run"]))
+    assert table.rows["run"].unique().tolist() == [1.0, 2.0, 3.0]
+    assert "starts anew 2 times" in table.findings[0]
+
+
+def test_a_clock_that_was_reset_within_a_run_is_not_sorted_by(tmp_path):
+    rows = bench(1)
+    clock = 0.7 * rows["order"] + 0.013
+    clock[60:] -= 30.0
+    table = read(tmp_path, rows.assign(order=clock))
+    assert "order goes back 1 times in run 1: the clock was reset" in table.findings[0]
+    assert table.rows["distance_m"].to_numpy() == pytest.approx(rows["distance_m"].to_numpy())
+    assert table.rows["order"].tolist() == list(range(len(rows)))
+
+
+def test_a_file_sorted_by_setting_is_put_back_into_the_order_of_measuring(tmp_path):
+    rows = bench(2)
+    table = read(tmp_path, rows.sort_values(["run", "current_A", "distance_m"], kind="stable"))
+    assert table.findings == ()
+    assert table.rows["force_N"].to_numpy() == pytest.approx(rows["force_N"].to_numpy())
+
+
+def test_a_jump_of_the_clock_is_told(tmp_path):
+    rows = bench(1)
+    table = read(tmp_path, rows.assign(order=rows["order"] + 5000 * (rows["order"] > 70)))
+    assert table.findings == ("order jumps by 5001 after 70 in run 1, where 1 is usual.",)
+
+
+def test_distances_in_millimetres_temperatures_in_kelvin_and_distances_below_zero_are_suspected(tmp_path):
+    rows = bench(1)
+    said = read(tmp_path, rows.assign(distance_m=1e3 * rows["distance_m"])).findings
+    assert any("looks like millimetres" in one for one in said)
+    said = read(tmp_path, rows.assign(coil_temperature_C=295.0 + 0.01 * rows["order"])).findings
+    assert any("looks like kelvin" in one for one in said)
+    table = read(tmp_path, rows.assign(distance_m=rows["distance_m"].where(rows["order"] > 2, -0.001)))
+    assert len(table.rows) == len(rows) - 3
+    assert any("distances count from the electromagnet's face" in one for one in table.findings)
+
+
+def test_a_distance_that_is_none_is_said_once(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("current_A,distance_m,force_N\n1,0,0.03\n1,0.02,0.03\n2,0.02,0.05\n", encoding="utf-8")
+    table = read_bench_table(path)
+    assert len(table.rows) == 2
+    assert [said.split(";")[0] for said in table.findings] == [
+        "1 row has a distance <= 0 (down to 0 m) and was left out"
+    ]
+
+
+def test_a_table_without_any_distance_above_zero_is_refused_for_that(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("current_A,distance_m,force_N\n1,0,0.03\n1,-0.02,0.03\n", encoding="utf-8")
+    with pytest.raises(TableError, match="distance above zero"):
+        read_bench_table(path)

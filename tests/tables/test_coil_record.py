@@ -1,0 +1,116 @@
+"""Coil records in every format give the same blocks; what cannot be used is named."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.core.errors import TableError
+from femfit.tables.coil_record import RecordWriter, open_coil_record
+
+
+@pytest.fixture
+def table():
+    rng = np.random.default_rng(1)
+    time = np.arange(1000) / 1000.0
+    # Values that float32 holds exactly, so that the raw format loses nothing.
+    return pd.DataFrame(
+        {"time_s": time, "coil_voltage_V": np.float32(rng.normal(size=1000)), "hall_T": np.float32(np.sin(time))}
+    ).astype(np.float64)
+
+
+def written(table, path):
+    with RecordWriter(path, list(table.columns), 1e-3) as writer:
+        for rows in np.array_split(np.arange(len(table)), 3):
+            writer.write({name: table[name].to_numpy()[rows] for name in table})
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.bin", "a.raw", "a.f32"])
+def test_what_is_written_is_read_in_blocks(name, table, tmp_path):
+    record = open_coil_record(written(table, tmp_path / name))
+    assert record.columns == ("coil_voltage_V", "hall_T")
+    assert record.samples in {1000, None}
+    blocks = list(record.blocks(rows=300))
+    assert [len(block) for block in blocks] == [300, 300, 300, 100]
+    for column, values in (("time_s", "time"), ("coil_voltage_V", "voltage"), ("hall_T", "hall")):
+        read = np.concatenate([getattr(block, values) for block in blocks])
+        # CSV keeps ten digits.
+        np.testing.assert_allclose(read, table[column], rtol=1e-9, atol=1e-12)
+    assert all(block.current is None for block in blocks)
+
+
+def test_a_toml_sidecar_is_read(tmp_path):
+    np.zeros(10, "<f4").tofile(tmp_path / "a.bin")
+    (tmp_path / "a.toml").write_text('sample_rate_Hz = 10\nstart_s = 5.0\ncolumns = ["coil_voltage_V", "other"]\n')
+    (block,) = open_coil_record(tmp_path / "a.bin").blocks()
+    np.testing.assert_allclose(block.time, 5.0 + np.arange(5) / 10.0)
+
+
+def test_rows_without_a_voltage_are_left_out(table, tmp_path):
+    table.loc[10:19, "coil_voltage_V"] = np.nan
+    table.loc[30, "hall_T"] = np.nan
+    table.to_csv(tmp_path / "a.csv", index=False)
+    (block,) = open_coil_record(tmp_path / "a.csv").blocks()
+    assert len(block) == 990
+    assert np.isnan(block.hall[20])
+
+
+def test_a_failed_writer_leaves_no_file(tmp_path):
+    with pytest.raises(ZeroDivisionError), RecordWriter(tmp_path / "a.csv", ["time_s"], 1e-3) as writer:
+        writer.write({"time_s": np.array([1.0 / 0])})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("rows", [1000, 7])
+def test_a_clock_that_jumps_back_is_refused_where_it_does(rows, table, tmp_path):
+    table.loc[500:, "time_s"] -= 0.1
+    table.to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(TableError, match=r"jumps back to 0\.4 s after 500 rows"):
+        list(open_coil_record(tmp_path / "a.csv").blocks(rows))
+
+
+def test_missing_columns_are_named(table, tmp_path):
+    table.rename(columns={"coil_voltage_V": "voltage"}).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(TableError, match=r"has time_s, voltage, hall_T\. Rename or add coil_voltage_V"):
+        open_coil_record(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("sidecar", "message"),
+    [
+        (None, "needs a sidecar"),
+        ({"columns": ["coil_voltage_V"]}, "needs sample_rate_Hz > 0"),
+        ({"sample_rate_Hz": 10, "columns": []}, "columns = "),
+        ({"sample_rate_Hz": 10, "columns": ["coil_voltage_V", "a", "b"]}, "whole rows of 3 float32"),
+        ({"sample_rate_Hz": 10, "columns": ["a", "b"]}, "Rename or add coil_voltage_V"),
+    ],
+)
+def test_a_raw_record_needs_a_sidecar_that_fits(sidecar, message, tmp_path):
+    np.zeros(10, "<f4").tofile(tmp_path / "a.bin")
+    if sidecar is not None:
+        (tmp_path / "a.json").write_text(json.dumps(sidecar))
+    with pytest.raises(TableError, match=message):
+        open_coil_record(tmp_path / "a.bin")
+
+
+def test_cells_that_are_no_numbers_are_named(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,coil_voltage_V\n0,1\n1,high\n2,1\n")
+    with pytest.raises(TableError, match=r"Column coil_voltage_V of .* must hold numbers"):
+        list(open_coil_record(tmp_path / "a.csv").blocks())
+
+
+@pytest.mark.parametrize("text", ["time_s,coil_voltage_V\n", "time_s,coil_voltage_V\n0,\n1,\n"])
+def test_a_record_without_a_usable_row_is_refused(text, tmp_path):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(TableError, match="has no row with a time and a voltage"):
+        list(open_coil_record(tmp_path / "a.csv").blocks())
+
+
+def test_a_file_that_is_absent_or_no_table_is_refused(tmp_path):
+    with pytest.raises(TableError, match="There is no coil record"):
+        open_coil_record(tmp_path / "no.csv")
+    (tmp_path / "a.parquet").write_text("no parquet")
+    with pytest.raises(TableError, match="cannot be read"):
+        open_coil_record(tmp_path / "a.parquet")

@@ -1,0 +1,276 @@
+"""What FEMM models may hold and femfit cannot take: each is refused with its name and a remedy."""
+
+import pickle
+
+import pytest
+
+from femfit.core.errors import ActuatorFileError, FemFileError, FemfitError
+from femfit.tables.femm.options import FemOptions, axis_option
+from femfit.tables.femm.read import import_fem
+from support.fem_files import AIR, COPPER, MAGNET, STEEL, FemDrawing, suspension
+
+CURVE = ((0, 0), (1, 200), (1.5, 2000), (1.8, 12000), (2.1, 60000))
+
+
+def problems(content, **options):
+    with pytest.raises(FemFileError) as caught:
+        import_fem(content, "model.fem", FemOptions(**options))
+    return caught.value.problems
+
+
+def only_problem(drawing, **options):
+    found = problems(drawing.content(), **options)
+    assert len(found) == 1, found
+    return found[0]
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ({"ProblemType": "planar"}, ("[ProblemType]", "body of revolution")),
+        ({"Frequency": 50}, ("[Frequency] is 50 Hz", "Set it to 0")),
+        ({"Format": 3.2}, ("[Format] is 3.2", "FEMM 4.2")),
+        ({"PrevSoln": '"old.ans"', "PrevType": 2}, ("old.ans", "frozen permeability")),
+    ],
+)
+def test_problems_of_another_kind_are_refused(header, words):
+    message = only_problem(suspension(header=header))
+    assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "words"),
+    [
+        (MAGNET, {"curve": CURVE, "H_c": 12000}, ("'N40'", "permanent magnet with a B-H curve", "B_r = 1.8 T")),
+        (STEEL, {"Mu_y": 300}, ("'Pure Steel'", "anisotropic", "500", "300")),
+        (STEEL, {"LamFill": 0.95}, ("'Pure Steel'", "laminated", "0.95")),
+        (STEEL, {"Mu_x": -1, "Mu_y": -1}, ("'Pure Steel'", "must be > 0")),
+        (AIR, {"J_re": 2.5}, ("'Air'", "J = 2.5 MA/m^2", "circuit")),
+        (COPPER, {"Mu_x": 5, "Mu_y": 5}, ("'Copper'", "magnetic", "'coil'")),
+    ],
+)
+def test_materials_that_an_actuator_cannot_hold_are_refused(name, changes, words):
+    drawing = suspension()
+    drawing.materials[name] = {**drawing.materials[name], **changes}
+    message = only_problem(drawing)
+    assert all(word in message for word in words), message
+
+
+def test_two_materials_of_one_name_are_refused():
+    drawing = suspension()
+    content = drawing.content().replace(b'"Copper"', b'"Pure Steel"')
+    assert "two different materials are named 'Pure Steel'" in problems(content)[0]
+
+
+def test_materials_that_no_block_uses_are_left_alone():
+    drawing = suspension()
+    drawing.materials["Unused"] = {"J_re": 3, "Mu_x": 2, "Mu_y": 7, "H_c": 1, "curve": CURVE}
+    import_fem(drawing.content(), "model.fem")
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "words"),
+    [
+        (MAGNET, {"magdir": 0}, ("'N40'", "at 0 degrees", "90 or -90")),
+        (MAGNET, {"formula": "theta+90"}, ("'N40'", "'theta+90'", "90 or -90")),
+        (AIR, {"flags": 1}, ("'Air'", "external region", "Delete")),
+        (COPPER, {"turns": 0}, ("'Copper'", "no turns", "Give their number")),
+        (COPPER, {"circuit": 0}, ("no block belongs to a circuit",)),
+        (STEEL, {"z": -30}, ("lie in one face", "'Pure Steel'", "'Air'")),
+        (STEEL, {"r": 300}, ("'Pure Steel'", "no closed face")),
+        (STEEL, {"r": 4}, ("'Pure Steel'", "on a line")),
+    ],
+)
+def test_block_labels_that_cannot_be_taken_are_refused(name, changes, words):
+    drawing = suspension()
+    drawing.relabel(name, **changes)
+    found = " ".join(problems(drawing.content()))
+    assert all(word in found for word in words), found
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"BdryType": 4}, ("periodic", "'A=0'")),
+        ({"BdryType": 5}, ("periodic", "'A=0'")),
+        ({"BdryType": 1}, ("type 1",)),
+        ({"BdryType": 0, "A_0": 0.01}, ("drives the field",)),
+        ({"BdryType": 2, "c0": 1, "c1": 5}, ("drives the field",)),
+    ],
+)
+def test_boundaries_that_are_not_open_are_refused(values, words):
+    drawing = suspension()
+    drawing.boundaries = {"A=0": values}
+    message = only_problem(drawing)
+    assert all(word in message for word in words), message
+
+
+def test_a_field_prescribed_within_the_drawing_is_refused():
+    drawing = suspension()
+    drawing.line((15, 10), (25, 10), boundary=1)
+    assert "inside of the drawing" in only_problem(drawing)
+
+
+def test_a_part_at_the_boundary_is_a_symmetry_that_is_not_taken():
+    drawing = FemDrawing()
+    drawing.box(0, 60, -60, 0)  # air that ends at z = 0, as at a mirror
+    drawing.box(0, 4, -12, 0)
+    drawing.box(6, 9, -11, -1)
+    drawing.box(0, 3, -25, -20)
+    drawing.label(2, -6, STEEL)
+    drawing.label(7, -6, COPPER, circuit=1, turns=100)
+    drawing.label(1, -22, MAGNET, magdir=90)
+    drawing.label(40, -40, AIR)
+    message = only_problem(drawing)
+    assert "'Pure Steel'" in message
+    assert "mirror" in message
+
+
+def test_point_properties_are_refused():
+    drawing = suspension()
+    drawing.point_properties = {"wire": {"I_re": 3}, "pinned": {"A_re": 0}}
+    drawing.points += [(20.0, 20.0, 1), (25.0, 20.0, 2)]
+    filament, potential = problems(drawing.content())
+    assert "'wire'" in filament
+    assert "3 A" in filament
+    assert "'pinned'" in potential
+
+
+def test_empty_regions_and_faces_without_label_are_named_with_their_place():
+    drawing = suspension()
+    drawing.box(20, 25, 20, 25)
+    assert "(22.5, 22.5)" in only_problem(drawing)
+    drawing.holes.append((22, 22))
+    assert "'<No Mesh>' at (r, z) = (22, 22)" in only_problem(drawing)
+
+
+def test_several_circuits_need_a_choice_and_others_must_carry_nothing():
+    drawing = suspension()
+    drawing.circuits["sense"] = {"TotalAmps_re": 0, "CircuitType": 1}
+    drawing.box(5, 9, 20, 27)
+    drawing.label(7, 22, COPPER, circuit=2, turns=10)
+    assert "idle-circuits" in {finding.code for finding in import_fem(drawing.content(), "m.fem").findings}
+    assert import_fem(drawing.content(), "m.fem").actuator.coil.turns == 200
+    assert "carry current" in only_problem(drawing, circuit="sense")
+    assert "no circuit is named 'none'" in only_problem(drawing, circuit="none")
+    drawing.circuits["coil"]["TotalAmps_re"] = 0
+    assert "'coil' (0 A), 'sense' (0 A)" in only_problem(drawing)
+    assert import_fem(drawing.content(), "m.fem", FemOptions(circuit="sense")).actuator.coil.turns == 10
+    drawing.circuits = {"coil": {"TotalAmps_re": 1}, "sense": {"TotalAmps_re": 1}}
+    assert "several circuits" in only_problem(drawing)
+
+
+def test_a_parallel_circuit_is_refused():
+    drawing = suspension()
+    drawing.circuits["coil"]["CircuitType"] = 0
+    assert "parallel" in only_problem(drawing)
+
+
+def test_windings_in_pieces_or_of_uneven_density_are_refused():
+    drawing = suspension()
+    drawing.line((5, -6), (9, -6))
+    drawing.relabel(COPPER, turns=100, z=-9)
+    drawing.label(7, -3, COPPER, circuit=1, turns=50)
+    assert "same turns per area" in only_problem(drawing)
+    apart = suspension()
+    apart.box(5, 9, 20, 25)
+    apart.label(7, 22, COPPER, circuit=1, turns=100)
+    assert "one region" in only_problem(apart)
+
+
+def test_it_is_asked_what_moves_where_that_is_not_clear():
+    drawing = suspension()
+    drawing.relabel(MAGNET, name=STEEL)
+    drawing.box(0, 3, 20, 25)
+    drawing.label(1, 22, STEEL, group=8)
+    message = only_problem(drawing)
+    assert "not clear which body moves" in message
+    assert "group 8" in message
+    assert "--moving-group" in message
+    assert "no magnetic part has block 'Gold' or group 77" in only_problem(
+        drawing, moving_groups=(77,), moving_blocks=("Gold",)
+    )
+
+
+def test_a_level_or_touching_moving_part_is_refused():
+    level = suspension()
+    level.box(12, 15, -7.5, 4.5)  # core, coil and magnet span -12 to 9
+    level.label(13, -6, STEEL, group=5)
+    assert "--mover-side" in only_problem(level, moving_groups=(5,))
+    assert "--face-mm" in only_problem(suspension(), mover_side="below")
+    assert "needs a gap" in only_problem(suspension(distance=0.0), moving_groups=(3,))
+
+
+def test_everything_that_cannot_be_taken_is_said_at_once():
+    drawing = suspension(header={"ProblemType": "planar", "Frequency": 60})
+    drawing.materials[STEEL]["Mu_y"] = 7
+    drawing.relabel(MAGNET, magdir=45)
+    drawing.boundaries = {"A=0": {"BdryType": 4}}
+    drawing.circuits["coil"]["CircuitType"] = 0
+    found = problems(drawing.content())
+    wanted = ("[ProblemType]", "[Frequency]", "anisotropic", "45 degrees", "periodic", "parallel")
+    assert all(any(word in line for line in found) for word in wanted), found
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: text.replace("[NumPoints] = ", "[NumPoints] = 9"), "NumPoints says"),
+        (lambda text: text.replace("LengthUnits] = millimeters", "LengthUnits] = furlongs"), "'furlongs'"),
+        (lambda text: text.replace("<Mu_x> = 500", "<Mu_x> = many"), "'Pure Steel': mu_x must be a number"),
+        (lambda text: text.replace("<Mu_x> = 500", "<Mu_x> = inf"), "'Pure Steel': mu_x must be a number"),
+        (lambda text: text.replace("0\t1\t-1\t0\t0\t0", "0\t99\t-1\t0\t0\t0", 1), "segment 0 runs from point 0 to 99"),
+        (lambda text: text.replace("\t180\t5", "\t400\t5"), "arc 0 must span"),
+        (
+            lambda text: text.replace("2.0\t-6.0\t2\t", "2.0\t-6.0\t9\t"),
+            "label 1: its block property is number 9",
+        ),
+        (lambda text: text.replace("0.0\t80.0", "0.0\t8e9"), "within 100000 mm"),
+        (lambda text: text.replace("\n4.0\t0.0\t", "\n-4.0\t0.0\t"), "r >= 0"),
+        (lambda _: "hello", "no FEMM magnetics file"),
+        (lambda _: "", "no FEMM magnetics file"),
+        (lambda _: "[Format] = 4.0\n[NumPoints] = 0\n[NumBlockLabels] = 0", "enclose no face"),
+        (lambda text: text + "\x00", "no text file"),
+    ],
+)
+def test_files_that_cannot_be_read_are_named_with_the_place(change, words):
+    found = " ".join(problems(change(suspension().text()).encode()))
+    assert words in found, found
+
+
+def test_a_solution_after_the_model_is_left_alone():
+    content = suspension().content()
+    expected = import_fem(content, "model.fem")
+    assert import_fem(content + b"[Solution]\n3\n1 2 3\n[NumPoints] = 7\n", "model.fem") == expected
+
+
+def test_a_sweep_into_the_electromagnet_is_refused_by_the_actuator_file():
+    drawing = suspension()
+    drawing.box(0, 3, -40, -35)
+    drawing.label(1, -37, STEEL)
+    with pytest.raises(ActuatorFileError, match="collides with electromagnet"):
+        import_fem(drawing.content(), "m.fem", FemOptions(face_mm=-20.0, distances_mm=(10.0, 20.0), moving_groups=(3,)))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"mass_g": 0.0}, {"density_g_per_cm3": -1.0}, {"resistance_ohm": float("nan")}, {"arc_degrees": 0.0}],
+)
+def test_options_out_of_range_are_refused_with_their_name(options):
+    with pytest.raises(FemFileError, match="--" + next(iter(options)).replace("_", "-")):
+        FemOptions(**options)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "a", "1:2", "1:2:-1", "1:2:0.3", "2:1:0.5", "1,,2", "1:2:1,3", "nan", "1e9", "0:1:1e-9"]
+)
+def test_axes_that_are_none_are_refused(text):
+    with pytest.raises(FemFileError, match="--distance-mm"):
+        axis_option(text, "--distance-mm")
+
+
+def test_the_error_is_a_femfit_error_that_survives_a_process():
+    error = FemFileError("model.fem", ["one", "two"])
+    assert isinstance(error, FemfitError)
+    assert isinstance(error, ValueError)
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)  # noqa: S301  our own bytes

@@ -1,0 +1,128 @@
+"""Recorded time series: what the file holds, and what is wrong with clock, sensors and units, found and said."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.core.errors import TableError
+from femfit.tables.time_series import SERIES_COLUMNS
+from femfit.tables.time_series_file import is_time_series, read_time_series
+
+
+def record(samples=2000, step=1e-3):
+    """Two channels with noise: a current and a distance that swing."""
+    generator = np.random.default_rng(0)
+    time = step * np.arange(samples)
+    return pd.DataFrame(
+        {
+            "time_s": time,
+            "current_A": 0.5 + 0.1 * np.sin(30.0 * time) + 1e-3 * generator.standard_normal(samples),
+            "distance_m": 0.02 + 1e-3 * np.cos(20.0 * time) + 1e-5 * generator.standard_normal(samples),
+        }
+    )
+
+
+def series(tmp_path, table, sidecar=None):
+    table.to_csv(tmp_path / "record.csv", index=False)
+    if sidecar is not None:
+        (tmp_path / "record.toml").write_text(sidecar, encoding="utf-8")
+    return read_time_series(tmp_path / "record.csv")
+
+
+def test_a_sound_record_is_one_segment_without_findings(tmp_path):
+    result = series(tmp_path, record())
+    assert tuple(result.rows) == (*SERIES_COLUMNS, "segment")
+    assert result.given == ("time_s", "current_A", "distance_m")
+    assert result.channels == ("current_A", "distance_m")
+    assert result.findings == ()
+    assert result.rows["segment"].unique().tolist() == [0]
+    assert result.rows["run"].unique().tolist() == [1.0]
+
+
+def test_unevenly_sampled_records_are_one_segment(tmp_path):
+    table = record()
+    kept = np.random.default_rng(1).random(len(table)) < 0.5
+    assert series(tmp_path, table[kept]).rows["segment"].unique().tolist() == [0]
+
+
+def test_other_units_are_converted_and_said(tmp_path):
+    table = record().rename(columns={"time_s": "Time [ms]", "distance_m": "distance_mm"})
+    table["Time [ms]"] *= 1e3
+    table["distance_mm"] *= 1e3
+    result = series(tmp_path, table)
+    assert result.rows["time_s"].iloc[-1] == pytest.approx(1.999)
+    assert result.rows["distance_m"].median() == pytest.approx(0.02, abs=1e-3)
+    assert sum("converted" in said for said in result.findings) == 2
+
+
+def test_a_clock_that_jumps_back_and_one_that_pauses_begin_new_segments(tmp_path):
+    table = record()
+    table.loc[700:, "time_s"] -= 0.3
+    table.loc[1500:, "time_s"] += 0.5
+    result = series(tmp_path, table)
+    assert np.flatnonzero(np.diff(result.rows["segment"])).tolist() == [699, 1499]
+    assert any("does not run on at 1 place" in said for said in result.findings)
+    assert any("pauses at 1 place" in said for said in result.findings)
+    np.testing.assert_allclose(result.rows["time_s"], table["time_s"])  # nothing is repaired
+
+
+def test_runs_stand_together_each_in_its_own_segment(tmp_path):
+    table = pd.concat([record(300).assign(run=run) for run in (2.0, 1.0)])
+    result = series(tmp_path, table.sort_values("time_s", kind="stable"))
+    assert result.rows["run"].tolist() == [2.0] * 300 + [1.0] * 300
+    assert result.rows["segment"].tolist() == [0] * 300 + [1] * 300
+    assert result.findings == ()
+
+
+def test_a_stuck_sensor_is_set_aside_and_said(tmp_path):
+    table = record()
+    table.loc[900:1100, "distance_m"] = table.loc[900, "distance_m"]
+    result = series(tmp_path, table)
+    assert np.flatnonzero(result.rows["distance_m"].isna()).tolist() == list(range(900, 1101))
+    assert any("201 samples of distance_m look stuck" in said for said in result.findings)
+
+
+def test_a_coarse_converter_is_not_stuck(tmp_path):
+    table = record()
+    table["current_A"] = np.round(table["current_A"] / 0.02) * 0.02
+    table["distance_m"] = np.round(table["distance_m"] / 5e-5) * 5e-5
+    result = series(tmp_path, table)
+    assert result.findings == ()
+
+
+def test_a_clipped_sensor_is_set_aside_and_said(tmp_path):
+    table = record()
+    over = table["current_A"] > 0.55
+    table["current_A"] = np.minimum(table["current_A"], 0.55)
+    result = series(tmp_path, table)
+    assert np.array_equal(result.rows["current_A"].isna(), over)
+    assert any("current_A look clipped at 0.55" in said for said in result.findings)
+
+
+def test_missing_samples_and_suspicious_units_are_said(tmp_path):
+    table = record()
+    table.loc[10:12, "current_A"] = np.nan
+    table["distance_m"] *= 1e3
+    result = series(tmp_path, table)
+    assert any("3 samples of current_A are missing" in said for said in result.findings)
+    assert any("distance_m" in said and "millimetres" in said for said in result.findings)
+
+
+def test_a_sidecar_declares_the_noise_of_a_sample(tmp_path):
+    sidecar = "distance_um = 20\nflux_linkage_Wb = 1e-5\n[noise]\ncurrent_A = 6.5e-3\n"
+    result = series(tmp_path, record(), sidecar)
+    assert result.declared_noise == pytest.approx({"distance_m": 20e-6, "current_A": 6.5e-3})
+    assert any("flux_linkage_Wb" in said for said in result.findings)
+
+
+def test_a_time_series_is_told_from_a_bench_table_by_its_clock(tmp_path):
+    series(tmp_path, record())
+    assert is_time_series(tmp_path / "record.csv")
+    record().drop(columns="time_s").to_csv(tmp_path / "bench.csv")
+    assert not is_time_series(tmp_path / "bench.csv")
+
+
+@pytest.mark.parametrize(("drop", "lacking"), [(["time_s"], "lacks time_s"), (["current_A", "distance_m"], "one of")])
+def test_a_record_without_clock_or_channel_is_refused_with_the_remedy(tmp_path, drop, lacking):
+    with pytest.raises(TableError, match=lacking):
+        series(tmp_path, record().drop(columns=drop))

@@ -1,0 +1,261 @@
+"""The exported package runs where only numpy exists, and gives femfit's numbers."""
+
+import ast
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import femfit
+from femfit.core.errors import FilterError, MissingPartError, RunDirectoryError
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.model.json_file import write_model
+from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.with_effects import with_effects
+from femfit.targets.estimator import ROOMS, RUNTIME, export_estimator
+from femfit.targets.import_graph import imported_modules, reachable_sources, renamed_imports, third_party_imports
+from femfit.targets.targets import TARGETS, export_target
+
+STEPS = 500
+
+CLOSED_LOOP = """
+import sys
+from pathlib import Path
+import numpy as np
+from {package}.estimate.extended import ExtendedFilter
+from {package}.estimate.levitation import levitation_process
+from {package}.estimate.noise import initial_covariance, with_memory
+from {package}.estimate.square_root import SquareRootUnscentedFilter
+from {package}.estimate.unscented import UnscentedFilter
+from {package}.model.json_file import read_model
+from {package}.simulate.backstepping import design_backstepping
+from {package}.simulate.loop import ClosedLoop, run_loop
+from {package}.simulate.observer import FilterObserver
+from {package}.simulate.operating_point import operating_point
+from {package}.simulate.plant import Plant
+from {package}.simulate.reference import reference_steps
+from {package}.simulate.sensor import SensorErrors
+
+def closed_loop(model_file, steps, filters=3):
+    model = read_model(Path(model_file))
+    points = [operating_point(model, d) for d in (0.022, 0.026)]
+    reference = reference_steps([0.022, 0.026], steps, model.sample_time_s, rate=30.0)
+    results = []
+    for kind in (UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter)[:filters]:
+        covariance = with_memory(model, initial_covariance(hall_bias_V=0.01))
+        observer = FilterObserver(kind(levitation_process(model, hall_bias=True)), covariance)
+        loop = ClosedLoop(Plant(model), model.sensor, SensorErrors(noise_V=1e-3), observer,
+                          design_backstepping(model, points), reference)
+        start = np.array([[0.0221, 0.0, points[0].current_A], [0.0219, 0.0, points[0].current_A]])
+        series = run_loop(loop, start, np.random.default_rng(3)).series
+        results.append(np.stack([getattr(series, name) for name in sorted(vars(series))]))
+    return np.stack(results)
+"""
+
+IN_THE_BARE_ENVIRONMENT = (
+    CLOSED_LOOP.format(package=RUNTIME)
+    + """
+for absent in ("femfit", "ngsolve", "cvxpy", "scipy", "pandas", "pyarrow", "cyclopts", "rich", "filterpy"):
+    try:
+        __import__(absent)
+    except ModuleNotFoundError:
+        continue
+    raise SystemExit(f"{absent} is importable: the environment is not bare")
+np.save(sys.argv[2], closed_loop(sys.argv[1], *map(int, sys.argv[3:])))
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def exported(levitation_model, tmp_path_factory) -> Path:
+    directory = tmp_path_factory.mktemp("export") / "estimator"
+    export_estimator(levitation_model, directory)
+    return directory
+
+
+@pytest.fixture(scope="module")
+def bare_paths(tmp_path_factory) -> Path:
+    """A directory whose only content is numpy (and the libraries that its wheel carries)."""
+    site = tmp_path_factory.mktemp("bare")
+    installed = Path(np.__file__).parent
+    for name in ("numpy", "numpy.libs"):
+        if (installed.parent / name).exists():
+            (site / name).symlink_to(installed.parent / name)
+    return site
+
+
+def run_bare(exported: Path, bare_paths: Path, code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Python without site-packages, environment variables and working directory; numpy and the export only."""
+    prefix = f"import sys; sys.path[:0] = [{str(exported)!r}, {str(bare_paths)!r}]\n"
+    return subprocess.run(
+        [sys.executable, "-I", "-S", "-W", "error", "-c", prefix + code, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=bare_paths,
+    )
+
+
+def test_the_package_needs_numpy_alone(exported):
+    texts = [file.read_text() for file in (exported / RUNTIME).rglob("*.py")]
+    tops = {name.partition(".")[0] for text in texts for name in imported_modules(text)}
+    assert tops - sys.stdlib_module_names == {"numpy", RUNTIME}
+
+
+def test_500_closed_loop_steps_in_a_bare_environment_equal_femfits(levitation_model, exported, bare_paths, tmp_path):
+    file = tmp_path / "bare.npy"
+    result = run_bare(
+        exported, bare_paths, IN_THE_BARE_ENVIRONMENT, str(exported / "model.json"), str(file), str(STEPS)
+    )
+    assert result.returncode == 0, result.stderr
+    here: dict[str, object] = {}
+    exec(compile(CLOSED_LOOP.format(package="femfit"), "closed_loop", "exec"), here)  # noqa: S102  # the same text
+    write_model(levitation_model, tmp_path / "model.json")
+    ours = here["closed_loop"](tmp_path / "model.json", STEPS)
+    assert np.isfinite(ours).all()
+    assert ours.shape[2] == STEPS
+    # The issue's figure; the same operations on the same libraries leave no room for more.
+    np.testing.assert_allclose(np.load(file), ours, rtol=0.0, atol=1e-12)
+
+
+def test_500_steps_of_a_model_with_effects_equal_femfits(levitation_model, bare_paths, tmp_path):
+    names = {"core_saturation": "mmf_loss_3", "eddy_current_lag": "ring_share", "hall_saturation": "cubic_loss"}
+    effects = [effect_by_name(name) for name in names]
+    model = with_effects(levitation_model, [AddedEffect(e, e.null() | {names[e.name]: 0.03}) for e in effects])
+    export_estimator(model, tmp_path / "out")
+    file = tmp_path / "bare.npy"
+    arguments = (str(tmp_path / "out" / "model.json"), str(file), str(STEPS), "1")
+    result = run_bare(tmp_path / "out", bare_paths, IN_THE_BARE_ENVIRONMENT, *arguments)
+    assert result.returncode == 0, result.stderr
+    here: dict[str, object] = {}
+    exec(compile(CLOSED_LOOP.format(package="femfit"), "closed_loop", "exec"), here)  # noqa: S102  # the same text
+    write_model(model, tmp_path / "model.json")
+    ours = here["closed_loop"](tmp_path / "model.json", STEPS, 1)
+    assert np.isfinite(ours).all()
+    np.testing.assert_allclose(np.load(file), ours, rtol=0.0, atol=1e-12)
+
+
+def test_an_effect_of_another_package_is_refused(levitation_model, tmp_path):
+    theirs = replace(effect_by_name("hall_offset"), name="theirs")
+    model = with_effects(levitation_model, [AddedEffect(theirs, {"offset_V": 0.1})])
+    with pytest.raises(MissingPartError, match="'theirs' comes from another"):
+        export_estimator(model, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_example_holds_the_body_in_a_bare_environment(exported, bare_paths):
+    code = f"import runpy; runpy.run_path({str(exported / 'example.py')!r})"
+    result = run_bare(exported, bare_paths, code)
+    assert result.returncode == 0, result.stderr
+    words = result.stdout.split()
+    wanted, held = float(words[1]), float(words[4])
+    assert wanted == 22.0
+    # One second of 3.2 mV Hall noise moves the mean by its standard error, about 0.02 mm; a lost body by millimetres.
+    assert abs(held - wanted) < 0.1
+
+
+def test_the_example_chooses_a_distance_at_which_the_hall_element_is_not_saturated(
+    levitation_model, bare_paths, tmp_path
+):
+    # 8.3 mT fill this one's range, and the magnet alone has 8.7 mT at 20 mm.
+    sensor = replace(levitation_model.sensor, sensitivity_V_per_T=300.0)
+    export_estimator(replace(levitation_model, sensor=sensor, reference_distances_m=()), tmp_path / "out")
+    code = f"import runpy; runpy.run_path({str(tmp_path / 'out' / 'example.py')!r})"
+    result = run_bare(tmp_path / "out", bare_paths, code)
+    assert result.returncode == 0, result.stderr
+    words = result.stdout.split()
+    assert 22.0 < float(words[1]) < 35.0
+    assert abs(float(words[4]) - float(words[1])) < 0.1
+
+
+def test_every_copied_file_differs_from_femfits_in_import_lines_only(exported):
+    root = Path(femfit.__file__).parent
+    for copy in (exported / RUNTIME).rglob("*.py"):
+        original = (root / copy.relative_to(exported / RUNTIME)).read_text().splitlines()
+        copied = copy.read_text().splitlines()
+        assert len(original) == len(copied)
+        for ours, theirs in zip(original, copied, strict=True):
+            if ours != theirs:
+                assert ours.lstrip().startswith(("from femfit", "import femfit"))
+                assert ours.replace("femfit", RUNTIME, 1) == theirs
+
+
+def test_the_rooms_follow_from_the_imports():
+    rooms = {source.name.split(".")[1] for source in reachable_sources(ROOMS) if "." in source.name}
+    assert rooms == {"core", "laws", "effects", "model", "filters", "simulation"}
+    assert third_party_imports(reachable_sources(ROOMS)) == {"numpy"}
+
+
+def test_an_import_inside_of_a_function_is_found_and_renamed():
+    text = "def f():\n    from femfit.core import errors\n    return 'from femfit'\n"
+    assert imported_modules(text) == ("femfit.core.errors",)
+    assert renamed_imports(text, "other") == text.replace("from femfit.core", "from other.core")
+
+
+def test_a_name_beginning_like_femfit_is_no_import_of_femfit():
+    text = "import femfit_extra\n"
+    assert renamed_imports(text, "other") == text
+
+
+def test_exporting_again_replaces_an_earlier_export_and_drops_stale_files(levitation_model, tmp_path):
+    export_estimator(levitation_model, tmp_path)
+    stale = tmp_path / RUNTIME / "stale.py"
+    stale.write_text("")
+    own = tmp_path / "my_controller.py"
+    own.write_text("mine")
+    export_estimator(replace(levitation_model, name="second"), tmp_path)
+    assert not stale.exists()
+    assert own.read_text() == "mine"
+    assert '"second"' in (tmp_path / "model.json").read_text()
+
+
+def test_a_directory_with_other_files_is_refused_and_left_alone(levitation_model, tmp_path):
+    (tmp_path / "README.md").write_text("mine")
+    with pytest.raises(RunDirectoryError, match="other files"):
+        export_estimator(levitation_model, tmp_path)
+    assert (tmp_path / "README.md").read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize("part", ["circuit", "motion", "sensor"])
+def test_a_model_without_a_part_is_refused_before_anything_is_written(levitation_model, tmp_path, part):
+    with pytest.raises(MissingPartError, match=part):
+        export_estimator(replace(levitation_model, **{part: None}), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_law_of_another_package_cannot_be_exported(levitation_model, tmp_path):
+    foreign = LawMagnetics("theirs", (Coefficient("d^-4", 0, 1e-9, "N m^4"),))
+    with pytest.raises(MissingPartError, match=r"'theirs' comes from another installed package.*F1e"):
+        export_estimator(replace(levitation_model, magnetics=foreign), tmp_path / "out")
+
+
+def test_an_unknown_target_lists_the_known_ones():
+    with pytest.raises(MissingPartError, match=r"one of: estimator .*instead received 'fmu'"):
+        export_target("fmu")
+    assert [target.name for target in TARGETS] == ["estimator"]
+
+
+def test_the_packages_description_is_valid_toml_with_numpy_as_its_only_dependency(exported):
+    import tomllib
+
+    project = tomllib.loads((exported / "pyproject.toml").read_text())["project"]
+    assert project["dependencies"] == ["numpy>=2.0"]
+    assert project["version"] == femfit.__version__
+
+
+def test_the_example_is_short(exported):
+    body = ast.parse((exported / "example.py").read_text()).body
+    statements = [node for node in body if not isinstance(node, ast.Import | ast.ImportFrom | ast.Expr)]
+    assert len(statements) <= 11
+
+
+def test_a_coil_too_fast_for_the_filters_step_is_refused_before_anything_is_written(levitation_model, tmp_path):
+    fast = replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=16e3))  # L/R of 1 us
+    with pytest.raises(FilterError, match=r"coil has L/R = 0\.001.* ms; the sample time is 0\.5 ms"):
+        export_estimator(fast, tmp_path / "estimator")
+    assert not (tmp_path / "estimator").exists()
