@@ -87,6 +87,6 @@ def import_fem(
     print(f"{model.name}: {imported.current_A:g} A at {1e3 * imported.distance_m:g} mm")
     for finding in imported.findings:
         mark = "" if finding.severity == "info" else f"{finding.severity}: "
-        print(f"- {mark}{finding.sentence} {finding.remedy}".rstrip())
+        print(f"- {mark}{finding.text} {finding.remedy}".rstrip())
     print(f"written: {output}")
     write_json(json, imported.as_dict())

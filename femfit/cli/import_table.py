@@ -210,5 +210,5 @@ def _lines(imported: "ImportedTable") -> Sequence[str]:
         lines.append(f"  {QUANTITIES[use.quantity].column} from {use.header}, in {unit}, times {use.factor:g}")
     for finding in imported.findings:
         mark = "" if finding.severity == "info" else f"{finding.severity}: "
-        lines.append(f"- {mark}{finding.sentence} {finding.remedy}".rstrip())
+        lines.append(f"- {mark}{finding.text} {finding.remedy}".rstrip())
     return lines

@@ -21,7 +21,7 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
     """
     findings = [one for one in table.manifest.get("findings") or () if isinstance(one, dict)]
     grave = [one for one in findings if one.get("severity") == "warning" or one.get("code") == _UNITS_ASSUMED]
-    return tuple(f"{one.get('sentence', '')} {one.get('remedy', '')}".strip() for one in grave)
+    return tuple(f"{one.get('text', one.get('sentence', ''))} {one.get('remedy', '')}".strip() for one in grave)
 
 
 def coarse_note(coenergy: CoenergyFit | None, rows: FitRows) -> tuple[str, ...]:

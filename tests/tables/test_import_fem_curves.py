@@ -25,7 +25,7 @@ def test_the_end_of_a_curve_below_the_slope_of_vacuum_is_left_out():
     result = with_curve(curve)  # 0.5 mu_0 at the end
     assert result.actuator.fixed[0].material.flux_density_T == (0, 1.1, 1.6, 1.9, 2.2)
     (finding,) = [finding for finding in result.findings if finding.code == "curve-end"]
-    assert "last 2 of 7 points" in finding.sentence
+    assert "last 2 of 7 points" in finding.text
 
 
 @needs_reference

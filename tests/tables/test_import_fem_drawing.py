@@ -251,7 +251,7 @@ def test_shells_of_an_open_boundary_are_left_out():
 def test_a_plain_boundary_is_left_out_with_its_distance(boundary):
     drawing = suspension(boundary=1 if boundary == "A = 0" else 0)
     (finding,) = [finding for finding in imported(drawing).findings if finding.code == "near-boundary"]
-    assert boundary in finding.sentence
+    assert boundary in finding.text
     # the half circle is 80 mm about (0, 0); the corner of the core is at (4, -12), of the coil at (9, -11)
     assert finding.size == pytest.approx(80 - math.hypot(9, 11), rel=1e-3)
 

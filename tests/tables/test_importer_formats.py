@@ -44,7 +44,7 @@ def test_blank_separated_text_with_free_text_lines_and_inches(tmp_path, law):
     path = write(tmp_path / "slug.txt", header, body, delimiter="  ", before=before)
     imported = read_foreign_table([path])
     assert_same(imported, table, columns=("force",))
-    assert any("free text" in finding.sentence for finding in imported.findings)
+    assert any("free text" in finding.text for finding in imported.findings)
 
 
 def test_semicolons_with_decimal_commas_and_a_two_word_header(tmp_path, law):
@@ -162,7 +162,7 @@ def test_an_empty_last_cell_is_a_gap_of_its_column_only(tmp_path, law):
     path.write_text("\n".join(lines))
     imported = read_foreign_table([path])
     assert_same(imported, table, columns=("force",))
-    assert any(finding.code == "gaps" and "line 8" in finding.sentence for finding in imported.findings)
+    assert any(finding.code == "gaps" and "line 8" in finding.text for finding in imported.findings)
 
 
 def test_a_matrix_with_currents_down_is_recognised_by_its_zero(tmp_path, law):
@@ -269,12 +269,12 @@ def test_two_columns_for_one_quantity_are_left_to_the_user(tmp_path, law):
         read_foreign_table([path])
     imported = read_foreign_table([path], ImportOptions(columns={"current": "ni_scale"}, units={"current": "1.0"}))
     assert "flux_linkage_Wb" not in imported.table.rows
-    assert any(finding.code == "choice" and "flux_hi" in finding.sentence for finding in imported.findings)
+    assert any(finding.code == "choice" and "flux_hi" in finding.text for finding in imported.findings)
     chosen = ImportOptions(columns={"current": "ni_scale", "flux_linkage": "flux_lo"})
     decided = read_foreign_table([path], chosen)
     assert_same(decided, table)
     assert not any(finding.code == "choice" for finding in decided.findings)
-    assert any(finding.sentence == "Not used: flux_hi." for finding in decided.findings)
+    assert any(finding.text == "Not used: flux_hi." for finding in decided.findings)
     wrong = ImportOptions(columns={"current": "ni_scale", "flux_linkage": "flux_hi"})
     with pytest.raises(TableError, match="reciprocity"):
         read_foreign_table([path], wrong)

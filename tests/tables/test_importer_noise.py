@@ -77,7 +77,7 @@ def test_one_per_cent_common_to_all_currents_is_a_self_force(law):
     points, (finding,) = check_noise(table)
     assert (finding.code, finding.severity) == ("self-force", "warning")
     assert finding.size == pytest.approx(0.01, rel=0.4)
-    assert "at zero current" in finding.sentence
+    assert "at zero current" in finding.text
     # The error of a row is the size of noise that was put in: its level within the scatter of 16 %, its slope over the
     # distances within a factor of three at the ends (log of 56 contrasts against log d).
     ratio = points["force_error"] / np.tile(0.01 * passive, 4)
@@ -98,7 +98,7 @@ def test_without_zero_current_the_passive_part_is_extrapolated(law):
     table["force"] += np.tile(0.02 * law.force(distances, 0.0) * np.random.default_rng(6).standard_normal(61), 3)
     _, (finding,) = check_noise(table)
     assert finding.code == "self-force"
-    assert "extrapolated" in finding.sentence
+    assert "extrapolated" in finding.text
     assert finding.size == pytest.approx(0.02, rel=0.3)
 
 
@@ -107,21 +107,21 @@ def test_noise_of_its_own_at_each_point_is_told_from_a_self_force(law):
     table["force"] *= 1 + 0.02 * np.random.default_rng(7).standard_normal(len(table))
     _, (finding,) = check_noise(table)
     assert (finding.code, finding.severity) == ("noise", "warning")
-    assert "differs from current to current" in finding.sentence
+    assert "differs from current to current" in finding.text
 
 
 @pytest.mark.parametrize("magnet", [True, False])
 def test_an_analytic_table_is_called_smooth(make_law, magnet):
     points, (finding,) = check_noise(make_law(magnet, saturating=True).table())
     assert finding.severity == "info"
-    assert "smooth" in finding.sentence
+    assert "smooth" in finding.text
     assert (points["force_error"] > 0).all()
     assert (points["force_error"] < 1e-4 * points["force"].max()).all()
 
 
 def test_few_distances_are_not_judged(law):
     points, (finding,) = check_noise(law.table(distances=np.linspace(5e-3, 25e-3, MIN_DISTANCES - 1)))
-    assert "not judged" in finding.sentence
+    assert "not judged" in finding.text
     assert "force_error" not in points
 
 

@@ -67,7 +67,7 @@ def test_a_wrong_unit_is_caught_and_named(make_law, magnet, column, factor, word
     table[column] *= factor
     finding = only(check_reciprocity(table))
     assert finding.severity == "error"
-    assert word in finding.sentence
+    assert word in finding.text
 
 
 @pytest.mark.parametrize("saturating", [True, False])
@@ -80,7 +80,7 @@ def test_flux_divided_by_current_is_recognised(make_law, magnet, saturating, cur
     table.loc[table["current"] == 0, "flux_linkage"] = 0.0  # what such a script prints for 0/0 if it prints a number
     finding = only(check_reciprocity(table))
     assert finding.severity == "error"
-    assert "divided by the current" in finding.sentence
+    assert "divided by the current" in finding.text
     assert "--inductance-column" in finding.remedy
 
 
@@ -92,7 +92,7 @@ def test_differential_inductance_as_flux_is_recognised(make_law):
     table["flux_linkage"] = (law.flux_linkage(d, i + step) - law.flux_linkage(d, i - step)) / (2 * step)
     finding = only(check_reciprocity(table))
     assert finding.severity == "error"
-    assert "differential inductance" in finding.sentence
+    assert "differential inductance" in finding.text
 
 
 def test_a_flux_of_another_model_is_refused(law, make_law):
@@ -130,7 +130,7 @@ def test_inductance_beside_a_magnet_is_no_flux_at_zero_current(law):
     table["inductance"] = (table.pop("flux_linkage") / table["current"]).where(table["current"] > 0)
     filled, findings = flux_from_inductance(table)
     assert "flux_linkage" not in filled
-    assert "zero current" in only(findings).sentence
+    assert "zero current" in only(findings).text
 
 
 def test_differential_inductance_beside_a_magnet_is_kept_as_inductance(law):
@@ -150,7 +150,7 @@ def test_a_force_counted_away_from_the_magnet_is_turned(make_law, magnet, curren
         pytest.skip("a current that weakens the magnet: the polarity is reversed, not the force")
     turned, findings = settle_force_sign(table.assign(force=-table["force"]), "auto")
     np.testing.assert_array_equal(turned["force"], table["force"])
-    assert "negated" in only(findings).sentence
+    assert "negated" in only(findings).text
     kept, findings = settle_force_sign(table, "auto")
     np.testing.assert_array_equal(kept["force"], table["force"])
     assert findings == []

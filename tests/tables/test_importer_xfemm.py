@@ -32,7 +32,7 @@ def test_the_plain_force_raises_the_warning_with_its_size():
     (finding,) = [finding for finding in imported.findings if finding.code == "self-force"]
     assert finding.severity == "warning"
     assert 0.05 < finding.size < 0.3  # second differences of 18 % of F, so about 7..13 % of standard deviation
-    assert "the same at every current" in finding.sentence
+    assert "the same at every current" in finding.text
     (rival,) = [finding for finding in imported.findings if finding.code == "rival-force"]
     assert rival.size == pytest.approx(0.42, abs=0.03)  # median error that the peer reports against converged
 
@@ -92,4 +92,4 @@ def test_the_steel_plunger_is_reciprocal_and_too_short_to_judge():
     assert codes(imported, "error") == set()
     (finding,) = [finding for finding in imported.findings if finding.code == "reciprocity"]
     assert finding.severity == "info"
-    assert any("not judged" in finding.sentence for finding in imported.findings)
+    assert any("not judged" in finding.text for finding in imported.findings)

@@ -12,13 +12,13 @@ import numpy as np
 import shapely
 from shapely import Polygon, box
 
+from femfit.core.finding import Finding
 from femfit.tables.femm.faces import GRID, MIN_AREA
 from femfit.tables.femm.mover import FemBodies
 from femfit.tables.femm.options import FemOptions
 from femfit.tables.femm.parse import DIGITS
 from femfit.tables.femm.parts import FemPart
 from femfit.tables.femm.winding import FemWinding
-from femfit.tables.finding import Finding
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import shapely
 from shapely import Polygon
 
+from femfit.core.finding import Finding, Severity
 from femfit.tables.femm.faces import GRID, FemFace
 from femfit.tables.femm.options import FemOptions
 from femfit.tables.femm.parts import FemPart
-from femfit.tables.finding import Finding, Severity
 
 HOW = "Say which blocks move with --moving-group N or --moving-block NAME."
 

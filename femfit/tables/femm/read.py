@@ -10,6 +10,7 @@ import shapely
 from shapely import Point
 
 from femfit.core.errors import FemFileError
+from femfit.core.finding import Finding
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_toml
 from femfit.device.parts import Actuator
@@ -26,7 +27,6 @@ from femfit.tables.femm.surroundings import drop_surroundings
 from femfit.tables.femm.toml import actuator_toml
 from femfit.tables.femm.winding import FemWinding, find_winding
 from femfit.tables.femm.wire import find_wire
-from femfit.tables.finding import Finding
 
 
 @dataclass(frozen=True)

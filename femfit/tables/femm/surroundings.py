@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
+from femfit.core.finding import Finding
 from femfit.tables.femm.faces import GRID, FemFace
 from femfit.tables.femm.model import FemBoundary, FemModel
-from femfit.tables.finding import Finding
 
 _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
 """How FEMM's open boundary builder names its materials."""

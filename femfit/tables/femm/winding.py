@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import shapely
 from shapely import Polygon
 
+from femfit.core.finding import Finding
 from femfit.tables.femm.faces import GRID, FemFace
 from femfit.tables.femm.model import FemCircuit, FemMaterial
-from femfit.tables.finding import Finding
 
 DENSITY_TOLERANCE = 1e-3
 """Relative difference of the turns per area of two blocks that still counts as one winding."""

@@ -3,10 +3,10 @@
 import math
 from dataclasses import dataclass
 
+from femfit.core.finding import Finding
 from femfit.device.winding import smallest_winding_area, wire_resistance
 from femfit.tables.femm.options import FemOptions
 from femfit.tables.femm.winding import FemWinding
-from femfit.tables.finding import Finding
 
 COPPER_FILL = 0.5
 """Copper in a winding's section, usual for round wire (geometry/plunger-solenoid.toml has 0.53)."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from femfit.tables.finding import Finding, listing
+from femfit.core.finding import Finding, listing
 from femfit.tables.foreign.quantities import QUANTITIES, REQUIRED
 
 LARGEST = 1e100

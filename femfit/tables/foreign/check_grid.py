@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
-from femfit.tables.finding import Finding, listing
+from femfit.core.finding import Finding, listing
 from femfit.tables.foreign.check_cells import rows_of
 
 _SAME_LEVEL = 1e-6  # of the axis' span: loops that add 0.1 ten times differ by 1e-16, units by rounding of 6 digits

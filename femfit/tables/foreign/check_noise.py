@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
-from femfit.tables.finding import Finding
+from femfit.core.finding import Finding
 from femfit.tables.foreign.check_grid import complete_grid
 from femfit.tables.foreign.roughness import MIN_DISTANCES, Roughness, contrast_field, measure_roughness
 

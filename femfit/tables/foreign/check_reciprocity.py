@@ -7,7 +7,7 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 from femfit.core.arrays import FloatArray
-from femfit.tables.finding import Finding
+from femfit.core.finding import Finding
 from femfit.tables.foreign.check_grid import complete_grid
 from femfit.tables.foreign.factor_causes import causes_of
 from femfit.tables.foreign.reciprocity import LoopComparison, compare_loops

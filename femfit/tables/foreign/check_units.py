@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from femfit.tables.finding import Finding
+from femfit.core.finding import Finding
 from femfit.tables.foreign.check_cells import rows_of
 from femfit.tables.foreign.quantities import QUANTITIES
 

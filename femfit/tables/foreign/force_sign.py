@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from femfit.tables.finding import Finding
+from femfit.core.finding import Finding
 from femfit.tables.foreign.check_grid import complete_grid
 from femfit.tables.foreign.options import ForceSign
 

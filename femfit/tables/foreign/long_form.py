@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.tables.finding import Finding
+from femfit.core.finding import Finding
 from femfit.tables.foreign.mapping import ColumnUse, choose_columns
 from femfit.tables.foreign.options import ImportOptions
 from femfit.tables.foreign.quantities import QUANTITIES, REQUIRED

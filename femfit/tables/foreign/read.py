@@ -11,8 +11,8 @@ import pandas as pd
 
 from femfit import __version__
 from femfit.core.errors import TableError
+from femfit.core.finding import Finding
 from femfit.core.sweep_columns import COLUMNS
-from femfit.tables.finding import Finding
 from femfit.tables.foreign.check_cells import check_cells, drop_incomplete
 from femfit.tables.foreign.check_grid import tidy_grid
 from femfit.tables.foreign.check_noise import check_noise
@@ -80,7 +80,7 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
     if good.empty:
         raise TableError(
             f"{', '.join(file.name for file in files[:4])}: no row has numbers for current, distance and force; "
-            f"{found[0].sentence if found else 'there is no row below the header.'}"
+            f"{found[0].text if found else 'there is no row below the header.'}"
         )
     good = _place(good, options)
     findings += check_units(good)
@@ -193,7 +193,7 @@ def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Fin
     ]
     errors = [finding for finding in settled if finding.severity == "error"]
     if errors:
-        lines = [f"  - {finding.sentence} {finding.remedy} [{finding.code}]" for finding in errors]
+        lines = [f"  - {finding.text} {finding.remedy} [{finding.code}]" for finding in errors]
         raise TableError(
             "\n".join(
                 [

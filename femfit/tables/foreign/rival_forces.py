@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
-from femfit.tables.finding import Finding
+from femfit.core.finding import Finding
 from femfit.tables.foreign.check_noise import NoiseEstimate, estimate_noise
 
 

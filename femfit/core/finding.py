@@ -1,0 +1,51 @@
+"""A remark about data: a code that programs match, and a sentence that people read."""
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal
+
+Severity = Literal["info", "warning", "error"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One remark about a table, a record or a model.
+
+    Parameters
+    ----------
+    code : str
+        Short and stable, such as ``suspected-unit``: what ``--accept`` takes and what programs compare.
+    severity : str
+        ``info``: nothing to do; ``warning``: look at it; ``error``: the data are refused unless the code is accepted.
+    text : str
+        What was seen and what was done about it, in one or two whole sentences.
+    remedy : str
+        What the user should do; empty where there is nothing to do.
+    size : float or None
+        How large it is, in the unit that the text names; shares as fractions.
+    column : str
+        The column that it concerns, where it concerns one.
+    """
+
+    code: str
+    severity: Severity
+    text: str
+    remedy: str = ""
+    size: float | None = None
+    column: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.text} {self.remedy}".rstrip()
+
+    def accepted(self) -> "Finding":
+        """Return the same finding as a warning, for a user who accepts it."""
+        return replace(self, severity="warning", text=f"{self.text} (accepted)")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as a dictionary for JSON."""
+        return asdict(self)
+
+
+def listing(items: list[str], limit: int = 8) -> str:
+    """List the first items and say how many more there are."""
+    shown = ", ".join(items[:limit])
+    return shown if len(items) <= limit else f"{shown} and {len(items) - limit} more"
