@@ -1,0 +1,94 @@
+"""The fall of the error: how far a model was from the readings before something was added to it, and is after.
+
+There is one definition, for every command, file, report and picture: per channel the root mean square of recorded minus
+predicted over all readings that were used, in the channel's unit. No run's or mount's freedom is taken out of it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
+from femfit.identify.readings.observations import Observations
+
+
+@dataclass(frozen=True)
+class ChannelFall:
+    """The error of one channel before and after.
+
+    Parameters
+    ----------
+    rms_before, rms_after : float
+        Root mean square of recorded minus predicted, in the channel's unit.
+    noise : float or None
+        Standard deviation of one reading, from repeats or as declared; None where neither says it.
+    """
+
+    channel: str
+    readings: int
+    rms_before: float
+    rms_after: float
+    noise: float | None
+
+    @property
+    def before_over_noise(self) -> float | None:
+        """The error before, in standard deviations of one reading."""
+        return None if self.noise is None else self.rms_before / self.noise
+
+    @property
+    def after_over_noise(self) -> float | None:
+        """The error after, in standard deviations of one reading."""
+        return None if self.noise is None else self.rms_after / self.noise
+
+    def __str__(self) -> str:
+        text = (
+            f"{CHANNEL_WORDS[self.channel]}: the error falls from {amount(self.rms_before, self.channel, 3)} to "
+            f"{amount(self.rms_after, self.channel, 3)} rms in {self.readings} readings"
+        )
+        if self.noise is None:
+            return text
+        return f"{text}, from {self.before_over_noise:.3g} to {self.after_over_noise:.3g} times the noise of one"
+
+
+@dataclass(frozen=True)
+class ErrorFall:
+    """The fall of the error in every channel that was compared."""
+
+    channels: tuple[ChannelFall, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(str(one) for one in self.channels)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, channel by channel, with the errors over the noise."""
+        return {
+            one.channel: {
+                **{key: value for key, value in asdict(one).items() if key != "channel"},
+                "before_over_noise": one.before_over_noise,
+                "after_over_noise": one.after_over_noise,
+            }
+            for one in self.channels
+        }
+
+
+def error_fall(
+    observations: Observations, before: FloatArray, after: FloatArray, noise: Mapping[str, float]
+) -> ErrorFall:
+    """The fall of the error between two predictions of the same readings.
+
+    Parameters
+    ----------
+    before, after : array, shape (M,)
+        Predicted readings, in their units.
+    noise : mapping of str to float
+        Standard deviation of one reading, of the channels in which it is known.
+    """
+    misfits = (observations.value - before, observations.value - after)
+    rows = []
+    for name in observations.channels:
+        rms = [float(np.sqrt(np.mean(misfit[observations.of(name)] ** 2))) for misfit in misfits]
+        rows.append(ChannelFall(name, int(observations.of(name).sum()), rms[0], rms[1], noise.get(name)))
+    return ErrorFall(tuple(rows))
