@@ -41,7 +41,7 @@ def audit_model(model: ActuatorModel) -> list[AuditFinding]:
         )
     )
     findings = [*_signs(model, d, i), _reciprocity(model.magnetics, d, i), *_bounds(model), *_misfit(model)]
-    findings += _single_precision((model.base or model).magnetics, d, i)
+    findings += _single_precision(model.without_effects.magnetics, d, i)
     if model.circuit is not None and model.motion is not None:
         findings += _held(model)
     if model.sensor is not None:
@@ -88,7 +88,7 @@ def _reciprocity(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> AuditFin
 
 
 def _bounds(model: ActuatorModel) -> list[AuditFinding]:
-    magnetics = (model.base or model).magnetics
+    magnetics = model.without_effects.magnetics
     if not isinstance(magnetics, LawMagnetics):
         return []
     findings = []
@@ -105,7 +105,7 @@ def _bounds(model: ActuatorModel) -> list[AuditFinding]:
 
 
 def _misfit(model: ActuatorModel) -> list[AuditFinding]:
-    misfit = (model.base or model).misfit
+    misfit = model.without_effects.misfit
     if misfit is None or misfit.force_rms_of_weight is None:
         return []
     share = misfit.force_rms_of_weight

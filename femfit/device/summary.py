@@ -3,7 +3,10 @@
 from dataclasses import asdict
 from typing import Any
 
-from femfit.device.parts import Actuator
+from femfit.device.parts import Actuator, NonlinearMaterial, Region
+
+IRON_FROM = 1.5
+"""Relative permeability from which a material without remanence counts as iron; magnets recoil with 1.05."""
 
 
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
@@ -26,4 +29,24 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         "sample_time_s": actuator.supply.sample_time_s,
         "reference_distances_m": list(actuator.reference_distances_m),
         "hall": None if actuator.hall is None else asdict(actuator.hall),
+        "kind": {
+            "fixed_magnet": any(map(is_magnet, actuator.fixed)),
+            "moving_magnet": any(map(is_magnet, actuator.moving.regions)),
+            "fixed_iron": any(map(is_iron, actuator.fixed)),
+            "moving_iron": any(map(is_iron, actuator.moving.regions)),
+            "coil": True,
+            "saturates": any(
+                isinstance(region.material, NonlinearMaterial) for region in (*actuator.fixed, *actuator.moving.regions)
+            ),
+        },
     }
+
+
+def is_magnet(region: Region) -> bool:
+    """Whether a region has a remanence."""
+    return region.material.remanence_T != 0.0
+
+
+def is_iron(region: Region) -> bool:
+    """Whether a region is soft iron, ferrite or steel rather than a magnet or something not magnetic."""
+    return not is_magnet(region) and region.material.relative_permeability >= IRON_FROM

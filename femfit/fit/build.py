@@ -23,6 +23,7 @@ from femfit.fit.ranking import Ranking, rank_laws
 from femfit.fit.result_data import coenergy_data, hall_data, law_data, linearity_data, ranking_data
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
+from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
 from femfit.tables.sweep_table import SweepTable
@@ -190,6 +191,7 @@ def fit_model(table: SweepTable, options: FitOptions | None = None) -> FitResult
         sample_time_s=float(entry.get("sample_time_s") or 0.5e-3),
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         covariance=law.interval.block_covariance if law else None,
+        kind=ActuatorKind(**entry["kind"]) if entry.get("kind") else None,
         provenance={
             "fit": data,
             "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},

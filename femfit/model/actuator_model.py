@@ -1,19 +1,24 @@
 """The actuator model: the one object that simulator, filters, comparison and every export read."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
+from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
+
+NO_MAGNET = 1e-3
+"""Share of the largest force or flux linkage below which what remains without current is the fit's own error."""
 
 
 @dataclass(frozen=True)
@@ -157,6 +162,8 @@ class ActuatorModel:
         The effects at work while something moves or changes; None where there are none.
     coil_temperature_C, magnet_temperature_C : float
         At which plant and filters run; matters only to effects that know temperatures.
+    kind : ActuatorKind or None
+        What the drawing is made of; None where the model was fitted to a table without a drawing.
     """
 
     name: str
@@ -174,7 +181,76 @@ class ActuatorModel:
     dynamics: EffectDynamics | None = None
     coil_temperature_C: float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
+    kind: ActuatorKind | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def force(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """Magnetic force on the moving part in N, positive towards smaller distance.
+
+        Parameters
+        ----------
+        distance, current : array_like
+            In m and A; they broadcast.
+        extrapolate : bool
+            Whether points outside of the validity domain are evaluated all the same.
+
+        Raises
+        ------
+        DomainError
+            If a point lies outside of the validity domain and ``extrapolate`` is false.
+        """
+        return self._evaluate(self.magnetics.force, distance, current, extrapolate)
+
+    def flux_linkage(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """Flux linkage of the winding in Wb; arguments and errors as of :meth:`force`."""
+        return self._evaluate(self.magnetics.flux_linkage, distance, current, extrapolate)
+
+    def inductance(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """Differential inductance d(flux linkage)/di in H; arguments and errors as of :meth:`force`."""
+        return self._evaluate(self.magnetics.inductance, distance, current, extrapolate)
+
+    def _evaluate(
+        self,
+        quantity: Callable[[FloatArray, FloatArray], FloatArray],
+        distance: ArrayLike,
+        current: ArrayLike,
+        extrapolate: bool,
+    ) -> FloatArray:
+        d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        if not extrapolate:
+            self.validity.require(d, i)
+        value: FloatArray = quantity(d, i)[()]  # a number for two numbers
+        return value
+
+    @property
+    def without_effects(self) -> "ActuatorModel":
+        """The model as fitted, before effects were added; itself where there are none."""
+        return self.base or self
+
+    @property
+    def has_magnet(self) -> bool:
+        """Whether the drawing has a magnet; without a drawing, whether force or flux remain without current.
+
+        Less than a thousandth of the largest force and flux linkage counts as the fit's own error.
+        """
+        if self.kind is not None:
+            return self.kind.has_magnet
+        return self.without_effects.share_without_current() >= NO_MAGNET
+
+    def share_without_current(self) -> float:
+        """Larger of force and flux linkage without current, each over its largest in the validity domain."""
+        box = self.validity
+        d, i = np.meshgrid(
+            np.linspace(box.distance_min_m, box.distance_max_m, 15),
+            np.linspace(box.current_min_A, box.current_max_A, 15),
+        )
+        orders = ((1, 0), (0, 1))
+        everywhere = self.magnetics.coenergy_derivatives(d, i, orders)
+        idle = self.magnetics.coenergy_derivatives(d[0], np.zeros_like(d[0]), orders)
+        largest = [float(np.abs(values).max()) for values in everywhere]
+        return max(
+            (float(np.abs(own).max()) / most for own, most in zip(idle, largest, strict=True) if most), default=0.0
+        )
 
     @property
     def memory_names(self) -> tuple[str, ...]:

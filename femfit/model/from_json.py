@@ -12,6 +12,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.laws.catalogue import law_by_name
+from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
 from femfit.model.bspline import TensorSpline, is_clamped
 from femfit.model.hall import HallSpline
@@ -52,6 +53,7 @@ def _build(top: Section) -> ActuatorModel:
     box = _known(top.section("validity"), ValidityBox)
     circuit, motion = top.optional_section("circuit"), top.optional_section("motion")
     sensor, misfit = top.optional_section("sensor"), top.optional_section("misfit")
+    kind = top.optional_section("kind")
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=_magnetics_from(top.section("magnetics")),
@@ -66,6 +68,7 @@ def _build(top: Section) -> ActuatorModel:
         provenance=dict(top.section("provenance").data),
         coil_temperature_C=_temperature(top, "coil_temperature_C"),
         magnet_temperature_C=_temperature(top, "magnet_temperature_C"),
+        kind=_kind_from(_known(kind, ActuatorKind)) if kind else None,
     )
     added = top.sections("effects") if top.data.get("effects") else ()
     return with_effects(base, [_effect_from(section) for section in added])
@@ -106,6 +109,10 @@ def _circuit_from(section: Section) -> Circuit:
 
 def _motion_from(section: Section) -> Motion:
     return Motion(section.number("mass_kg", positive=True), section.number("gravity_m_s2"))
+
+
+def _kind_from(section: Section) -> ActuatorKind:
+    return ActuatorKind(**{f.name: section.truth(f.name) for f in fields(ActuatorKind)})
 
 
 def _sensor_from(section: Section) -> HallSensor:

@@ -66,6 +66,13 @@ class Section:
             raise self.refusal(key, f"a whole number in {lower}..{upper}")
         return value
 
+    def truth(self, key: str) -> bool:
+        """True or false."""
+        value = self.data.get(key)
+        if not isinstance(value, bool):
+            raise self.refusal(key, "true or false")
+        return value
+
     def text(self, key: str) -> str:
         """A string."""
         value = self.data.get(key)

@@ -39,7 +39,7 @@ def predict_readings(
     dict of str to array, each of shape (n,)
         Channels that the model can predict: hall_V only with a sensor, voltage_V only with a circuit.
     """
-    base = model.base or model
+    base = model.without_effects
     added = tuple(model.effects if effects is None else effects)
     d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
     for one in added:

@@ -21,7 +21,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     dict
         Floats keep all their digits; infinite bounds become null.
     """
-    base, sensor = model.base or model, None
+    base, sensor = model.without_effects, None
     if base.sensor is not None:
         sensor = {key: value for key, value in vars(base.sensor).items() if key != "field"}
         sensor["field"] = _field_to_dict(base.sensor.field)
@@ -40,6 +40,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
         "effects": [_effect_to_dict(added) for added in model.effects],
         "coil_temperature_C": model.coil_temperature_C,
         "magnet_temperature_C": model.magnet_temperature_C,
+        "kind": asdict(base.kind) if base.kind else None,
         "provenance": dict(model.provenance),
     }
 

@@ -10,7 +10,7 @@ from femfit.core.errors import DomainError
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.jet import CoenergyJet, Jet
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.actuator_model import NO_MAGNET, ActuatorModel, HallSensor
 from femfit.model.coenergy_jet import changed_jet, coenergy_jet
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.effect_dynamics import EffectDynamics
@@ -26,13 +26,12 @@ def nominal_of(model: ActuatorModel) -> Nominal:
     Nominal
         Largest force and flux linkage over 15 x 15 points of the validity box.
     """
-    base = model.base or model
+    base = model.without_effects
     box, nan = base.validity, float("nan")
     d, i = np.meshgrid(
         np.linspace(box.distance_min_m, box.distance_max_m, 15), np.linspace(box.current_min_A, box.current_max_A, 15)
     )
     force, flux = base.magnetics.coenergy_derivatives(d, i, ((1, 0), (0, 1)))
-    idle = base.magnetics.coenergy_derivatives(d[0], np.zeros_like(d[0]), ((1, 0), (0, 1)))
     largest = [float(np.abs(values).max()) for values in (force, flux)]
     sensor, swing, per_ampere = base.sensor, nan, nan
     middle = [np.array(0.5 * (low + high)) for low, high in ((d.min(), d.max()), (i.min(), i.max()))]
@@ -47,7 +46,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         current_max_A=box.current_max_A,
         force_N=largest[0],
         flux_linkage_Wb=largest[1],
-        magnet_share=max(float(np.abs(own).max()) / most for own, most in zip(idle, largest, strict=True) if most),
+        magnet_share=max(base.share_without_current(), NO_MAGNET) if base.has_magnet else 0.0,
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else nan,
         mass_kg=base.motion.mass_kg if base.motion else nan,
         gravity_m_s2=base.motion.gravity_m_s2 if base.motion else nan,
@@ -71,7 +70,7 @@ def base_jet(model: ActuatorModel) -> CoenergyJet:
     callable
         (distances, currents, A, B) -> :class:`femfit.effects.jet.Jet`.
     """
-    base = model.base or model
+    base = model.without_effects
     return coenergy_jet(base.magnetics, base.sensor.field if base.sensor else None)
 
 
@@ -148,7 +147,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     ActuatorModel
         Magnetics, circuit, motion and sensor as the effects change them at the model's temperatures.
     """
-    effects, base = tuple(effects), model.base or model
+    effects, base = tuple(effects), model.without_effects
     if not effects:
         return base
     at = Conditions(

@@ -72,7 +72,7 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
 
 
 def _require_built_in_law(model: ActuatorModel) -> None:
-    magnetics = (model.base or model).magnetics
+    magnetics = model.without_effects.magnetics
     if not isinstance(magnetics, LawMagnetics):
         return
     own = [law.name for law in BUILT_IN]

@@ -52,7 +52,7 @@ def shape_misfit(model: ActuatorModel, reference: ActuatorModel | None, noise_N:
     ShapeMisfit or None
         None for a co-energy, and for a law whose file tells no misfit.
     """
-    base = model.base or model
+    base = model.without_effects
     if not isinstance(base.magnetics, LawMagnetics):
         return None
     place = ""
@@ -74,7 +74,7 @@ def shape_misfit(model: ActuatorModel, reference: ActuatorModel | None, noise_N:
 
 def _over_the_box(law: ActuatorModel, reference: ActuatorModel) -> tuple[float, float, str]:
     """Rms, maximum and where, over the part of the law's box that the reference has too."""
-    a, b = law.validity, (reference.base or reference).validity
+    a, b = law.validity, reference.without_effects.validity
     d, i = (
         x.ravel()
         for x in np.meshgrid(
@@ -82,7 +82,7 @@ def _over_the_box(law: ActuatorModel, reference: ActuatorModel) -> tuple[float, 
             np.linspace(max(a.current_min_A, b.current_min_A), min(a.current_max_A, b.current_max_A), _GRID[1]),
         )
     )
-    truth = (reference.base or reference).magnetics.force(d, i)
+    truth = reference.without_effects.magnetics.force(d, i)
     error = law.magnetics.force(d, i) - truth
     sentence = misfit_sentence("The law's force", "force_N", error, truth, {"distance_m": d, "current_A": i})
     return float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), sentence

@@ -103,13 +103,13 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[str]:
 
 def _predictor(model: ActuatorModel) -> Predict:
     at = Conditions(nominal_of(model))
-    base = model.base or model
+    base = model.without_effects
     return lambda d, i: predict_readings(base, d, i, at, ())
 
 
 def _outside(model: ActuatorModel, values: FloatArray, name: str) -> list[str]:
     """A setting that lies outside of the model's range, and inside once its unit is taken for another."""
-    box = (model.base or model).validity
+    box = model.without_effects.validity
     ends = {
         "distance_m": (box.distance_min_m, box.distance_max_m),
         "current_A": (box.current_min_A, box.current_max_A),

@@ -28,7 +28,7 @@ def within_reach(model: ActuatorModel, distance: FloatArray, current: FloatArray
     array of bool, shape (n,)
         False where either is not a number.
     """
-    base = model.base or model
+    base = model.without_effects
     box, magnetics = base.validity, base.magnetics
     slack = _REACH * (box.distance_max_m - box.distance_min_m)
     inside = (distance >= box.distance_min_m - slack) & (distance <= box.distance_max_m + slack)
@@ -43,7 +43,7 @@ def within_reach(model: ActuatorModel, distance: FloatArray, current: FloatArray
 
 def nothing_in_reach(model: ActuatorModel, table: BenchTable) -> str:
     """Say where the model holds, where the rows of a table outside of it are, and what their units may be."""
-    box = (model.base or model).validity
+    box = model.without_effects.validity
     d, i = table.rows["distance_m"], table.rows["current_A"]
     where = (
         f"{table.source} must have rows within the model's box, {box.distance_min_m:g} to {box.distance_max_m:g} m and "

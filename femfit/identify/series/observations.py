@@ -63,7 +63,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     TableError
         If distance or current is missing, or no window can be compared.
     """
-    base = model.base or model
+    base = model.without_effects
     samples = take_samples(model, series)
     distance, current = (np.nan_to_num(samples.columns[name]) for name in ("distance_m", "current_A"))
     windows = lay_windows(base, samples.time, samples.segment, samples.usable, distance, current)
@@ -101,7 +101,7 @@ def _assembled(
     channels: list[tuple[View, MeasuredChannel]],
     nominal: Nominal,
 ) -> Observations:
-    base, own = model.base or model, model.effects
+    base, own = model.without_effects, model.effects
     names = tuple(channel.name for _, channel in channels)
     pieces = [np.flatnonzero(channel.valid) for _, channel in channels]
     # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
