@@ -62,6 +62,7 @@ def bench(
     from json import dumps
 
     from femfit.cli.output import write_json
+    from femfit.core.atomic import replacing, write_text
     from femfit.core.errors import TableError
     from femfit.integrate.bench_watch import resistance_finding
     from femfit.integrate.plateaus import PlateauOptions
@@ -89,9 +90,10 @@ def bench(
         + ("; the offset voltage, which was not taken off." if method == "trapezoid" else ".")
     )
     noted = " ".join([notes, *(finding.sentence for finding in findings)])
-    table.to_csv(output, index=False)
+    with replacing(output) as partial:
+        table.to_csv(partial, index=False)
     side = output.with_suffix(".toml")
-    side.write_text(f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(noted)}\n", encoding="utf-8")
+    write_text(side, f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(noted)}\n")
     result = {
         "rows": len(table),
         "noise_Wb": sigma,

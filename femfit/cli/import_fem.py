@@ -63,6 +63,7 @@ def import_fem(
         File for the findings as JSON.
     """
     from femfit.cli.output import write_json
+    from femfit.core.atomic import write_text
     from femfit.tables.femm.options import FemOptions, axis_option
     from femfit.tables.femm.read import import_fem_file
 
@@ -82,8 +83,7 @@ def import_fem(
         name=name,
     )
     imported = import_fem_file(model, options)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(imported.toml, encoding="utf-8")
+    write_text(output, imported.toml)
     print(f"{model.name}: {imported.current_A:g} A at {1e3 * imported.distance_m:g} mm")
     for finding in imported.findings:
         mark = "" if finding.severity == "info" else f"{finding.severity}: "

@@ -1,11 +1,12 @@
 """What commands share: results as JSON, progress on standard error."""
 
-import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from femfit.core import atomic
 
 
 def write_json(path: Path | None, result: Mapping[str, Any]) -> None:
@@ -19,8 +20,7 @@ def write_json(path: Path | None, result: Mapping[str, Any]) -> None:
         JSON-ready.
     """
     if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(dict(result), indent=1) + "\n", encoding="utf-8")
+        atomic.write_json(path, result)
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.atomic import write_json
 from femfit.core.errors import ModelFileError
 
 _KIND = "field of current"
@@ -236,14 +237,13 @@ def write_field_model(model: FieldModel, path: Path) -> None:
     path : Path
         Of the file; its directory is made.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     data = {
         "kind": _KIND,
         "terms": asdict(model.terms),
         "coefficients_T": dict(zip(model.terms.names, model.coefficients.tolist(), strict=True)),
         "rms_T": model.rms_T,
     }
-    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_json(path, data)
 
 
 def read_field_model(path: Path) -> FieldModel:

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from femfit.core.atomic import write_text
 from femfit.core.errors import ModelFileError
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.from_json import model_from_dict
@@ -15,14 +16,13 @@ def write_model(model: ActuatorModel, path: Path) -> None:
     Parameters
     ----------
     path : Path
-        Of the JSON file; its directory must exist.
+        Of the JSON file; its directory is made.
 
     Raises
     ------
     ModelFileError
         If a value is not finite, or of a kind that JSON does not have.
     """
-    path = Path(path)
     try:
         text = json.dumps(model_to_dict(model), indent=1, allow_nan=False) + "\n"
     except (TypeError, ValueError) as error:
@@ -30,12 +30,7 @@ def write_model(model: ActuatorModel, path: Path) -> None:
             f"Model {model.name!r} cannot be written as JSON: {error}. Its numbers must be finite and its provenance "
             "made of texts, numbers, lists and mappings."
         ) from error
-    partial = path.with_name(path.name + ".partial")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)  # left behind by a full disk
+    write_text(path, text)
 
 
 def read_model(path: Path) -> ActuatorModel:

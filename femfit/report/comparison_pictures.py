@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from femfit.core.atomic import replacing
 from femfit.identify.comparison.compare import Comparison
 from femfit.identify.readings.observations import Observations
 from femfit.report.measured_figures import covariate_figure, residual_maps_figure
@@ -25,11 +26,10 @@ def save_comparison_pictures(observations: Observations, comparison: Comparison,
             shown = names[start : start + PANELS]
             picture = covariate_figure(observations, observations.residual / floor, None, channel, shown)
             figures[f"misfit-{channel}-{1 + start // PANELS}"] = picture
-    directory.mkdir(parents=True, exist_ok=True)
     files = []
     for name, figure in figures.items():
         file = directory / f"{name}.png"
-        with style():
-            figure.savefig(file, dpi=DOTS_PER_INCH)
+        with style(), replacing(file) as partial:
+            figure.savefig(partial, dpi=DOTS_PER_INCH)
         files.append(file)
     return files

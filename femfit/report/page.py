@@ -6,6 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from femfit import __version__
+from femfit.core.atomic import write_text
 from femfit.core.errors import RunDirectoryError
 from femfit.report.section import DataTable, Picture, Section
 
@@ -63,8 +64,5 @@ def write_page(text: str, path: Path) -> Path:
             f"points."
         )
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_bytes(encoded)
-    partial.replace(path)
+    write_text(path, text)
     return path

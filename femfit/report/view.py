@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from femfit.core.atomic import replacing
 from femfit.report.actuator_figure import actuator_figure
 from femfit.report.field_cells import field_cells
 from femfit.report.field_sample import FieldSample, sample_of
@@ -49,10 +50,9 @@ def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldS
         "permeability": lambda: permeability_figure(actuator, sample, cells),
     }
     for what, path in files:
-        path.parent.mkdir(parents=True, exist_ok=True)
         if what == VTU:
             write_vtu(point, cells, path)
             continue
-        with style():
-            draw[what]().savefig(path, dpi=DPI, bbox_inches="tight")
+        with style(), replacing(path) as partial:
+            draw[what]().savefig(partial, dpi=DPI, bbox_inches="tight")
     return sample

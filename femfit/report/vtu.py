@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femfit.core.atomic import write_text
 from femfit.report.field_cells import FieldCells
 from femfit.report.solved_point import SolvedPoint
 
@@ -23,6 +24,7 @@ def write_vtu(point: SolvedPoint, cells: FieldCells, path: Path) -> None:
         For what is written beside the field.
     """
     import pyvista
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     def in_space(plane: np.ndarray) -> np.ndarray:
         return np.column_stack([plane, np.zeros(len(plane))])
@@ -40,4 +42,9 @@ def write_vtu(point: SolvedPoint, cells: FieldCells, path: Path) -> None:
     grid.field_data["regions"] = list(cells.regions)
     for name, value in (("distance_m", point.distance_m), ("current_A", point.current_A), ("force_N", point.force_N)):
         grid.field_data[name] = [value]
-    grid.save(path)
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(grid)
+    # VTK does not say that a disk is full, and may crash on it: it writes to memory, and Python to the disk.
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    write_text(path, writer.GetOutputString())

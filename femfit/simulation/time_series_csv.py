@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femfit.core.atomic import replacing
 from femfit.simulation.loop import LoopResult
 
 COLUMNS = (
@@ -50,6 +51,6 @@ def write_time_series(path: Path, result: LoopResult) -> None:
             ),
         )
         rows.append(np.stack(columns, axis=1))
-    path.parent.mkdir(parents=True, exist_ok=True)
     table = np.concatenate(rows) if rows else np.empty((0, len(COLUMNS)))
-    np.savetxt(path, table, delimiter=",", header=",".join(COLUMNS), comments="", fmt=["%d"] + ["%.9g"] * 9)
+    with replacing(path) as partial:
+        np.savetxt(partial, table, delimiter=",", header=",".join(COLUMNS), comments="", fmt=["%d"] + ["%.9g"] * 9)

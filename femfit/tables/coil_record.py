@@ -7,6 +7,7 @@ beside it, says ``sample_rate_Hz``, ``columns`` and, where it is not 0, ``start_
 import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -18,6 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from femfit.core.arrays import FloatArray
+from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
 from femfit.tables.coil_block import CoilBlock
 
@@ -189,19 +191,19 @@ class RecordWriter:
             raise TableError(
                 f"An integrated record is written as .csv, .parquet, .bin, .raw or .f32; instead received {path.name}."
             )
-        self._partial = self.path.with_name(f".{self.path.name}.partial")
         self._start = 0.0
         self._rows = 0
+        self._open = ExitStack()
         self._file: BinaryIO | None = None
         self._parquet: pq.ParquetWriter | None = None
 
     def __enter__(self) -> Self:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
+        partial = self._open.enter_context(replacing(self.path))
         if self.path.suffix == ".parquet":
             schema = pa.schema([(name, pa.float64()) for name in self.columns])
-            self._parquet = pq.ParquetWriter(self._partial, schema)
+            self._parquet = self._open.enter_context(pq.ParquetWriter(partial, schema))
         else:
-            self._file = self._partial.open("wb")
+            self._file = self._open.enter_context(partial.open("wb"))
         return self
 
     def write(self, block: Mapping[str, FloatArray]) -> None:
@@ -222,17 +224,11 @@ class RecordWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        for handle in (self._parquet, self._file):
-            if handle is not None:
-                handle.close()
-        if error is not None:
-            self._partial.unlink(missing_ok=True)
-            return
-        self._partial.replace(self.path)
-        if self.path.suffix in RAW_SUFFIXES:
+        self._open.__exit__(kind, error, trace)
+        if error is None and self.path.suffix in RAW_SUFFIXES:
             side = {
                 "sample_rate_Hz": round(1.0 / self.sample_time, 6),
                 "start_s": self._start,
                 "columns": self.columns[1:],
             }
-            self.path.with_suffix(".json").write_text(json.dumps(side, indent=1) + "\n", encoding="utf-8")
+            write_json(self.path.with_suffix(".json"), side)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
 
 if TYPE_CHECKING:
@@ -48,18 +49,12 @@ class SweepTable:
 def write_sweep_table(table: SweepTable, directory: Path) -> Path:
     """Write ``sweep.parquet``, ``sweep.csv`` and ``manifest.json``, each completely or not at all."""
     directory = Path(directory)
-    directory.mkdir(parents=True, exist_ok=True)
     parquet = directory / f"{TABLE_STEM}.parquet"
-    partial = directory / f".{TABLE_STEM}.partial"
-    try:
+    with replacing(parquet) as partial:
         table.rows.to_parquet(partial, index=False)
-        partial.replace(parquet)
+    with replacing(directory / f"{TABLE_STEM}.csv") as partial:
         table.rows.to_csv(partial, index=False)
-        partial.replace(directory / f"{TABLE_STEM}.csv")
-        partial.write_text(json.dumps(dict(table.manifest), indent=1) + "\n", encoding="utf-8")
-        partial.replace(directory / MANIFEST_NAME)
-    finally:
-        partial.unlink(missing_ok=True)  # what a full disk left of it
+    write_json(directory / MANIFEST_NAME, table.manifest)
     return parquet
 
 

@@ -1,7 +1,6 @@
 """The whole trial: make the cases, seal the keys, diagnose, open the keys, judge."""
 
 import csv
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal
 
+from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import DomainError, FemfitError
 from femfit.device.load import read_actuator
 from femfit.trial.campaign.case import make_case
@@ -155,16 +155,14 @@ def _one(directory: Path, options: TrialOptions, number: int, commitment: str) -
         answers["withheld"] = diagnose_case(files, tuple(hidden))
         twins = twins_of(hidden[0])
         answers["withheld_twins"] = diagnose_case(files, twins) if len(twins) > 1 else answers["withheld"]
-    place = directory / "answers"
-    place.mkdir(exist_ok=True)
-    (place / f"{number:04d}.json").write_text(json.dumps(answers, indent=1), encoding="utf-8")
+    write_json(directory / "answers" / f"{number:04d}.json", answers)
     return judge(key, answers)
 
 
 def write_cases_csv(judgements: Sequence[Judgement], path: Path) -> None:
     """Write one line a case."""
     rows = [_flat(judgement) for judgement in judgements]
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
         writer.writeheader()
         writer.writerows(rows)

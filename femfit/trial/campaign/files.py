@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.atomic import write_json
 from femfit.core.errors import RunDirectoryError
 from femfit.trial.campaign.case import Case
 
@@ -71,5 +72,5 @@ def write_manifest(directory: Path, seed: int, commitments: Mapping[int, str]) -
     """Write the manifest."""
     path = directory / "manifest.json"
     data = {"seed": seed, "cases": len(commitments), "key_sha256": {f"{n:04d}": h for n, h in commitments.items()}}
-    path.write_text(json.dumps(data, indent=1), encoding="utf-8")
+    write_json(path, data)
     return path

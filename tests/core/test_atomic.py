@@ -1,0 +1,63 @@
+"""Files are written whole or not at all."""
+
+import errno
+import json
+
+import pytest
+
+from femfit.core.atomic import replacing, write_json, write_text
+
+
+def test_an_error_while_writing_leaves_the_earlier_file(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("earlier")
+    with pytest.raises(RuntimeError), replacing(path) as partial:
+        partial.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "earlier"
+    assert [file.name for file in tmp_path.iterdir()] == ["table.csv"]
+
+
+def test_the_file_written_to_has_the_suffix_of_its_target(tmp_path):
+    with replacing(tmp_path / "picture.png") as partial:
+        assert partial.suffix == ".png"
+        partial.write_bytes(b"x")
+    assert (tmp_path / "picture.png").read_bytes() == b"x"
+
+
+def test_the_directory_is_made(tmp_path):
+    write_json(tmp_path / "new" / "result.json", {"a": 1})
+    assert json.loads((tmp_path / "new" / "result.json").read_text()) == {"a": 1}
+
+
+def test_a_symbolic_link_stays_one(tmp_path):
+    real, link = tmp_path / "real.json", tmp_path / "link.json"
+    real.write_text("old")
+    link.symlink_to(real)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert real.read_text() == "new"
+
+
+def test_a_device_is_written_to_directly(tmp_path):
+    link = tmp_path / "out.json"
+    link.symlink_to("/dev/null")
+    write_text(link, "gone")
+    assert link.is_symlink()
+
+
+@pytest.mark.parametrize("kept", [None, "earlier"])
+def test_a_full_disk_names_the_target_and_keeps_the_earlier_file(tmp_path, kept):
+    path = tmp_path / "out.csv"
+    if kept:
+        path.write_text(kept)
+    with pytest.raises(OSError, match="No space") as caught, replacing(path) as partial:
+        partial.write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert caught.value.filename == str(path)
+    assert [file.read_text() for file in tmp_path.iterdir()] == ([kept] if kept else [])
+
+
+def test_a_directory_in_the_way_is_named_before_anything_is_written(tmp_path):
+    with pytest.raises(IsADirectoryError), replacing(tmp_path):
+        pytest.fail("nothing may be written")
