@@ -14,24 +14,28 @@ IEC 60404-8-1 (2015), table of NdFeB grades: remanence within some 3 %; IEC 6031
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
 from femfit.effects.magnet_temperature import remanence_scaled
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 PRIOR_SD = 0.02
 """Standard deviation of each relative error before anything is measured."""
 
 
-def _magnet(base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters) -> Jet:
+def _magnet(
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
     return remanence_scaled(base, 1.0 + p["remanence_error"], d, i, n_d, n_i)
 
 
-def _turns(base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters) -> Jet:
+def _turns(
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
     t = 1.0 + p["turns_error"]
     return base(d, t * i, n_d, n_i).scaled(current=t)
 
 
 def _resistance(
-    resistance: FloatArray, voltage: FloatArray, current: FloatArray, at: Conditions, p: Parameters
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
 ) -> tuple[FloatArray, FloatArray]:
     return resistance * (1.0 + p["resistance_error"]), voltage
 

@@ -16,13 +16,13 @@ COPPER = 0.00393
 
 
 def _circuit(
-    resistance: FloatArray, voltage: FloatArray, current: FloatArray, at: Conditions, p: Parameters
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
 ) -> tuple[FloatArray, FloatArray]:
-    recorded = like(at.coil_temperature_C, current) - REFERENCE_TEMPERATURE_C
-    warming = 1.0 if at.running else -np.expm1(-like(at.time_s, current) / p["warming_time"])
+    recorded = like(conditions.coil_temperature_C, current) - REFERENCE_TEMPERATURE_C
+    warming = 1.0 if conditions.running else -np.expm1(-like(conditions.time_s, current) / p["warming_time"])
     unrecorded = COPPER * (p["warmer_K"] + p["warming_K"] * warming)
     growth = p["coefficient_per_K"] * np.nan_to_num(recorded) + np.where(
-        np.isnan(recorded) | at.running, unrecorded, 0.0
+        np.isnan(recorded) | conditions.running, unrecorded, 0.0
     )
     return resistance * (1.0 + growth), voltage
 
@@ -37,7 +37,7 @@ COIL_TEMPERATURE = Effect(
             unit="1/K",
             lower=-0.01,
             upper=0.02,
-            sane=(2e-3, 6e-3),
+            plausible=(2e-3, 6e-3),
             description="Relative change of the resistance per kelvin of the recorded temperature over 20 degC.",
         ),
         EffectParameter(
@@ -45,7 +45,7 @@ COIL_TEMPERATURE = Effect(
             unit="K",
             lower=-60.0,
             upper=250.0,
-            sane=(-10.0, 100.0),
+            plausible=(-10.0, 100.0),
             description="Where its temperature was not recorded: the coil's over 20 degC, by 0.393 % a kelvin.",
         ),
         EffectParameter(
@@ -53,7 +53,7 @@ COIL_TEMPERATURE = Effect(
             unit="K",
             lower=-60.0,
             upper=250.0,
-            sane=(-10.0, 100.0),
+            plausible=(-10.0, 100.0),
             description="Where its temperature was not recorded: final warming since the start of the run.",
         ),
         EffectParameter(
@@ -61,10 +61,10 @@ COIL_TEMPERATURE = Effect(
             unit="",
             lower=1.0,
             upper=1e4,
-            sane=(20.0, 500.0),
+            plausible=(20.0, 500.0),
             description="Readings (or seconds) after which 63 % of the warming are over.",
             null=100.0,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("~current_A", "voltage_V"),

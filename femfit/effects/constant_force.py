@@ -10,13 +10,13 @@ H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1.
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet, distance_jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
-    return base(d, i, n_d, n_i) - (p["pull"] * at.nominal.force_N) * distance_jet(d, n_d, n_i)
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    return base(d, i, n_d, n_i) - (p["pull"] * conditions.nominal.force_N) * distance_series(d, n_d, n_i)
 
 
 CONSTANT_FORCE = Effect(
@@ -29,9 +29,9 @@ CONSTANT_FORCE = Effect(
             unit="",
             lower=-1.0,
             upper=1.0,
-            sane=(-0.05, 0.05),
+            plausible=(-0.05, 0.05),
             description="Further force towards the electromagnet, as a part of the largest force.",
-            of="force_N",
+            scale="force_N",
         ),
     ),
     needs=("force_N|time_s",),

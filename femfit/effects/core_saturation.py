@@ -23,7 +23,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 _EXPONENTS = (3, 6, 32)
 """A soft onset (Rayleigh), a round knee, a sharp one."""
@@ -32,8 +32,8 @@ _ROUNDING = 1e-14
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
     energy = base(d, i, n_d, n_i + 1)
     amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if p[f"mmf_loss_{n}"]}
     result = energy.truncated(n_d, n_i)
@@ -42,10 +42,10 @@ def _coenergy(
     linkage = energy.along_current().coefficients
     linkage[0, :, 0] += (p["magnet_share"] - 1.0) * base(d, np.zeros_like(i), n_d, 1).coefficients[0, :, 1]
     linkage[1] *= p["hall_share"]
-    flux = (1.0 / at.nominal.flux_linkage_Wb) * Jet(linkage)
-    own = at.nominal.inductance_H * at.nominal.current_scale / at.nominal.flux_linkage_Wb
+    flux = (1.0 / conditions.nominal.flux_linkage_Wb) * TaylorSeries(linkage)
+    own = conditions.nominal.inductance_H * conditions.nominal.current_scale / conditions.nominal.flux_linkage_Wb
     lost = flux.compose(_envelope(flux.value, amplitudes, own, n_d + n_i + 1))
-    return result - at.nominal.flux_linkage_Wb * at.nominal.current_scale * lost
+    return result - conditions.nominal.flux_linkage_Wb * conditions.nominal.current_scale * lost
 
 
 def _envelope(x: FloatArray, amplitudes: dict[int, float], own: float, order: int) -> list[FloatArray]:
@@ -103,7 +103,7 @@ CORE_SATURATION = Effect(
                 unit="",
                 lower=0.0,
                 upper=upper,
-                sane=(0.0, usual),
+                plausible=(0.0, usual),
                 description="Part of the largest ampere turns that the core takes at the largest flux, growing with "
                 f"its power {n - 1}.",
             )
@@ -114,20 +114,20 @@ CORE_SATURATION = Effect(
             unit="",
             lower=0.0,
             upper=2.0,
-            sane=(0.65, 1.25),
+            plausible=(0.65, 1.25),
             description="How far the magnet's flux passes the saturating part, against the coil's.",
             null=0.85,
-            shape=True,
+            nonlinear=True,
         ),
         EffectParameter(
             name="hall_share",
             unit="",
             lower=-2.0,
             upper=4.0,
-            sane=(-0.5, 1.5),
+            plausible=(-0.5, 1.5),
             description="Loss of field at the Hall element over the loss of flux linkage, both relative.",
             null=0.5,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("~current_A", "force_N|flux_linkage_Wb|hall_V"),

@@ -12,8 +12,8 @@ from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
-def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
-    v, weight = like(at.velocity_m_s, d), at.nominal.mass_kg * abs(at.nominal.gravity_m_s2)
+def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+    v, weight = like(conditions.velocity_m_s, d), conditions.nominal.mass_kg * abs(conditions.nominal.gravity_m_s2)
     level = p["level"] + p["breakaway"] * np.exp(-((v / (10.0 * p["creep_m_s"])) ** 2))
     return np.asarray(weight * level * np.tanh(v / p["creep_m_s"]))
 
@@ -28,7 +28,7 @@ COULOMB_FRICTION = Effect(
             unit="",
             lower=-0.05,
             upper=5.0,
-            sane=(0.0, 0.5),
+            plausible=(0.0, 0.5),
             description="Friction as a part of the body's weight.",
         ),
         EffectParameter(
@@ -36,7 +36,7 @@ COULOMB_FRICTION = Effect(
             unit="",
             lower=-0.05,
             upper=5.0,
-            sane=(0.0, 0.3),
+            plausible=(0.0, 0.3),
             description="Further friction at small speeds, as a part of the body's weight.",
         ),
         EffectParameter(
@@ -44,10 +44,10 @@ COULOMB_FRICTION = Effect(
             unit="m/s",
             lower=1e-5,
             upper=0.1,
-            sane=(3e-4, 3e-3),
+            plausible=(3e-4, 3e-3),
             description="Speed at which the friction has 76 % of its level.",
             null=1e-3,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("time_s", "distance_m|hall_V"),

@@ -5,7 +5,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
-def _setting(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
+def _setting(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
     return d, (1.0 + p["gain_error"]) * i
 
 
@@ -19,7 +19,7 @@ CURRENT_GAIN = Effect(
             unit="",
             lower=-0.9,
             upper=2.0,
-            sane=(-0.1, 0.1),
+            plausible=(-0.1, 0.1),
             description="True over recorded current, less one.",
         ),
     ),

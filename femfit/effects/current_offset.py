@@ -5,8 +5,8 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
-def _setting(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
-    return d, i + p["offset"] * at.nominal.current_scale
+def _setting(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
+    return d, i + p["offset"] * conditions.nominal.current_scale
 
 
 CURRENT_OFFSET = Effect(
@@ -19,9 +19,9 @@ CURRENT_OFFSET = Effect(
             unit="",
             lower=-1.0,
             upper=1.0,
-            sane=(-0.05, 0.05),
+            plausible=(-0.05, 0.05),
             description="True minus recorded current, as a part of the largest current.",
-            of="current_scale",
+            scale="current_scale",
         ),
     ),
     needs=("current_A", "force_N|flux_linkage_Wb|hall_V|voltage_V"),

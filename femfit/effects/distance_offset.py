@@ -5,7 +5,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
-def _setting(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
+def _setting(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
     return d + p["offset_m"], i
 
 
@@ -19,7 +19,7 @@ DISTANCE_OFFSET = Effect(
             unit="m",
             lower=-5e-3,
             upper=5e-3,
-            sane=(-1e-3, 1e-3),
+            plausible=(-1e-3, 1e-3),
             description="True minus recorded distance.",
         ),
     ),

@@ -8,7 +8,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
-def _setting(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
+def _setting(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
     return (1.0 + p["scale_error"]) * d, i
 
 
@@ -22,7 +22,7 @@ DISTANCE_SCALE = Effect(
             unit="",
             lower=-0.3,
             upper=0.3,
-            sane=(-0.05, 0.05),
+            plausible=(-0.05, 0.05),
             description="True over recorded distance, less one.",
         ),
     ),

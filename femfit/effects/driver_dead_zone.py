@@ -16,11 +16,11 @@ _ROUNDING = 1e-2
 
 
 def _circuit(
-    resistance: FloatArray, voltage: FloatArray, current: FloatArray, at: Conditions, p: Parameters
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
 ) -> tuple[FloatArray, FloatArray]:
-    zone, drop = p["dead_zone"] * at.nominal.voltage_V, p["drop"] * at.nominal.voltage_V
+    zone, drop = p["dead_zone"] * conditions.nominal.voltage_V, p["drop"] * conditions.nominal.voltage_V
     applied = voltage - np.clip(voltage, -zone, zone)
-    return resistance, applied - drop * np.tanh(current / (_ROUNDING * at.nominal.current_scale))
+    return resistance, applied - drop * np.tanh(current / (_ROUNDING * conditions.nominal.current_scale))
 
 
 DRIVER_DEAD_ZONE = Effect(
@@ -33,18 +33,18 @@ DRIVER_DEAD_ZONE = Effect(
             unit="",
             lower=0.0,
             upper=1.0,
-            sane=(0.0, 0.2),
+            plausible=(0.0, 0.2),
             description="Commanded voltage up to which nothing comes, as a part of the largest.",
-            of="voltage_V",
+            scale="voltage_V",
         ),
         EffectParameter(
             name="drop",
             unit="",
             lower=0.0,
             upper=1.0,
-            sane=(0.0, 0.3),
+            plausible=(0.0, 0.3),
             description="Voltage lost in the switches against the current, as a part of the largest.",
-            of="voltage_V",
+            scale="voltage_V",
         ),
     ),
     needs=("time_s", "voltage_V", "current_A"),

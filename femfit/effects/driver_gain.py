@@ -6,7 +6,7 @@ from femfit.effects.effect import Calibration, Effect, EffectParameter, Paramete
 
 
 def _circuit(
-    resistance: FloatArray, voltage: FloatArray, current: FloatArray, at: Conditions, p: Parameters
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
 ) -> tuple[FloatArray, FloatArray]:
     return resistance, (1.0 + p["gain_error"]) * voltage
 
@@ -21,7 +21,7 @@ DRIVER_GAIN = Effect(
             unit="",
             lower=-0.9,
             upper=2.0,
-            sane=(-0.1, 0.1),
+            plausible=(-0.1, 0.1),
             description="Applied over commanded voltage, less one.",
         ),
     ),

@@ -18,13 +18,13 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 _MODES = {"ring": 1.0, "diffusion": 9.0}
 """Mode -> tau over its time constant."""
 
 
-def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
+def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
     return {f"eddy_{mode}": np.zeros_like(i) for mode in _MODES}
 
 
@@ -34,32 +34,32 @@ def _rate(
     v: FloatArray,
     i: FloatArray,
     current_rate: FloatArray,
-    at: Conditions,
+    conditions: Conditions,
     p: Parameters,
 ) -> Mapping[str, FloatArray]:
     """Of the induced currents over the largest current."""
-    change = (current_rate - at.motional_V / at.nominal.inductance_H) / at.nominal.current_scale
+    change = (current_rate - conditions.motional_V / conditions.nominal.inductance_H) / conditions.nominal.current_scale
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
-def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
-    return {f"eddy_{mode}": (at.nominal.current_scale * p[f"{mode}_share"], 0.0) for mode in _MODES}
+def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
+    return {f"eddy_{mode}": (conditions.nominal.current_scale * p[f"{mode}_share"], 0.0) for mode in _MODES}
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
     induced = np.zeros_like(i)
     for mode in _MODES:
-        if p[f"{mode}_share"] and f"eddy_{mode}" in at.memory:
-            induced = induced + p[f"{mode}_share"] * like(at.memory[f"eddy_{mode}"], i)
-    return base(d, i - at.nominal.current_scale * induced, n_d, n_i)
+        if p[f"{mode}_share"] and f"eddy_{mode}" in conditions.memory:
+            induced = induced + p[f"{mode}_share"] * like(conditions.memory[f"eddy_{mode}"], i)
+    return base(d, i - conditions.nominal.current_scale * induced, n_d, n_i)
 
 
 def _share(mode: str, description: str) -> EffectParameter:
     # The winding's own leakage, here at least a twentieth, keeps the current from jumping
     return EffectParameter(
-        name=f"{mode}_share", unit="", lower=0.0, upper=0.95, sane=(0.0, 0.5), description=description
+        name=f"{mode}_share", unit="", lower=0.0, upper=0.95, plausible=(0.0, 0.5), description=description
     )
 
 
@@ -75,10 +75,10 @@ EDDY_CURRENT_LAG = Effect(
             unit="s",
             lower=1e-4,
             upper=1.0,
-            sane=(5e-4, 0.02),
+            plausible=(5e-4, 0.02),
             description="Time constant of the slowest path.",
             null=3e-3,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("time_s", "current_A|voltage_V", "force_N|hall_V|distance_m"),
@@ -90,7 +90,7 @@ EDDY_CURRENT_LAG = Effect(
         names=tuple(f"eddy_{mode}" for mode in _MODES),
         amplitudes=tuple(f"{mode}_share" for mode in _MODES),
         spread=0.02,
-        rest=_rest,
+        steady_state=_steady_state,
         rate=_rate,
         lag=_lag,
     ),

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 Parameters = Mapping[str, float]
 
@@ -39,13 +39,13 @@ class EffectParameter:
         SI unit; empty for a pure number.
     lower, upper : float
         Bounds of the fit: what physics allows at all.
-    sane : (float, float)
+    plausible : (float, float)
         What is usual; outside, the fit is reported as suspicious.
     null : float
         Where the effect vanishes (amplitudes: 0). A shape's own constant has its usual value here.
-    shape : bool
+    nonlinear : bool
         Whether it is a shape's constant (it matters only when an amplitude is not null).
-    of : str
+    scale : str
         Quantity of :class:`Nominal` that the value is a part of; empty where the value stands in its unit.
     """
 
@@ -53,11 +53,11 @@ class EffectParameter:
     unit: str
     lower: float
     upper: float
-    sane: tuple[float, float]
+    plausible: tuple[float, float]
     description: str
     null: float = 0.0
-    shape: bool = False
-    of: str = ""
+    nonlinear: bool = False
+    scale: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Memory:
         Parameters without which, all at null, the states do nothing and are left out.
     spread : float
         Standard deviation of the states where a filter starts.
-    rest : callable
+    steady_state : callable
         (d, i, conditions, p) -> mapping of name to value: where the states stand on a slow bench sweep.
     rate : callable
         (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative; linear in the current's
@@ -101,13 +101,13 @@ class Memory:
         is known without differences.
     recall : callable or None
         (currents in the order in which they were read, whether a run begins there, nominal) -> mapping of name to
-        array, for :attr:`Conditions.recalled`: what ``rest`` needs of that order; None where it needs nothing.
+        array, for :attr:`Conditions.recalled`: what ``steady_state`` needs of that order; None where it needs nothing.
     """
 
     names: tuple[str, ...]
     amplitudes: tuple[str, ...]
     spread: float
-    rest: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
+    steady_state: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
     rate: Callable[
         [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
         Mapping[str, FloatArray],
@@ -117,7 +117,7 @@ class Memory:
 
 
 Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
-Coenergy = Callable[[CoenergyJet, FloatArray, FloatArray, int, int, Conditions, Parameters], Jet]
+Coenergy = Callable[[CoenergySeries, FloatArray, FloatArray, int, int, Conditions, Parameters], TaylorSeries]
 Force = Callable[[FloatArray, FloatArray, Conditions, Parameters], FloatArray]
 CircuitChange = Callable[[FloatArray, FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
 Readings = Callable[
@@ -177,7 +177,7 @@ class Effect:
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
         """The parameters that vanish at their null value."""
-        return tuple(p for p in self.parameters if not p.shape)
+        return tuple(p for p in self.parameters if not p.nonlinear)
 
     def null(self) -> dict[str, float]:
         """Parameters at which the effect changes nothing."""

@@ -13,13 +13,13 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet, distance_jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
-    near, far = at.nominal.distance_min_m, at.nominal.distance_max_m
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    near, far = conditions.nominal.distance_min_m, conditions.nominal.distance_max_m
     reach = p["reach"] * (far - near)
     result = base(d, i, n_d, n_i)
     for name, power, start, sign in (
@@ -34,14 +34,14 @@ def _coenergy(
             np.prod(power + 1.0 - np.arange(k)) * np.where(compression > 0.0, touching ** (power + 1.0 - k), 0.0)
             for k in range(n_d + 1)
         ]
-        depth = distance_jet(compression, n_d, n_i).scaled(distance=sign / reach)
-        result = result - (p[name] * at.nominal.force_N * reach / (power + 1.0)) * depth.compose(slopes)
+        depth = distance_series(compression, n_d, n_i).scaled(distance=sign / reach)
+        result = result - (p[name] * conditions.nominal.force_N * reach / (power + 1.0)) * depth.compose(slopes)
     return result
 
 
 def _stop(name: str, description: str) -> EffectParameter:
     return EffectParameter(
-        name=name, unit="", lower=0.0, upper=100.0, sane=(0.0, 1.0), description=description, of="force_N"
+        name=name, unit="", lower=0.0, upper=100.0, plausible=(0.0, 1.0), description=description, scale="force_N"
     )
 
 
@@ -58,10 +58,10 @@ END_STOP_CONTACT = Effect(
             unit="",
             lower=0.005,
             upper=0.9,
-            sane=(0.02, 0.3),
+            plausible=(0.02, 0.3),
             description="Part of the travel over which the stop is touched.",
             null=0.1,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("~distance_m", "force_N|time_s"),

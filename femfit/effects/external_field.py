@@ -11,16 +11,16 @@ R. M. Bozorth, Ferromagnetism (IEEE Press, 1993), chapter 19 (a body in a unifor
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
-    result = base(d, i + p["core_share"] * p["field_T"] / at.nominal.hall_T_per_A, n_d, n_i)
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    result = base(d, i + p["core_share"] * p["field_T"] / conditions.nominal.hall_T_per_A, n_d, n_i)
     coefficients = result.coefficients.copy()
     coefficients[1, 0, 0] += p["field_T"]
-    return Jet(coefficients)
+    return TaylorSeries(coefficients)
 
 
 EXTERNAL_FIELD = Effect(
@@ -33,7 +33,7 @@ EXTERNAL_FIELD = Effect(
             unit="T",
             lower=-0.05,
             upper=0.05,
-            sane=(-2e-3, 2e-3),
+            plausible=(-2e-3, 2e-3),
             description="Uniform field along the axis.",
         ),
         EffectParameter(
@@ -41,10 +41,10 @@ EXTERNAL_FIELD = Effect(
             unit="",
             lower=0.05,
             upper=2.0,
-            sane=(0.05, 0.6),
+            plausible=(0.05, 0.6),
             description="Field at the Hall element that the core adds to it, over the field itself.",
             null=0.25,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("hall_V", "force_N|flux_linkage_Wb"),

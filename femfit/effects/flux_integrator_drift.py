@@ -13,10 +13,10 @@ from femfit.effects.effect import Calibration, Effect, EffectParameter, Paramete
 
 
 def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
-    time = like(at.time_s, d) / 1000.0
-    drift = at.nominal.flux_linkage_Wb * (p["ramp"] * time + p["bend"] * time**2)
+    time = like(conditions.time_s, d) / 1000.0
+    drift = conditions.nominal.flux_linkage_Wb * (p["ramp"] * time + p["bend"] * time**2)
     return with_channel(values, "flux_linkage_Wb", lambda flux: flux + drift)
 
 
@@ -30,18 +30,18 @@ FLUX_INTEGRATOR_DRIFT = Effect(
             unit="",
             lower=-100.0,
             upper=100.0,
-            sane=(-0.5, 0.5),
+            plausible=(-0.5, 0.5),
             description="Drift over 1000 readings (or seconds) of a run, as a part of the largest flux linkage.",
-            of="flux_linkage_Wb",
+            scale="flux_linkage_Wb",
         ),
         EffectParameter(
             name="bend",
             unit="",
             lower=-100.0,
             upper=100.0,
-            sane=(-0.5, 0.5),
+            plausible=(-0.5, 0.5),
             description="The same, growing with the square of the time, as the offset itself drifts.",
-            of="flux_linkage_Wb",
+            scale="flux_linkage_Wb",
         ),
     ),
     needs=("flux_linkage_Wb", "~order|~time_s"),

@@ -8,7 +8,7 @@ from femfit.effects.effect import Calibration, Effect, EffectParameter, Paramete
 
 
 def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
     return with_channel(values, "force_N", lambda force: (1.0 + p["gain_error"]) * force)
 
@@ -23,7 +23,7 @@ FORCE_GAIN = Effect(
             unit="",
             lower=-0.9,
             upper=2.0,
-            sane=(-0.1, 0.1),
+            plausible=(-0.1, 0.1),
             description="Recorded over true force, less one.",
         ),
     ),

@@ -8,9 +8,9 @@ from femfit.effects.effect import Calibration, Effect, EffectParameter, Paramete
 
 
 def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
-    return with_channel(values, "force_N", lambda force: force + p["offset"] * at.nominal.force_N)
+    return with_channel(values, "force_N", lambda force: force + p["offset"] * conditions.nominal.force_N)
 
 
 FORCE_OFFSET = Effect(
@@ -23,9 +23,9 @@ FORCE_OFFSET = Effect(
             unit="",
             lower=-1.0,
             upper=1.0,
-            sane=(-0.05, 0.05),
+            plausible=(-0.05, 0.05),
             description="Recorded minus true force, as a part of the largest force.",
-            of="force_N",
+            scale="force_N",
         ),
     ),
     needs=("force_N",),

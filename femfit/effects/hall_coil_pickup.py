@@ -16,17 +16,17 @@ from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, 
 
 
 def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
-    part = i / at.nominal.current_scale
-    if "pickup_lag" in at.memory:
-        rate = at.memory["pickup_lag"] / at.nominal.sample_time_s
+    part = i / conditions.nominal.current_scale
+    if "pickup_lag" in conditions.memory:
+        rate = conditions.memory["pickup_lag"] / conditions.nominal.sample_time_s
     else:
-        rate = like(at.current_rate_A_s, i) / at.nominal.current_scale
+        rate = like(conditions.current_rate_A_s, i) / conditions.nominal.current_scale
     return with_channel(values, "hall_V", lambda volts: volts + p["pickup_V"] * part + p["induced_V_s"] * rate)
 
 
-def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
+def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
     return {"pickup_lag": np.zeros_like(i)}
 
 
@@ -36,11 +36,14 @@ def _rate(
     v: FloatArray,
     i: FloatArray,
     current_rate: FloatArray,
-    at: Conditions,
+    conditions: Conditions,
     p: Parameters,
 ) -> Mapping[str, FloatArray]:
     """The current less its mean over about one sample: the current's rate, for what knows no voltage."""
-    return {"pickup_lag": current_rate / at.nominal.current_scale - states["pickup_lag"] / at.nominal.sample_time_s}
+    return {
+        "pickup_lag": current_rate / conditions.nominal.current_scale
+        - states["pickup_lag"] / conditions.nominal.sample_time_s
+    }
 
 
 HALL_COIL_PICKUP = Effect(
@@ -53,7 +56,7 @@ HALL_COIL_PICKUP = Effect(
             unit="V",
             lower=-5.0,
             upper=5.0,
-            sane=(-0.3, 0.3),
+            plausible=(-0.3, 0.3),
             description="Further voltage at the largest current.",
         ),
         EffectParameter(
@@ -61,7 +64,7 @@ HALL_COIL_PICKUP = Effect(
             unit="V s",
             lower=-0.1,
             upper=0.1,
-            sane=(-1e-3, 1e-3),
+            plausible=(-1e-3, 1e-3),
             description="Further voltage while the current changes by its largest value in a second.",
         ),
     ),
@@ -70,7 +73,9 @@ HALL_COIL_PICKUP = Effect(
     "in two ways.",
     reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 and 3",
     readings=_readings,
-    memory=Memory(names=("pickup_lag",), amplitudes=("induced_V_s",), spread=0.01, rest=_rest, rate=_rate),
+    memory=Memory(
+        names=("pickup_lag",), amplitudes=("induced_V_s",), spread=0.01, steady_state=_steady_state, rate=_rate
+    ),
     calibrations=(
         Calibration(
             {"pickup_V": 2e-3},

@@ -18,9 +18,9 @@ _UNIT_OF_TIME = 1000.0
 
 
 def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
-    elapsed, run_time = like(at.elapsed, d), like(at.time_s, d)
+    elapsed, run_time = like(conditions.elapsed, d), like(conditions.time_s, d)
     drift = (p["ramp_V"] * elapsed + p["run_ramp_V"] * run_time) / _UNIT_OF_TIME
     settled = [-np.expm1(-time / p["settling_time"]) for time in (elapsed, run_time)]
     drift = drift + p["settling_V"] * settled[0] + p["run_settling_V"] * settled[1]
@@ -29,7 +29,12 @@ def _readings(
 
 def _amplitude(name: str, reach: float, description: str) -> EffectParameter:
     return EffectParameter(
-        name=name, unit="V", lower=-100.0 * reach, upper=100.0 * reach, sane=(-reach, reach), description=description
+        name=name,
+        unit="V",
+        lower=-100.0 * reach,
+        upper=100.0 * reach,
+        plausible=(-reach, reach),
+        description=description,
     )
 
 
@@ -47,10 +52,10 @@ HALL_DRIFT = Effect(
             unit="",
             lower=1.0,
             upper=1e4,
-            sane=(20.0, 500.0),
+            plausible=(20.0, 500.0),
             description="Readings (or seconds) after which 63 % of a warm-up are over.",
             null=100.0,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("hall_V", "~elapsed"),

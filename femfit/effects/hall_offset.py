@@ -8,7 +8,7 @@ from femfit.effects.effect import Calibration, Effect, EffectParameter, Paramete
 
 
 def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
     return {**values, "hall_V": values["hall_V"] + p["offset_V"]} if "hall_V" in values else values
 
@@ -23,7 +23,7 @@ HALL_OFFSET = Effect(
             unit="V",
             lower=-1.0,
             upper=1.0,
-            sane=(-0.1, 0.1),
+            plausible=(-0.1, 0.1),
             description="Recorded minus expected voltage.",
         ),
     ),

@@ -23,9 +23,9 @@ def _beyond(excess: FloatArray) -> FloatArray:
 
 
 def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
-    quiescent, swing, knee = at.nominal.hall_quiescent_V, at.nominal.hall_swing_V, p["knee"]
+    quiescent, swing, knee = conditions.nominal.hall_quiescent_V, conditions.nominal.hall_swing_V, p["knee"]
 
     def change(volts: FloatArray) -> FloatArray:
         x = (volts - quiescent) / swing
@@ -46,7 +46,7 @@ HALL_SATURATION = Effect(
             unit="",
             lower=-0.05,
             upper=0.33,
-            sane=(0.0, 0.2),
+            plausible=(0.0, 0.2),
             description="Lost part of the largest swing, growing with the cube of the field.",
         ),
         EffectParameter(
@@ -54,7 +54,7 @@ HALL_SATURATION = Effect(
             unit="",
             lower=0.0,
             upper=1.0,
-            sane=(0.0, 1.0),
+            plausible=(0.0, 1.0),
             description="Lost part of the sensitivity beyond the knee; 1 is a hard limit.",
         ),
         EffectParameter(
@@ -62,10 +62,10 @@ HALL_SATURATION = Effect(
             unit="",
             lower=0.1,
             upper=1.2,
-            sane=(0.4, 1.0),
+            plausible=(0.4, 1.0),
             description="Where the limit begins, as a part of the model's largest swing.",
             null=0.8,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("hall_V",),

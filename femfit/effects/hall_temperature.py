@@ -16,14 +16,14 @@ from femfit.effects.effect import Calibration, Effect, EffectParameter, Paramete
 
 
 def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, at: Conditions, p: Parameters
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
     coil, magnet = (
         known_or(temperature, d, REFERENCE_TEMPERATURE_C) - REFERENCE_TEMPERATURE_C
-        for temperature in (at.coil_temperature_C, at.magnet_temperature_C)
+        for temperature in (conditions.coil_temperature_C, conditions.magnet_temperature_C)
     )
     warmer = p["coil_share"] * coil + (1.0 - p["coil_share"]) * magnet
-    quiescent = at.nominal.hall_quiescent_V
+    quiescent = conditions.nominal.hall_quiescent_V
 
     def change(volts: FloatArray) -> FloatArray:
         return volts + warmer * (p["offset_V_per_K"] + p["sensitivity_per_K"] * (volts - quiescent))
@@ -41,7 +41,7 @@ HALL_TEMPERATURE = Effect(
             unit="V/K",
             lower=-0.1,
             upper=0.1,
-            sane=(-5e-3, 5e-3),
+            plausible=(-5e-3, 5e-3),
             description="Change of the quiescent voltage per kelvin.",
         ),
         EffectParameter(
@@ -49,7 +49,7 @@ HALL_TEMPERATURE = Effect(
             unit="1/K",
             lower=-0.02,
             upper=0.02,
-            sane=(-3e-3, 3e-3),
+            plausible=(-3e-3, 3e-3),
             description="Relative change of the sensitivity per kelvin.",
         ),
         EffectParameter(
@@ -57,10 +57,10 @@ HALL_TEMPERATURE = Effect(
             unit="",
             lower=0.0,
             upper=1.0,
-            sane=(0.0, 1.0),
+            plausible=(0.0, 1.0),
             description="How far the element's temperature follows the coil's instead of the magnet's.",
             null=1.0,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("hall_V", "~coil_temperature_C|~magnet_temperature_C"),

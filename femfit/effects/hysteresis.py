@@ -24,7 +24,7 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal, like
 from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
@@ -36,27 +36,27 @@ def _span(nominal: Nominal) -> float:
     return nominal.current_max_A - nominal.current_min_A
 
 
-def _left(i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
+def _left(i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     """Part phi of the lagging walls that a current leaves behind."""
-    return 1.0 / np.cosh(p["fade"] * i / at.nominal.current_scale) ** 2
+    return 1.0 / np.cosh(p["fade"] * i / conditions.nominal.current_scale) ** 2
 
 
-def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
+def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
     """z_r along the path that the readings took, or on a slow cycle."""
-    fade = _left(i, at, p)
-    if not at.recalled:
-        return {f"hysteresis_{name}": fade * z for name, z in _cycle(i, at).items()}
+    fade = _left(i, conditions, p)
+    if not conditions.recalled:
+        return {f"hysteresis_{name}": fade * z for name, z in _cycle(i, conditions).items()}
     result = {}
     for name in _RADII:
-        cycled, virgin = (like(at.recalled[f"hysteresis_{name}_{start}"], i) for start in ("cycled", "virgin"))
+        cycled, virgin = (like(conditions.recalled[f"hysteresis_{name}_{start}"], i) for start in ("cycled", "virgin"))
         result[f"hysteresis_{name}"] = fade * (cycled + p["virgin"] * (virgin - cycled))
     return result
 
 
-def _cycle(i: FloatArray, at: Conditions) -> Mapping[str, FloatArray]:
+def _cycle(i: FloatArray, conditions: Conditions) -> Mapping[str, FloatArray]:
     """On the branches of a slow cycle z_r / phi = 1 - (1 + z_t) exp(-(i - i_1) / r) rising, z_t = tanh(span / 2 r)."""
-    low, high = (like(turn, i) for turn in at.current_turn_A)
-    branch, span = like(at.branch, i), _span(at.nominal)
+    low, high = (like(turn, i) for turn in conditions.current_turn_A)
+    branch, span = like(conditions.branch, i), _span(conditions.nominal)
     result = {}
     for name, part in _RADII.items():
         radius = part * span
@@ -100,43 +100,47 @@ def _rate(
     v: FloatArray,
     i: FloatArray,
     current_rate: FloatArray,
-    at: Conditions,
+    conditions: Conditions,
     p: Parameters,
 ) -> Mapping[str, FloatArray]:
-    fade, steep = _left(i, at, p), p["fade"] / at.nominal.current_scale
+    fade, steep = _left(i, conditions, p), p["fade"] / conditions.nominal.current_scale
     fading = 2.0 * steep * np.tanh(steep * i) * current_rate
     result = {}
     for name, part in _RADII.items():
         z = states[f"hysteresis_{name}"]
-        moving = (fade * current_rate - np.abs(current_rate) * z) / (part * _span(at.nominal))
+        moving = (fade * current_rate - np.abs(current_rate) * z) / (part * _span(conditions.nominal))
         # A filter's state may stand where no current can have brought it: that part does not grow back
         result[f"hysteresis_{name}"] = moving - fading * np.clip(z, -fade, fade)
     return result
 
 
-def _lag(at: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
-    scale = at.nominal.current_scale
-    growth = {_TAPERED: scale * p["taper"] / at.nominal.flux_linkage_Wb}
+def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
+    scale = conditions.nominal.current_scale
+    growth = {_TAPERED: scale * p["taper"] / conditions.nominal.flux_linkage_Wb}
     return {f"hysteresis_{name}": (scale * p[f"width_{name}"], growth.get(name, 0.0)) for name in _RADII}
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
-    remembered = all(f"hysteresis_{name}" in at.memory for name in _RADII)
-    states = {name: like(value, i) for name, value in at.memory.items()} if remembered else _rest(d, i, at, p)
-    scale, tapered = at.nominal.current_scale, p["taper"] != 0.0
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    remembered = all(f"hysteresis_{name}" in conditions.memory for name in _RADII)
+    states = (
+        {name: like(value, i) for name, value in conditions.memory.items()}
+        if remembered
+        else _steady_state(d, i, conditions, p)
+    )
+    scale, tapered = conditions.nominal.current_scale, p["taper"] != 0.0
     lag = scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
     energy = base(d, i - lag, n_d, n_i + tapered)
     coefficients = energy.truncated(n_d, n_i).coefficients.copy()
     if p["hall_share"] != 1.0:
         coefficients[1] = base(d, i - p["hall_share"] * lag, n_d, n_i).coefficients[1]
     if not tapered:
-        return Jet(coefficients)
+        return TaylorSeries(coefficients)
     linkage = energy.along_current().coefficients.copy()
     linkage[1] *= p["hall_share"]
-    taper = scale * p["taper"] / at.nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
-    return Jet(coefficients) - (taper / 2.0) * (Jet(linkage) * Jet(linkage))
+    taper = scale * p["taper"] / conditions.nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
+    return TaylorSeries(coefficients) - (taper / 2.0) * (TaylorSeries(linkage) * TaylorSeries(linkage))
 
 
 HYSTERESIS = Effect(
@@ -151,10 +155,10 @@ HYSTERESIS = Effect(
                 # A state that turns faster than the current would reverse the core's permeability
                 lower=-part,
                 upper=part,
-                sane=(-0.5 * part, 0.5 * part),
+                plausible=(-0.5 * part, 0.5 * part),
                 description=f"Half width of the loop as a part of the largest current, reached over {part:g} of the "
                 "currents' span.",
-                of="current_scale",
+                scale="current_scale",
             )
             for name, part in _RADII.items()
         ),
@@ -163,38 +167,38 @@ HYSTERESIS = Effect(
             unit="",
             lower=-0.2,
             upper=0.2,
-            sane=(-0.08, 0.08),
+            plausible=(-0.08, 0.08),
             description="Growth of the half width from no flux to the largest, as a part of the largest current.",
-            of="current_scale",
+            scale="current_scale",
         ),
         EffectParameter(
             name="hall_share",
             unit="",
             lower=-1.0,
             upper=3.0,
-            sane=(0.0, 1.5),
+            plausible=(0.0, 1.5),
             description="Loop at the Hall element over that of the flux, both relative to the current's part.",
             null=1.0,
-            shape=True,
+            nonlinear=True,
         ),
         EffectParameter(
             name="fade",
             unit="",
             lower=0.0,
             upper=6.0,
-            sane=(0.0, 4.0),
+            plausible=(0.0, 4.0),
             description="Largest current over the current at which 58 % of the lag have gone.",
-            shape=True,
+            nonlinear=True,
         ),
         EffectParameter(
             name="virgin",
             unit="",
             lower=0.0,
             upper=1.0,
-            sane=(0.0, 1.0),
+            plausible=(0.0, 1.0),
             description="0 where the current was cycled before each run of a bench table, 1 where the core was "
             "demagnetised.",
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("~current_A", "~branch", "force_N|flux_linkage_Wb|hall_V"),
@@ -205,7 +209,7 @@ HYSTERESIS = Effect(
         names=tuple(f"hysteresis_{name}" for name in _RADII),
         amplitudes=(*(f"width_{name}" for name in _RADII), "taper"),
         spread=0.5,
-        rest=_rest,
+        steady_state=_steady_state,
         recall=_recall,
         rate=_rate,
         lag=_lag,

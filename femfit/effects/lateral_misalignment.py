@@ -21,27 +21,27 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet, distance_jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
-    if not at.nominal.has_magnet:
-        return _with_gap(base, d, i, n_d, n_i, at, p)
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    if not conditions.nominal.has_magnet:
+        return _with_gap(base, d, i, n_d, n_i, conditions, p)
     energy = base(d, i, n_d + 2, n_i)
     magnet_alone = np.zeros_like(energy.coefficients)
     magnet_alone[0, :, 0] = base(d, np.zeros_like(i), n_d + 2, 0).coefficients[0, :, 0]
-    linear = energy - (1.0 - p["image_share"]) * Jet(magnet_alone)
+    linear = energy - (1.0 - p["image_share"]) * TaylorSeries(magnet_alone)
     bent = linear.along_distance().along_distance()
     return energy.truncated(n_d, n_i) - 0.25 * p["offset_squared_m2"] * bent
 
 
 def _with_gap(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
     """W' + (i_max / lambda_max) g lambda^2 / 2, g = a + n (1 - x)^2 + m (1 - x^2), with x = d / d_max."""
-    far, nominal = at.nominal.distance_max_m, at.nominal
+    far, nominal = conditions.nominal.distance_max_m, conditions.nominal
     x = d / far
     near, middle = p["gap_near"], p["gap_middle"]
     growth = [
@@ -51,7 +51,7 @@ def _with_gap(
     ]
     energy = base(d, i, n_d, n_i + 1)
     linkage = energy.along_current()
-    more = 0.5 * nominal.current_scale / nominal.flux_linkage_Wb * distance_jet(d, n_d, n_i).compose(growth)
+    more = 0.5 * nominal.current_scale / nominal.flux_linkage_Wb * distance_series(d, n_d, n_i).compose(growth)
     return energy.truncated(n_d, n_i) + more * (linkage * linkage)
 
 
@@ -66,7 +66,7 @@ LATERAL_MISALIGNMENT = Effect(
             unit="m^2",
             lower=0.0,
             upper=4e-5,
-            sane=(0.0, 9e-6),
+            plausible=(0.0, 9e-6),
             description="Square of the lateral offset of the magnet from the coil's axis.",
         ),
         *(
@@ -75,7 +75,7 @@ LATERAL_MISALIGNMENT = Effect(
                 unit="",
                 lower=0.0,
                 upper=0.4,
-                sane=(0.0, 0.2),
+                plausible=(0.0, 0.2),
                 description="Without a magnet: growth of the largest flux linkage by a better gap in series, as a part "
                 f"of it; what {course}.",
             )
@@ -90,10 +90,10 @@ LATERAL_MISALIGNMENT = Effect(
             unit="",
             lower=-0.2,
             upper=1.0,
-            sane=(0.0, 0.8),
+            plausible=(0.0, 0.8),
             description="Share of the term that applies to the attraction between magnet and core.",
             null=0.4,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("~distance_m", "force_N|flux_linkage_Wb|hall_V"),

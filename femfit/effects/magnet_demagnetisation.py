@@ -10,13 +10,13 @@ P. Campbell, Permanent Magnet Materials and their Application (Cambridge Univers
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
 from femfit.effects.magnet_temperature import remanence_scaled
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
     lost = p["layer_m"] / p["magnet_height_m"]
     return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), d + 0.5 * p["layer_m"], i, n_d, n_i)
 
@@ -31,7 +31,7 @@ MAGNET_DEMAGNETISATION = Effect(
             unit="",
             lower=-0.1,
             upper=0.8,
-            sane=(-0.03, 0.3),
+            plausible=(-0.03, 0.3),
             description="Lost part of the remanence; negative for a magnet that is stronger than its grade.",
         ),
         EffectParameter(
@@ -39,7 +39,7 @@ MAGNET_DEMAGNETISATION = Effect(
             unit="m",
             lower=0.0,
             upper=2e-3,
-            sane=(0.0, 1e-3),
+            plausible=(0.0, 1e-3),
             description="Thickness of the demagnetised layer next to the face.",
         ),
         EffectParameter(
@@ -47,10 +47,10 @@ MAGNET_DEMAGNETISATION = Effect(
             unit="m",
             lower=3e-3,
             upper=0.05,
-            sane=(3e-3, 0.02),
+            plausible=(3e-3, 0.02),
             description="Height of the whole magnet.",
             null=5e-3,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),

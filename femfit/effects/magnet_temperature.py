@@ -14,15 +14,15 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 USUAL_COEFFICIENT = -1.1e-3
 """Relative change of NdFeB's remanence per kelvin, by which an unrecorded warming is counted (IEC 60404-8-1)."""
 
 
 def remanence_scaled(
-    base: CoenergyJet, scale: FloatArray | float, d: FloatArray, i: FloatArray, n_d: int, n_i: int
-) -> Jet:
+    base: CoenergySeries, scale: FloatArray | float, d: FloatArray, i: FloatArray, n_d: int, n_i: int
+) -> TaylorSeries:
     """The co-energy with the magnet's remanence scaled.
 
     Parameters
@@ -34,7 +34,7 @@ def remanence_scaled(
 
     Returns
     -------
-    Jet
+    TaylorSeries
         s^2 W'(d, i/s, h/s).
     """
     inverse = 1.0 / scale
@@ -42,12 +42,12 @@ def remanence_scaled(
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
-    recorded = like(at.magnet_temperature_C, d) - REFERENCE_TEMPERATURE_C
-    coil = np.nan_to_num(like(at.coil_temperature_C, d) - REFERENCE_TEMPERATURE_C)
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    recorded = like(conditions.magnet_temperature_C, d) - REFERENCE_TEMPERATURE_C
+    coil = np.nan_to_num(like(conditions.coil_temperature_C, d) - REFERENCE_TEMPERATURE_C)
     unrecorded = USUAL_COEFFICIENT * (p["warmer_K"] + p["coil_share"] * coil)
-    hidden = np.isnan(recorded) | at.running
+    hidden = np.isnan(recorded) | conditions.running
     recorded = np.nan_to_num(recorded)
     known = p["coefficient_per_K"] * recorded + p["curvature_per_K2"] * recorded**2
     scale = 1.0 + known + np.where(hidden, unrecorded, 0.0)
@@ -64,7 +64,7 @@ MAGNET_TEMPERATURE = Effect(
             unit="1/K",
             lower=-0.01,
             upper=0.005,
-            sane=(-3e-3, 0.0),
+            plausible=(-3e-3, 0.0),
             description="Relative change of the remanence per kelvin of the recorded temperature over 20 degC.",
         ),
         EffectParameter(
@@ -72,7 +72,7 @@ MAGNET_TEMPERATURE = Effect(
             unit="1/K^2",
             lower=-1e-4,
             upper=1e-4,
-            sane=(-1e-5, 1e-5),
+            plausible=(-1e-5, 1e-5),
             description="The same per kelvin squared.",
         ),
         EffectParameter(
@@ -80,7 +80,7 @@ MAGNET_TEMPERATURE = Effect(
             unit="K",
             lower=-60.0,
             upper=150.0,
-            sane=(-10.0, 60.0),
+            plausible=(-10.0, 60.0),
             description="Where its temperature was not recorded: the magnet's over 20 degC, by -0.11 % a kelvin.",
         ),
         EffectParameter(
@@ -88,7 +88,7 @@ MAGNET_TEMPERATURE = Effect(
             unit="",
             lower=0.0,
             upper=2.0,
-            sane=(0.0, 1.0),
+            plausible=(0.0, 1.0),
             description="Where its temperature was not recorded: the part of the coil's warming that it follows.",
         ),
     ),

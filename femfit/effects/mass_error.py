@@ -17,7 +17,7 @@ MASS_ERROR = Effect(
             unit="",
             lower=-0.9,
             upper=9.0,
-            sane=(-0.3, 0.3),
+            plausible=(-0.3, 0.3),
             description="True over the model's mass, less one.",
         ),
     ),

@@ -14,9 +14,9 @@ from femfit.effects.effect import Effect, EffectParameter, Parameters
 
 
 def _circuit(
-    resistance: FloatArray, voltage: FloatArray, current: FloatArray, at: Conditions, p: Parameters
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
 ) -> tuple[FloatArray, FloatArray]:
-    return resistance, voltage + p["share"] * at.motional_V
+    return resistance, voltage + p["share"] * conditions.motional_V
 
 
 MOTIONAL_EMF = Effect(
@@ -29,7 +29,7 @@ MOTIONAL_EMF = Effect(
             unit="",
             lower=-2.0,
             upper=5.0,
-            sane=(-1.0, 1.0),
+            plausible=(-1.0, 1.0),
             description="Further induced voltage over the model's own.",
         ),
     ),

@@ -15,24 +15,28 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Effect, EffectParameter, Parameters
-from femfit.effects.jet import CoenergyJet, Jet, current_jet, distance_jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, current_series, distance_series
 
 _POWERS = (1, 3, 6)
 
 
 def _coenergy(
-    base: CoenergyJet, d: FloatArray, i: FloatArray, n_d: int, n_i: int, at: Conditions, p: Parameters
-) -> Jet:
-    distance = distance_jet(d / at.nominal.distance_min_m, n_d, n_i).scaled(distance=1.0 / at.nominal.distance_min_m)
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    distance = distance_series(d / conditions.nominal.distance_min_m, n_d, n_i).scaled(
+        distance=1.0 / conditions.nominal.distance_min_m
+    )
     increase = 0.0 * distance
     for power in _POWERS:
-        amplitude = p[f"increase_{power}"] * at.nominal.inductance_H
+        amplitude = p[f"increase_{power}"] * conditions.nominal.inductance_H
         value = distance.value
         falls = [amplitude * np.prod(-power - np.arange(k)) * value ** (-power - k) for k in range(n_d + 1)]
         increase = increase + distance.compose(falls)
-    current = current_jet(i, n_d, n_i)
-    if np.isfinite(at.nominal.hall_T_per_A):
-        current.coefficients[1, 0, 0] = p["hall_share"] * at.nominal.hall_T_per_A / at.nominal.inductance_H
+    current = current_series(i, n_d, n_i)
+    if np.isfinite(conditions.nominal.hall_T_per_A):
+        current.coefficients[1, 0, 0] = (
+            p["hall_share"] * conditions.nominal.hall_T_per_A / conditions.nominal.inductance_H
+        )
     return base(d, i, n_d, n_i) + 0.5 * (current * current * increase)
 
 
@@ -48,10 +52,10 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
                 unit="",
                 lower=-0.5,
                 upper=5.0,
-                sane=(-0.05, 0.5),
+                plausible=(-0.05, 0.5),
                 description="Increase of the inductance at the smallest distance, as a part of the model's, falling "
                 f"with the power {power} of the distance.",
-                of="inductance_H",
+                scale="inductance_H",
             )
             for power in _POWERS
         ),
@@ -60,10 +64,10 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
             unit="",
             lower=-10.0,
             upper=200.0,
-            sane=(0.0, 40.0),
+            plausible=(0.0, 40.0),
             description="Change of the coil's field at the Hall element over that of its flux, both relative.",
             null=20.0,
-            shape=True,
+            nonlinear=True,
         ),
     ),
     needs=("~distance_m", "~current_A", "force_N|flux_linkage_Wb"),

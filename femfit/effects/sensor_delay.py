@@ -18,20 +18,25 @@ from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters
 
 
-def _hall_point(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
+def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
     delay = p["delay_s"]
-    if "delay_lag" in at.memory:
-        late = delay / _lag_time(at, p) * at.nominal.current_scale * like(at.memory["delay_lag"], i)
+    if "delay_lag" in conditions.memory:
+        late = (
+            delay
+            / _lag_time(conditions, p)
+            * conditions.nominal.current_scale
+            * like(conditions.memory["delay_lag"], i)
+        )
     else:
-        late = delay * like(at.current_rate_A_s, i)
-    return d - delay * like(at.velocity_m_s, d), i - late
+        late = delay * like(conditions.current_rate_A_s, i)
+    return d - delay * like(conditions.velocity_m_s, d), i - late
 
 
-def _lag_time(at: Conditions, p: Parameters) -> float:
-    return max(p["delay_s"], at.nominal.sample_time_s)
+def _lag_time(conditions: Conditions, p: Parameters) -> float:
+    return max(p["delay_s"], conditions.nominal.sample_time_s)
 
 
-def _rest(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
+def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
     return {"delay_lag": np.zeros_like(i)}
 
 
@@ -41,10 +46,12 @@ def _rate(
     v: FloatArray,
     i: FloatArray,
     current_rate: FloatArray,
-    at: Conditions,
+    conditions: Conditions,
     p: Parameters,
 ) -> Mapping[str, FloatArray]:
-    return {"delay_lag": current_rate / at.nominal.current_scale - states["delay_lag"] / _lag_time(at, p)}
+    return {
+        "delay_lag": current_rate / conditions.nominal.current_scale - states["delay_lag"] / _lag_time(conditions, p)
+    }
 
 
 SENSOR_DELAY = Effect(
@@ -57,7 +64,7 @@ SENSOR_DELAY = Effect(
             unit="s",
             lower=0.0,
             upper=0.05,
-            sane=(0.0, 5e-3),
+            plausible=(0.0, 5e-3),
             description="Age of what a reading shows.",
         ),
     ),
@@ -66,7 +73,7 @@ SENSOR_DELAY = Effect(
     "distance sensor.",
     reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3",
     hall_point=_hall_point,
-    memory=Memory(names=("delay_lag",), amplitudes=("delay_s",), spread=0.02, rest=_rest, rate=_rate),
+    memory=Memory(names=("delay_lag",), amplitudes=("delay_s",), spread=0.02, steady_state=_steady_state, rate=_rate),
     calibrations=(
         Calibration(
             {"delay_s": 5e-5},

@@ -5,8 +5,8 @@ from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
-def _force(d: FloatArray, i: FloatArray, at: Conditions, p: Parameters) -> FloatArray:
-    return p["damping_per_s"] * at.nominal.mass_kg * like(at.velocity_m_s, d)
+def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+    return p["damping_per_s"] * conditions.nominal.mass_kg * like(conditions.velocity_m_s, d)
 
 
 VISCOUS_FRICTION = Effect(
@@ -19,7 +19,7 @@ VISCOUS_FRICTION = Effect(
             unit="1/s",
             lower=-10.0,
             upper=1e4,
-            sane=(0.0, 50.0),
+            plausible=(0.0, 50.0),
             description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
         ),
     ),

@@ -19,7 +19,7 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.effects.conditions import Nominal
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 _ORDER = 2
 """Highest derivative in each variable that the corners share."""
@@ -77,7 +77,7 @@ class _Cells:
 
 @dataclass(frozen=True, eq=False)
 class CoenergyTable:
-    """A co-energy as a series, from a table; called as :data:`femfit.effects.jet.CoenergyJet`.
+    """A co-energy as a series, from a table; called as :data:`femfit.effects.taylor_series.CoenergySeries`.
 
     Parameters
     ----------
@@ -89,11 +89,11 @@ class CoenergyTable:
         Whether the field at the Hall element is asked for.
     """
 
-    exact: CoenergyJet
+    exact: CoenergySeries
     nominal: Nominal
     hall: bool
 
-    def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> Jet:
+    def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
         """Taylor coefficients at points.
 
         Parameters
@@ -111,7 +111,7 @@ class CoenergyTable:
         if not good.all():
             rest = ~good
             result[..., rest] = self.exact(distance[rest], current[rest], in_distance, in_current).coefficients
-        return Jet(result)
+        return TaylorSeries(result)
 
     @cached_property
     def _cells(self) -> _Cells:

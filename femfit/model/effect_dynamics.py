@@ -21,8 +21,8 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Memory
-from femfit.effects.jet import CoenergyJet, Jet
-from femfit.model.coenergy_jet import changed_jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.model.coenergy_series import changed_coenergy
 from femfit.model.magnetics import MagneticState
 
 _PROBE = 1e-3
@@ -38,14 +38,14 @@ class EffectDynamics:
 
     Parameters
     ----------
-    motion_jet, hall_jet : callable
+    motion_coenergy, hall_coenergy : callable
         The co-energy without what ``later`` does to it, without and with the field at the Hall element.
     later : tuple of AddedEffect
         Those of the effects whose change of the co-energy depends on states.
     """
 
-    motion_jet: CoenergyJet
-    hall_jet: CoenergyJet
+    motion_coenergy: CoenergySeries
+    hall_coenergy: CoenergySeries
     effects: tuple[AddedEffect, ...]
     later: tuple[AddedEffect, ...]
     at: Conditions
@@ -162,16 +162,16 @@ class EffectDynamics:
     ) -> tuple[MagneticState, FloatArray]:
         """Force, motional constant and inductance, and the flux linkage's derivative in each state, (len(names), n)."""
         if not self.names:
-            return _state(self.motion_jet(d, i, 1, 2)), np.zeros((0, len(i)))
+            return _state(self.motion_coenergy(d, i, 1, 2)), np.zeros((0, len(i)))
         states = np.stack(list(memory.values()))
         if self.lags is None:
-            changed = changed_jet(self.motion_jet, self.later, replace(self.at, memory=memory))
+            changed = changed_coenergy(self.motion_coenergy, self.later, replace(self.at, memory=memory))
             return _state(changed(d, i, 1, 2)), self._flux_differences(states, d, i)
         lag, taper = self.lags
         if not np.any(taper):
-            seen = _state(self.motion_jet(d, i - lag @ states, 1, 2))
+            seen = _state(self.motion_coenergy(d, i - lag @ states, 1, 2))
             return seen, -lag[:, None] * seen.inductance
-        series = self.motion_jet(d, i - lag @ states, 1, 3)
+        series = self.motion_coenergy(d, i - lag @ states, 1, 3)
         seen, linkage = _state(series), series.derivative(0, 1)
         # W' = V - g(lambda): its derivatives by the chain rule
         second = taper @ states
@@ -189,8 +189,8 @@ class EffectDynamics:
         probes = _PROBE * np.concatenate([np.eye(count), -np.eye(count)], axis=1)[:, :, None]
         moved = (states[:, None] + probes).reshape(count, -1)
         at = replace(self.at, memory=dict(zip(self.names, moved, strict=True)))
-        jet = changed_jet(self.motion_jet, self.later, at)
-        flux = jet(np.tile(d, 2 * count), np.tile(i, 2 * count), 0, 1).derivative(0, 1).reshape(2, count, -1)
+        coenergy = changed_coenergy(self.motion_coenergy, self.later, at)
+        flux = coenergy(np.tile(d, 2 * count), np.tile(i, 2 * count), 0, 1).derivative(0, 1).reshape(2, count, -1)
         return np.asarray((flux[0] - flux[1]) / (2.0 * _PROBE))
 
     def hall_voltage(
@@ -217,7 +217,7 @@ class EffectDynamics:
         memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
         at = replace(self.at, velocity_m_s=v, memory=memory, time_s=time, elapsed=time)
         then_d, then_i = seen_point(self.effects, d, i, at)
-        series = changed_jet(self.hall_jet, self.later, at)(then_d, then_i, 0, 0)
+        series = changed_coenergy(self.hall_coenergy, self.later, at)(then_d, then_i, 0, 0)
         volts = quiescent + sensitivity * series.derivative(0, 0, 1)
         return self.read(volts, d, i, at).reshape(state.shape[:-1])
 
@@ -243,7 +243,7 @@ class EffectDynamics:
         return values["hall_V"]
 
 
-def _state(series: Jet) -> MagneticState:
+def _state(series: TaylorSeries) -> MagneticState:
     return MagneticState(-series.derivative(1, 0), -series.derivative(1, 1), series.derivative(0, 2))
 
 
@@ -269,7 +269,11 @@ def seen_point(
 
 
 def hall_field(
-    jet: CoenergyJet, effects: tuple[AddedEffect, ...], distance: FloatArray, current: FloatArray, at: Conditions
+    coenergy: CoenergySeries,
+    effects: tuple[AddedEffect, ...],
+    distance: FloatArray,
+    current: FloatArray,
+    at: Conditions,
 ) -> FloatArray:
     """Field that a Hall reading shows: that of an earlier point, where it is late.
 
@@ -284,4 +288,4 @@ def hall_field(
         In T.
     """
     distance, current = seen_point(effects, distance, current, at)
-    return changed_jet(jet, effects, at)(distance, current, 0, 0).derivative(0, 0, 1)
+    return changed_coenergy(coenergy, effects, at)(distance, current, 0, 0).derivative(0, 0, 1)

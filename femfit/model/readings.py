@@ -8,9 +8,9 @@ from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_jet import changed_jet
+from femfit.model.coenergy_series import changed_coenergy
 from femfit.model.effect_dynamics import hall_field
-from femfit.model.with_effects import base_jet
+from femfit.model.with_effects import base_coenergy
 
 
 def predict_readings(
@@ -45,12 +45,12 @@ def predict_readings(
     for one in added:
         if one.effect.setting is not None:
             d, i = one.effect.setting(d, i, at, one.parameters)
-    jet = base_jet(base)
-    series = changed_jet(jet, added, at)(d, i, 1, 1)
+    coenergy = base_coenergy(base)
+    series = changed_coenergy(coenergy, added, at)(d, i, 1, 1)
     values = {"force_N": -series.derivative(1, 0), "flux_linkage_Wb": series.derivative(0, 1)}
     if base.sensor is not None:
         late = any(one.effect.hall_point for one in added)
-        field = hall_field(jet, added, d, i, at) if late else series.derivative(0, 0, 1)
+        field = hall_field(coenergy, added, d, i, at) if late else series.derivative(0, 0, 1)
         values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.circuit is not None:
         values["voltage_V"] = _voltage(base.circuit.resistance_ohm, i, at, added)

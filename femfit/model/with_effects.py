@@ -9,9 +9,9 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.actuator_model import NO_MAGNET, ActuatorModel, HallSensor
-from femfit.model.coenergy_jet import changed_jet, coenergy_jet
+from femfit.model.coenergy_series import changed_coenergy, coenergy_series
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
@@ -62,29 +62,29 @@ def nominal_of(model: ActuatorModel) -> Nominal:
     )
 
 
-def base_jet(model: ActuatorModel) -> CoenergyJet:
+def base_coenergy(model: ActuatorModel) -> CoenergySeries:
     """The base model's co-energy and Hall field as a series.
 
     Returns
     -------
     callable
-        (distances, currents, A, B) -> :class:`femfit.effects.jet.Jet`.
+        (distances, currents, A, B) -> :class:`femfit.effects.taylor_series.TaylorSeries`.
     """
     base = model.without_effects
-    return coenergy_jet(base.magnetics, base.sensor.field if base.sensor else None)
+    return coenergy_series(base.magnetics, base.sensor.field if base.sensor else None)
 
 
 @dataclass(frozen=True, eq=False)
 class EffectMagnetics(Magnetics):
     """The co-energy of a base model as effects change it, under fixed conditions."""
 
-    jet: CoenergyJet
+    series: CoenergySeries
 
     def _derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        series = self.jet(distance, current, max(a for a, _ in orders), max(b for _, b in orders))
-        return [series.derivative(a, b) for a, b in orders]
+        expansion = self.series(distance, current, max(a for a, _ in orders), max(b for _, b in orders))
+        return [expansion.derivative(a, b) for a, b in orders]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +104,16 @@ class EffectHallField(HallField):
     def _partials(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        series = changed_jet(self.dynamics.hall_jet, self.dynamics.later, self.dynamics.at)(
+        series = changed_coenergy(self.dynamics.hall_coenergy, self.dynamics.later, self.dynamics.at)(
             distance, current, max(a for a, _ in orders), max(b for _, b in orders)
         )
         if not any(added.effect.readings for added in self.dynamics.effects):
             return [series.derivative(a, b, 1) for a, b in orders]
         return [self._of_reading(series, distance, current, order) for order in orders]
 
-    def _of_reading(self, series: Jet, distance: FloatArray, current: FloatArray, order: tuple[int, int]) -> FloatArray:
+    def _of_reading(
+        self, series: TaylorSeries, distance: FloatArray, current: FloatArray, order: tuple[int, int]
+    ) -> FloatArray:
         """The reading, or its first derivative by the chain rule with a central difference of the sensor alone."""
         field = series.derivative(0, 0, 1)
         if order == (0, 0):
@@ -159,10 +161,12 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     acting = tuple(added for added in effects if added.effect.coenergy is not None)
     static = tuple(added for added in acting if added.memory is None)
     read = acting or any(added.effect.readings for added in effects)
-    hall_jet = changed_jet(base_jet(base), static, at)
+    hall_coenergy = changed_coenergy(base_coenergy(base), static, at)
     dynamics = EffectDynamics(
-        motion_jet=CoenergyTable(changed_jet(coenergy_jet(base.magnetics, None), static, at), at.nominal, hall=False),
-        hall_jet=CoenergyTable(hall_jet, at.nominal, hall=True) if acting else hall_jet,
+        motion_coenergy=CoenergyTable(
+            changed_coenergy(coenergy_series(base.magnetics, None), static, at), at.nominal, hall=False
+        ),
+        hall_coenergy=CoenergyTable(hall_coenergy, at.nominal, hall=True) if acting else hall_coenergy,
         effects=effects,
         later=tuple(added for added in acting if added.memory is not None),
         at=at,
@@ -180,7 +184,9 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
             motion = replace(motion, mass_kg=added.effect.mass(motion.mass_kg, added.parameters))
     return replace(
         base,
-        magnetics=EffectMagnetics(changed_jet(dynamics.motion_jet, dynamics.later, at)) if changed else base.magnetics,
+        magnetics=EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))
+        if changed
+        else base.magnetics,
         circuit=circuit,
         motion=motion,
         sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,

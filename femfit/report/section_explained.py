@@ -101,7 +101,7 @@ def _named_table(one: NamedEffect, together: bool) -> DataTable:
                 name,
                 significant(value, 4),
                 f"{significant(low, 3)} … {significant(high, 3)}" if np.isfinite(low) else _no_interval(value, p),
-                f"{plain(p.sane[0])} … {plain(p.sane[1])}" if p else NOTHING,
+                f"{plain(p.plausible[0])} … {plain(p.plausible[1])}" if p else NOTHING,
                 formula_markup(p.unit) if p else "",
                 p.description if p else "",
             )
@@ -122,7 +122,7 @@ def _named_table(one: NamedEffect, together: bool) -> DataTable:
 
 
 def _no_interval(value: float, parameter: EffectParameter | None) -> str:
-    if parameter is None or parameter.shape or value not in {parameter.lower, parameter.upper}:
+    if parameter is None or parameter.nonlinear or value not in {parameter.lower, parameter.upper}:
         return NOTHING
     return "at its bound"
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_jet import coenergy_jet
+from femfit.model.coenergy_series import coenergy_series
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.magnetics import Magnetics
 from femfit.model.with_effects import EffectMagnetics
@@ -117,6 +117,6 @@ def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> Actuato
     middle, factor = 0.5 * (box.distance_min_m + box.distance_max_m), np.asarray(scale, dtype=np.float64)
     dynamics = model.dynamics
     if dynamics is not None:
-        scaled = ScaledForce(EffectMagnetics(dynamics.motion_jet), factor, middle)
-        dynamics = replace(dynamics, motion_jet=coenergy_jet(scaled, None))
+        scaled = ScaledForce(EffectMagnetics(dynamics.motion_coenergy), factor, middle)
+        dynamics = replace(dynamics, motion_coenergy=coenergy_series(scaled, None))
     return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle), dynamics=dynamics)

@@ -60,7 +60,7 @@ def _regression(observations: Observations, sigma: FloatArray) -> _Regression:
     columns, names = [], []
     for effect in considered_effects():
         found = [] if why_untestable(effect, observations) else effect_columns(effect, observations)
-        usual = {p.name: p.null for p in effect.parameters if p.shape}
+        usual = {p.name: p.null for p in effect.parameters if p.nonlinear}
         found = [one for one in found if dict(one.shape) == usual] or found[:1]
         for one in found[:1]:
             for column in one.columns.T / sigma:

@@ -43,7 +43,7 @@ def test_a_thousand_filters_at_once(levitation_model, filter_class, hall_bias):
 def usual(name):
     """An effect with every amplitude a third of the way to what is usual at most."""
     effect = effect_by_name(name)
-    values = {p.name: p.null + (max(p.sane, key=abs) - p.null) / 3.0 for p in effect.amplitudes}
+    values = {p.name: p.null + (max(p.plausible, key=abs) - p.null) / 3.0 for p in effect.amplitudes}
     return AddedEffect(effect, effect.null() | values)
 
 

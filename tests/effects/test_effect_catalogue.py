@@ -86,7 +86,7 @@ def at(levitation_model, points):
 
 def usual(effect: Effect) -> AddedEffect:
     """The effect with every amplitude in its usual range, off its null."""
-    values = {p.name: p.null + 0.3 * (max(p.sane, key=abs) - p.null) for p in effect.amplitudes}
+    values = {p.name: p.null + 0.3 * (max(p.plausible, key=abs) - p.null) for p in effect.amplitudes}
     return AddedEffect(effect, effect.null() | values)
 
 
@@ -113,9 +113,9 @@ def test_an_effect_says_what_users_need(effect):
     assert effect.amplitudes
     assert len({p.name for p in effect.parameters}) == len(effect.parameters)
     for p in effect.parameters:
-        assert p.lower <= p.sane[0] < p.sane[1] <= p.upper
+        assert p.lower <= p.plausible[0] < p.plausible[1] <= p.upper
         assert p.lower <= p.null <= p.upper
-        assert p.null == 0.0 or p.shape
+        assert p.null == 0.0 or p.nonlinear
         assert p.description.endswith(".")
     assert effect.symptom.endswith(".")
     assert effect.experiment.endswith(".")
@@ -130,7 +130,7 @@ def test_an_effect_says_what_users_need(effect):
 def test_an_effect_at_its_null_changes_nothing(effect, levitation_model, points, at):
     d, i = points
     plain = predict_readings(levitation_model, d, i, at)
-    shapes = [{p.name: value} for p in effect.parameters if p.shape for value in (p.null, *p.sane)]
+    shapes = [{p.name: value} for p in effect.parameters if p.nonlinear for value in (p.null, *p.plausible)]
     for shape in shapes or [{}]:
         read = predict_readings(levitation_model, d, i, at, [AddedEffect(effect, effect.null() | shape)])
         for channel, values in plain.items():
@@ -140,7 +140,7 @@ def test_an_effect_at_its_null_changes_nothing(effect, levitation_model, points,
 @pytest.mark.parametrize("effect", [e for e in BUILT_IN if e.coenergy], ids=lambda e: e.name)
 def test_force_and_flux_linkage_stay_reciprocal(effect, levitation_model, points, at):
     if effect.memory:  # a state that is held: the change along a branch is no derivative of the co-energy
-        at = replace(at, memory=effect.memory.rest(*points, at, effect.null()))
+        at = replace(at, memory=effect.memory.steady_state(*points, at, effect.null()))
     d, i = points
     added, h_i, h_d = [usual(effect)], 1e-5, 1e-7
     # Central differences of 1e-5 A and 0.1 um of what has 15 digits

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares, lsq_linear
 from femfit.device.parts import LinearMaterial
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.jet import Jet
+from femfit.effects.taylor_series import TaylorSeries
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.settings import SolverSettings
@@ -44,7 +44,7 @@ def solved(core, remanence=1.0):
     return {name: np.array([rows[d][name] for d in DISTANCES]) for name in SCALES}
 
 
-def linear_jet(table):
+def linear_coenergy(table):
     """W' of a linear solution at its own distances: quadratic in the current, its slope the solved force."""
     force, flux, hall = (np.polynomial.polynomial.polyfit(CURRENTS, table[n].T, 2) for n in SCALES)
 
@@ -63,7 +63,7 @@ def linear_jet(table):
                     factor = [1.0, 1.0, 0.5][b]
                     slope = np.polynomial.polynomial.polyder(polynomial, b) if b else polynomial
                     result[c, a, b] = factor * sum(s * i**n for n, s in enumerate(slope))
-        return Jet(result)
+        return TaylorSeries(result)
 
     return evaluate
 
@@ -87,11 +87,11 @@ def nominal(linear, levitation_model):
 GRID = [x.ravel() for x in np.meshgrid(DISTANCES, CURRENTS, indexing="ij")]
 
 
-def read(jet):
+def read(coenergy):
     return {
-        "force_N": -jet.derivative(1, 0),
-        "flux_linkage_Wb": jet.derivative(0, 1),
-        "hall_T": jet.derivative(0, 0, 1),
+        "force_N": -coenergy.derivative(1, 0),
+        "flux_linkage_Wb": coenergy.derivative(0, 1),
+        "hall_T": coenergy.derivative(0, 0, 1),
     }
 
 
@@ -101,8 +101,8 @@ def changed(effect, base, nominal, parameters):
 
 
 def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(linear, nominal):
-    effect, base, saturated = effect_by_name("core_saturation"), linear_jet(linear), solved(CURVE)
-    width = np.array([p.sane[1] - p.sane[0] for p in effect.parameters])
+    effect, base, saturated = effect_by_name("core_saturation"), linear_coenergy(linear), solved(CURVE)
+    width = np.array([p.plausible[1] - p.plausible[0] for p in effect.parameters])
     target = np.concatenate([(saturated[n] - linear[n]).ravel() / s for n, s in SCALES.items()])
 
     def left(x):
@@ -111,7 +111,7 @@ def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(line
         return target - np.concatenate([(found[n] - linear[n].ravel()) / s for n, s in SCALES.items()])
 
     low, high = (np.array([getattr(p, end) for p in effect.parameters]) / width for end in ("lower", "upper"))
-    start = np.array([p.null if p.shape else 0.1 * p.sane[1] for p in effect.parameters]) / width
+    start = np.array([p.null if p.nonlinear else 0.1 * p.plausible[1] for p in effect.parameters]) / width
     fit = least_squares(left, start, bounds=(low, high), max_nfev=60)
     assert np.sqrt(np.mean(target**2)) > 10.0  # what is described is large: ten times the noise
     assert np.linalg.norm(fit.fun) < 0.05 * np.linalg.norm(target)
@@ -124,7 +124,7 @@ def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(line
 def test_a_weaker_magnet_is_the_field_solution_with_less_remanence(name, parameters, linear, nominal):
     effect, d = effect_by_name(name), GRID[0]
     at = Conditions(nominal, magnet_temperature_C=np.full(len(d), 40.0))
-    found = read(effect.coenergy(linear_jet(linear), *GRID, 1, 1, at, effect.null() | parameters))
+    found = read(effect.coenergy(linear_coenergy(linear), *GRID, 1, 1, at, effect.null() | parameters))
     for channel, values in solved(LINEAR, remanence=0.92).items():
         # Linear iron is exactly homogeneous; the solver's rounding is left
         np.testing.assert_allclose(found[channel], values.ravel(), atol=1e-6 * np.abs(values).max())
@@ -141,7 +141,7 @@ def test_a_demagnetised_layer_is_the_field_of_the_rest_of_the_magnet(nominal):
     def base(d, i, n_d, n_i):
         result = np.zeros((2, n_d + 1, n_i + 1, len(d)))
         result[1, 0, 0] = on_axis(d, 0.005)
-        return Jet(result)
+        return TaylorSeries(result)
 
     d = np.linspace(0.015, 0.045, 7)
     values = effect.null() | {"layer_m": 5e-4, "magnet_height_m": 0.005}
@@ -179,7 +179,7 @@ def test_a_lateral_offset_is_the_superposition_of_loops_in_three_dimensions(nomi
                 if n_i:
                     result[0, a, 1] = slope
             result[1, a, 0] = (field.deriv(a) if a else field)(d) / factorial[a]
-        return Jet(result)
+        return TaylorSeries(result)
 
     d = np.array([0.016, 0.020, 0.028, 0.040])
     values = effect.null() | {"offset_squared_m2": e**2}
@@ -196,7 +196,7 @@ def test_a_small_cores_attraction_falls_off_the_axis_as_the_image_share_says():
     fall = ((4 * d**2 + e**2) / (d**2 + e**2) ** 4 - 4 / d**6) / (-0.25 * e**2 * 168 / d**8)
     share = next(p for p in effect_by_name("lateral_misalignment").parameters if p.name == "image_share")
     assert share.null == pytest.approx(fall, abs=0.06)
-    assert share.sane[0] <= 0.0  # an infinite plate's image follows the magnet
+    assert share.plausible[0] <= 0.0  # an infinite plate's image follows the magnet
 
 
 def test_the_family_of_inductance_describes_a_small_iron_body_before_a_coil(nominal):
@@ -205,7 +205,7 @@ def test_the_family_of_inductance_describes_a_small_iron_body_before_a_coil(nomi
     seen = 0.01**4 / (0.01**2 + (d + 0.0075) ** 2) ** 3
 
     def base(d, i, n_d, n_i):
-        return Jet(np.zeros((2, n_d + 1, n_i + 1, len(d))))
+        return TaylorSeries(np.zeros((2, n_d + 1, n_i + 1, len(d))))
 
     columns = [
         effect.coenergy(base, d, np.ones(16), 0, 1, Conditions(nominal), effect.null() | {p.name: 1.0}).derivative(0, 1)
@@ -239,15 +239,15 @@ def test_a_plunger_beside_its_axis_is_a_gap_of_less_reluctance_in_series(nominal
         r = 4.0 + 1000.0 * d
         along = np.stack([1.0 / r, -1e3 / r**2, 1e6 / r**3, -1e9 / r**4])[: n_d + 1, None]
         bent = np.stack([0.5 * i**2, i, 0.5 + 0 * i, 0 * i])[: n_i + 1]
-        return Jet(np.stack([along * bent, 0.0 * along * bent]))
+        return TaylorSeries(np.stack([along * bent, 0.0 * along * bent]))
 
     gap = bore * plunger.flux_linkage_Wb / plunger.current_scale
-    jet = effect.coenergy(base, d, i, 1, 1, Conditions(plunger), effect.null() | {"gap_all": gap})
+    coenergy = effect.coenergy(base, d, i, 1, 1, Conditions(plunger), effect.null() | {"gap_all": gap})
     # First order in 0.02 of 20 and more: the next is a thousandth of it
-    np.testing.assert_allclose(jet.derivative(0, 1) - i / series, i / (series - bore) - i / series, rtol=2e-3)
+    np.testing.assert_allclose(coenergy.derivative(0, 1) - i / series, i / (series - bore) - i / series, rtol=2e-3)
     change = -0.5 * i**2 * 1000.0 * (1.0 / (series - bore) ** 2 - 1.0 / series**2)
     base_slope = -0.5 * i**2 * 1000.0 / series**2
-    np.testing.assert_allclose(jet.derivative(1, 0) - base_slope, change, rtol=3e-3)
+    np.testing.assert_allclose(coenergy.derivative(1, 0) - base_slope, change, rtol=3e-3)
 
 
 def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
@@ -260,7 +260,7 @@ def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
     at = Conditions(nominal, branch=branch, current_turn_A=(-1.4, 1.4))
 
     def base(d, i, n_d, n_i):  # lambda = i
-        return Jet(
+        return TaylorSeries(
             np.stack([np.stack([[0.5 * i**2, i, 0 * i + 0.5, 0 * i][: n_i + 1]] * 1), np.zeros((1, n_i + 1, len(i)))])
         )
 
@@ -280,4 +280,4 @@ def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
 def test_every_quantity_that_a_parameter_is_a_part_of_is_known(nominal):
     known = {field.name for field in dataclasses.fields(Nominal)} | {"current_scale"}
     for name in ("force_offset", "current_offset", "hysteresis", "driver_dead_zone", "end_stop_contact"):
-        assert {p.of for p in effect_by_name(name).amplitudes} <= known
+        assert {p.scale for p in effect_by_name(name).amplitudes} <= known

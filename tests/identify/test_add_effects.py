@@ -18,12 +18,12 @@ from femfit.identify.refit.add_start import starting_point, without_untold
 from femfit.identify.refit.add_text import add_lines
 from femfit.identify.refit.refit import refit
 from femfit.model.actuator_model import ValidityBox
-from femfit.model.coenergy_jet import changed_jet
+from femfit.model.coenergy_series import changed_coenergy
 from femfit.model.from_json import model_from_dict
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
 from femfit.model.to_json import model_to_dict
-from femfit.model.with_effects import base_jet, nominal_of, with_effects
+from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 from femfit.tables.measurement import CHANNELS
 from support.campaign import NOISE, campaign
 
@@ -140,13 +140,13 @@ def test_the_base_is_left_alone_where_it_does_not_help(both):
 def test_the_base_amplitudes_scale_the_sources_of_a_linear_field(levitation_model):
     """Magnet and current both s times as strong: fields times s, forces and energies times s squared."""
     s, d, i = 1.02, np.array([0.017, 0.03, 0.04]), np.array([0.1, 0.7, 1.3])
-    base = base_jet(levitation_model)
+    base = base_coenergy(levitation_model)
     at = Conditions(nominal_of(levitation_model))
-    strong = changed_jet(base, [effect("base_magnet_strength", remanence_error=s - 1.0)], at)(d, s * i, 1, 2)
+    strong = changed_coenergy(base, [effect("base_magnet_strength", remanence_error=s - 1.0)], at)(d, s * i, 1, 2)
     plain, turned = base(d, i, 1, 2), base(d, s * i, 1, 2)
     for order, power in {(1, 0, 0): 2, (0, 1, 0): 1, (0, 0, 1): 1}.items():
         np.testing.assert_allclose(strong.derivative(*order), s**power * plain.derivative(*order), rtol=1e-12)
-    more = changed_jet(base, [effect("base_turns", turns_error=s - 1.0)], at)(d, i, 1, 2)
+    more = changed_coenergy(base, [effect("base_turns", turns_error=s - 1.0)], at)(d, i, 1, 2)
     for order, power in {(1, 0): 0, (0, 2): 2}.items():
         np.testing.assert_allclose(more.derivative(*order), s**power * turned.derivative(*order), rtol=1e-12)
 

@@ -56,7 +56,7 @@ def test_a_current_that_counts_the_other_way_is_told_from_turned_channels(levita
 @pytest.mark.parametrize("name", all_effects())
 def test_no_effect_at_the_end_of_its_usual_range_looks_like_a_wrong_unit_or_an_outlier(levitation_model, name):
     effect = all_effects()[name]
-    largest = {p.name: p.null if p.shape else p.sane[1] for p in effect.parameters}
+    largest = {p.name: p.null if p.nonlinear else p.plausible[1] for p in effect.parameters}
     table = campaign(levitation_model, 23, [AddedEffect(effect, largest)], distances=8, currents=6)
     checked = plausible_table(levitation_model, table)
     assert [one for one in checked.findings if "ends of the output's range" not in one] == []

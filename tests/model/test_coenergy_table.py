@@ -9,17 +9,17 @@ from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.model.coenergy_jet import changed_jet
+from femfit.model.coenergy_series import changed_coenergy
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.dynamics import state_derivative
-from femfit.model.with_effects import base_jet, nominal_of, with_effects
+from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 
 STATIC = [effect for effect in (*BUILT_IN, *BASE_AMPLITUDES) if effect.coenergy is not None and effect.memory is None]
 
 
 def strong(effect):
     """Every amplitude at what is usual at most."""
-    return AddedEffect(effect, effect.null() | {p.name: max(p.sane, key=abs) for p in effect.amplitudes})
+    return AddedEffect(effect, effect.null() | {p.name: max(p.plausible, key=abs) for p in effect.amplitudes})
 
 
 def without_lag(effect):
@@ -30,7 +30,7 @@ def without_lag(effect):
 def tables(model, effect):
     """The effect's own co-energy, and the table of it."""
     at = Conditions(nominal_of(model), running=True, coil_temperature_C=45.0, magnet_temperature_C=35.0)
-    exact = changed_jet(base_jet(model), [strong(effect)], at)
+    exact = changed_coenergy(base_coenergy(model), [strong(effect)], at)
     return exact, CoenergyTable(exact, at.nominal, hall=True)
 
 
@@ -102,10 +102,12 @@ def test_the_lag_of_states_is_what_their_coenergy_does(name, levitation_model):
     states = {name: np.array([0.05, -0.1, 0.08]) * (1 + k) for k, name in enumerate(memory.names)}
     lag = memory.lag(at, added.parameters)
     current, taper = (sum(lag[name][k] * states[name] for name in memory.names) for k in range(2))
-    moved = base_jet(levitation_model)(d, i - current, 1, 3)
+    moved = base_coenergy(levitation_model)(d, i - current, 1, 3)
     linkage = moved.along_current()
     expected = moved.truncated(1, 2) - (taper / 2.0) * (linkage * linkage)
-    acting = changed_jet(base_jet(levitation_model), [added], dataclasses.replace(at, memory=states))(d, i, 1, 2)
+    acting = changed_coenergy(base_coenergy(levitation_model), [added], dataclasses.replace(at, memory=states))(
+        d, i, 1, 2
+    )
     np.testing.assert_allclose(acting.coefficients[0], expected.coefficients[0], rtol=1e-12)
 
 

@@ -23,7 +23,7 @@ def added(name, **values):
 
 def usual(effect):
     """Every amplitude a fifth of the way to what is usual at most."""
-    values = {p.name: p.null + 0.2 * (max(p.sane, key=abs) - p.null) for p in effect.amplitudes}
+    values = {p.name: p.null + 0.2 * (max(p.plausible, key=abs) - p.null) for p in effect.amplitudes}
     return AddedEffect(effect, effect.null() | values)
 
 
@@ -151,7 +151,7 @@ def test_a_slow_cycle_in_time_is_the_loop_of_the_bench(fade, levitation_model):
     for _ in range(6):
         z, track = states_along(i, z, parameters, nominal)
     at = Conditions(nominal, branch=np.repeat([1.0, -1.0], 2000), current_turn_A=(0.2, 1.2))
-    slow = effect.memory.rest(i[1:], i[1:], at, parameters)
+    slow = effect.memory.steady_state(i[1:], i[1:], at, parameters)
     # After five cycles the largest radius keeps exp(-10 / 0.7) of its start; the midpoint rule's error is 1e-5
     np.testing.assert_allclose(track, np.stack([slow[k] for k in effect.memory.names]), atol=1e-4)
 
@@ -165,7 +165,7 @@ def test_the_path_that_a_bench_recalls_is_that_of_the_states_own_equation(fade, 
     z = dict.fromkeys(effect.memory.names, np.zeros(1))
     _, track = states_along(np.append(0.0, fine), z, parameters, nominal)
     recalled = effect.memory.recall(read, np.arange(len(read)) == 0, nominal)
-    slow = effect.memory.rest(read, read, Conditions(nominal, recalled=recalled), parameters)
+    slow = effect.memory.steady_state(read, read, Conditions(nominal, recalled=recalled), parameters)
     # The midpoint rule's error is 1e-5
     np.testing.assert_allclose(track[:, 1999::2000], np.stack([slow[k] for k in effect.memory.names]), atol=1e-4)
 
@@ -176,7 +176,9 @@ def test_a_bench_whose_core_was_cycled_before_recalls_the_cycle(levitation_model
     read = np.concatenate([np.linspace(0.2, 1.2, 6), np.linspace(1.0, 0.2, 5)])
     at = Conditions(nominal, branch=np.repeat([1.0, -1.0], [6, 5]), current_turn_A=(0.2, 1.2))
     recalled = effect.memory.recall(read, np.arange(11) == 0, nominal)
-    path, cycle = (effect.memory.rest(read, read, one, effect.null()) for one in (replace(at, recalled=recalled), at))
+    path, cycle = (
+        effect.memory.steady_state(read, read, one, effect.null()) for one in (replace(at, recalled=recalled), at)
+    )
     # At the upper turning point the cycle counts as rising
     for name in effect.memory.names:
         np.testing.assert_allclose(path[name], cycle[name], atol=1e-12)

@@ -10,7 +10,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.model.from_json import model_from_dict
 from femfit.model.readings import predict_readings
 from femfit.model.to_json import model_to_dict
-from femfit.model.with_effects import base_jet, nominal_of, with_effects
+from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 
 SATURATION = AddedEffect(CORE_SATURATION, CORE_SATURATION.null() | {"mmf_loss_3": 0.1, "mmf_loss_6": 0.02})
 
@@ -25,10 +25,10 @@ def points(levitation_model):
 
 def test_the_base_jet_is_the_model(levitation_model, points):
     d, i = points
-    jet = base_jet(levitation_model)(d, i, 2, 2)
-    np.testing.assert_allclose(-jet.derivative(1, 0), levitation_model.magnetics.force(d, i), rtol=1e-12)
-    np.testing.assert_allclose(jet.derivative(0, 2), levitation_model.magnetics.inductance(d, i), rtol=1e-12)
-    np.testing.assert_allclose(jet.derivative(0, 0, 1), levitation_model.sensor.field.field(d, i), rtol=1e-12)
+    coenergy = base_coenergy(levitation_model)(d, i, 2, 2)
+    np.testing.assert_allclose(-coenergy.derivative(1, 0), levitation_model.magnetics.force(d, i), rtol=1e-12)
+    np.testing.assert_allclose(coenergy.derivative(0, 2), levitation_model.magnetics.inductance(d, i), rtol=1e-12)
+    np.testing.assert_allclose(coenergy.derivative(0, 0, 1), levitation_model.sensor.field.field(d, i), rtol=1e-12)
 
 
 def test_the_changed_force_and_flux_linkage_come_from_one_coenergy(levitation_model, points):

@@ -40,8 +40,8 @@ def _row(effect: Effect) -> str:
 
 
 def _parameter(effect: Effect, p: EffectParameter) -> str:
-    unit = p.unit or (f"of {p.of}" if p.of else "1")
-    usual = f"{p.sane[0]:g} to {p.sane[1]:g}" + (f" (shape, {p.null:g})" if p.shape else "")
+    unit = p.unit or (f"of {p.scale}" if p.scale else "1")
+    usual = f"{p.plausible[0]:g} to {p.plausible[1]:g}" + (f" (nonlinear, {p.null:g})" if p.nonlinear else "")
     return f"| `{effect.name}` | `{p.name}` | {unit} | {usual} | {p.description} |\n"
 
 

@@ -85,7 +85,9 @@ def _named(one: NamedEffect, together: bool) -> list[str]:
     effect = all_effects().get(one.name)
     lines = [f"{one.name}: {effect.symptom}" if effect else one.name]
     # Amplitudes that were not needed, and constants of shapes that are not there
-    silent = {p.name for p in effect.parameters if p.shape or one.parameters.get(p.name) == p.null} if effect else set()
+    silent = (
+        {p.name for p in effect.parameters if p.nonlinear or one.parameters.get(p.name) == p.null} if effect else set()
+    )
     for name, value in one.parameters.items():
         if name not in one.ci95 and name in silent:
             continue

@@ -65,7 +65,7 @@ def error_fall(evidence: Evidence, fit: Refit, excess: float) -> float:
         1 for all of it, 0 for none; negative where the effects make the error on unseen runs larger.
     """
     target = evidence.whitening.full(evidence.observations.residual)
-    moving = [j for j, (_, p) in enumerate(fit.free) if not p.shape and not fit.active[j]]
+    moving = [j for j, (_, p) in enumerate(fit.free) if not p.nonlinear and not fit.active[j]]
     columns = fit.jacobian[:, moving]
     if not moving:
         return 0.0
@@ -83,9 +83,9 @@ def error_fall(evidence: Evidence, fit: Refit, excess: float) -> float:
 
 
 def _to_null(fit: Refit, j: int) -> float:
-    """The step from a fitted amplitude to its null, over its sane range."""
+    """The step from a fitted amplitude to its null, over its plausible range."""
     k, p = fit.free[j]
-    return (p.null - fit.effects[k].parameters[p.name]) / (p.sane[1] - p.sane[0])
+    return (p.null - fit.effects[k].parameters[p.name]) / (p.plausible[1] - p.plausible[0])
 
 
 def left_out_groups(observations: Observations) -> IntArray:

@@ -107,7 +107,7 @@ def _signals(one: EffectColumns, white: FloatArray, size: Mapping[str, float] | 
     """Each shape that can be seen at the further end of its usual range, or at a smaller size."""
     result = []
     for k, p in enumerate(one.amplitudes):
-        end = max((end - p.null for end in p.sane), key=abs)
+        end = max((end - p.null for end in p.plausible), key=abs)
         if size is not None and size[p.name] < abs(end):
             end = float(np.copysign(size[p.name], end))
         result.append(white[:, k] * end)

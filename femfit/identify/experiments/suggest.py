@@ -114,7 +114,7 @@ def _columns_at(
 ) -> tuple[EffectColumns, FloatArray]:
     """The columns of one effect of an explanation at its fitted shape constants."""
     added = fit.effects[k]
-    shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
+    shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
     variants = effect_columns(added.effect, observations)
     nearest = min(variants, key=lambda one: sum(abs(one.shape[n] - shape[n]) for n in shape)) if variants else None
     if nearest is None:

@@ -102,6 +102,6 @@ def unit_of(effect: Effect | None, parameter: str) -> str:
         `` V``, `` of force_N`` (a part of that quantity's largest value in the model's range), or empty.
     """
     for p in effect.parameters if effect else ():
-        if p.name == parameter and (p.unit or p.of):
-            return f" {p.unit}" if p.unit else f" of {p.of}"
+        if p.name == parameter and (p.unit or p.scale):
+            return f" {p.unit}" if p.unit else f" of {p.scale}"
     return ""

@@ -13,7 +13,7 @@ from femfit.identify.refit.add_result import EffectSize
 from femfit.identify.refit.refit import Refit, usual
 
 _STEP = 1e-3
-"""Step of a difference over a parameter's sane range."""
+"""Step of a difference over a parameter's plausible range."""
 
 _LEAST_CHANGE = 1e-6
 """Of the channel's largest value: less is rounding."""
@@ -68,14 +68,14 @@ def _standard_error(observations: Observations, fit: Refit, k: int, at: int) -> 
     slopes = []
     for j in own:
         added, p = fit.effects[k], fit.free[j][1]
-        value, step = added.parameters[p.name], _STEP * (p.sane[1] - p.sane[0])
+        value, step = added.parameters[p.name], _STEP * (p.plausible[1] - p.plausible[0])
         ends = (min(value + step, p.upper), max(value - step, p.lower))
         moved = [
             (*fit.effects[:k], replace(added, parameters={**added.parameters, p.name: x}), *fit.effects[k + 1 :])
             for x in ends
         ]
         up, down = (float(here.predict(effects)[0]) for effects in moved)
-        slopes.append((up - down) / (ends[0] - ends[1]) * (p.sane[1] - p.sane[0]))
+        slopes.append((up - down) / (ends[0] - ends[1]) * (p.plausible[1] - p.plausible[0]))
     slope = np.array(slopes)
     return float(np.sqrt(max(slope @ fit.covariance[np.ix_(own, own)] @ slope, 0.0))) if own else 0.0
 
@@ -93,7 +93,7 @@ def suspicious_values(fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, .
     for added in fit.effects:
         name = added.effect.name
         for p in added.effect.parameters:
-            value, (low, high) = added.parameters[p.name], p.sane
+            value, (low, high) = added.parameters[p.name], p.plausible
             if not usual(added, p):
                 span = f"{low:.3g} to {high:.3g}{f' {p.unit}' if p.unit else ''}"
                 result.append(
@@ -103,7 +103,7 @@ def suspicious_values(fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, .
         k, p = fit.free[j]
         added = fit.effects[k]
         value = added.parameters[p.name]
-        if abs(value - p.null) > 1e-3 * (p.sane[1] - p.sane[0]):
+        if abs(value - p.null) > 1e-3 * (p.plausible[1] - p.plausible[0]):
             result.append(f"{added.effect.name}: {p.name} = {value:.3g} stands at its bound, so it has no interval.")
     for added in fit.effects:
         name = added.effect.name

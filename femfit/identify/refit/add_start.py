@@ -96,4 +96,4 @@ def without_untold(fit: Refit) -> list[Start]:
 
 def _untold(added: AddedEffect, parameter: EffectParameter) -> bool:
     low, high = added.ci95.get(parameter.name, (np.nan, np.nan))
-    return low < parameter.null < high and high - low > parameter.sane[1] - parameter.sane[0]
+    return low < parameter.null < high and high - low > parameter.plausible[1] - parameter.plausible[0]

@@ -34,11 +34,11 @@ class Refit:
     rest : array, shape (M,)
         Whitened residual.
     jacobian : array, shape (M, p)
-        Whitened change of the residual with the free parameters, each over its sane range.
+        Whitened change of the residual with the free parameters, each over its plausible range.
     active : array of bool, shape (p,)
         Whether the parameter stands at a bound.
     precision : array, shape (p,)
-        Of what is known of the free parameters beforehand, each over its sane range; zero for nothing.
+        Of what is known of the free parameters beforehand, each over its plausible range; zero for nothing.
     start : tuple of EffectColumns
         Of every effect, as the fit was started.
     """
@@ -53,7 +53,7 @@ class Refit:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Of the free parameters, each over its sane range; zero for those at a bound; shape (p, p)."""
+        """Of the free parameters, each over its plausible range; zero for those at a bound; shape (p, p)."""
         moving = np.flatnonzero(~self.active)
         result = np.zeros((len(self.active), len(self.active)))
         columns = self.jacobian[:, moving]
@@ -68,9 +68,9 @@ class Refit:
 
     def trace(self, k: int) -> FloatArray:
         """What effect number k changes in the whitened residual, to first order in its amplitudes, shape (M,)."""
-        used = [j for j, (of, p) in enumerate(self.free) if of == k and not p.shape]
+        used = [j for j, (of, p) in enumerate(self.free) if of == k and not p.nonlinear]
         values = [
-            (self.effects[k].parameters[p.name] - p.null) / (p.sane[1] - p.sane[0])
+            (self.effects[k].parameters[p.name] - p.null) / (p.plausible[1] - p.plausible[0])
             for p in (self.free[j][1] for j in used)
         ]
         return np.asarray(self.jacobian[:, used] @ np.array(values))
@@ -94,7 +94,7 @@ def continued(columns: EffectColumns, added: AddedEffect) -> Start:
     tuple of (EffectColumns, array of shape (k,))
         With the fitted shape constants; amplitudes count from null.
     """
-    shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.shape}
+    shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
     amplitude = np.array([added.parameters[p.name] - p.null for p in columns.amplitudes])
     return replace(columns, shape=shape), amplitude
 
@@ -111,7 +111,7 @@ def usual(added: AddedEffect, parameter: EffectParameter) -> bool:
     if value == parameter.null:
         return True  # of an effect with several amplitudes, one that is not there
     low, high = added.ci95.get(parameter.name, (value, value))
-    return low <= parameter.sane[1] and high >= parameter.sane[0]
+    return low <= parameter.plausible[1] and high >= parameter.plausible[0]
 
 
 def bounded_amplitudes(target: FloatArray, columns: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:
@@ -176,8 +176,8 @@ def refit(
     )
     for k, (one, _) in enumerate(start):  # constants that nothing depends on stand where they usually are
         seen = {p.name for number, p in free if number == k} | set(fixed.get(one.effect.name, {}))
-        initial[k] |= {p.name: p.null for p in one.effect.parameters if p.shape and p.name not in seen}
-    width = np.array([p.sane[1] - p.sane[0] for _, p in free])
+        initial[k] |= {p.name: p.null for p in one.effect.parameters if p.nonlinear and p.name not in seen}
+    width = np.array([p.plausible[1] - p.plausible[0] for _, p in free])
     low = np.array([p.lower for _, p in free]) / width
     high = np.array([p.upper for _, p in free]) / width
     null = np.array([p.null for _, p in free]) / width
@@ -216,13 +216,13 @@ def refit(
 
 def _seen_constants(one: EffectColumns, observations: Observations) -> list[EffectParameter]:
     """The shape constants that change what the effect's amplitudes do to these readings."""
-    constants = [p for p in one.effect.parameters if p.shape]
-    some = np.array([0.1 * (p.sane[1] - p.sane[0]) for p in one.amplitudes])
+    constants = [p for p in one.effect.parameters if p.nonlinear]
+    some = np.array([0.1 * (p.plausible[1] - p.plausible[0]) for p in one.amplitudes])
     values = one.parameters(np.where(some <= one.bounds[1], some, -some))
     here = observations.predict([AddedEffect(one.effect, values)])
 
     def seen(p: EffectParameter) -> bool:
-        step = 0.1 * (p.sane[1] - p.sane[0])
+        step = 0.1 * (p.plausible[1] - p.plausible[0])
         other = values[p.name] + (step if values[p.name] + step <= p.upper else -step)
         return bool(np.any(observations.predict([AddedEffect(one.effect, values | {p.name: other})]) != here))
 

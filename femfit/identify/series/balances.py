@@ -17,12 +17,12 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.identify.series.memory import states_along
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.actuator_model import Motion as BaseMotion
-from femfit.model.coenergy_jet import changed_jet
+from femfit.model.coenergy_series import changed_coenergy
 from femfit.model.effect_dynamics import hall_field
 
 FORCE_BALANCE, VOLTAGE_BALANCE = "force_balance_N", "voltage_balance_V"
@@ -62,12 +62,12 @@ class _Point:
     distance: FloatArray
     current: FloatArray
     at: Conditions
-    series: Jet
+    series: TaylorSeries
     force: FloatArray
 
 
 def model_balances(
-    base: ActuatorModel, jet: CoenergyJet, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
+    base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
     """The right sides of the balances.
 
@@ -81,7 +81,7 @@ def model_balances(
     dict of str to array, each of shape (w,)
         Of force where the model has a motion, of voltage where it has a circuit.
     """
-    point, result = _excited(jet, motion, effects), {}
+    point, result = _excited(coenergy, motion, effects), {}
     if base.motion is not None:
         share, inertia = _inertia(base.motion, motion, weights, point.distance, effects)
         result[FORCE_BALANCE] = share * (weights.mean @ point.force) + inertia
@@ -92,7 +92,7 @@ def model_balances(
 
 
 def model_readings(
-    base: ActuatorModel, jet: CoenergyJet, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
+    base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
     """What the sensors read.
 
@@ -101,12 +101,12 @@ def model_readings(
     dict of str to array, each of shape (w,)
         ``force_N``, and ``hall_V`` where the model has a sensor.
     """
-    point = _excited(jet, motion, effects)
+    point = _excited(coenergy, motion, effects)
     readings = {"force_N": point.force}
     if base.sensor is not None:
         field = point.series.derivative(0, 0, 1)
         if any(added.effect.hall_point for added in effects):
-            field = hall_field(jet, tuple(effects), point.distance, point.current, point.at)
+            field = hall_field(coenergy, tuple(effects), point.distance, point.current, point.at)
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     for added in effects:
         if added.effect.readings is not None:
@@ -115,17 +115,17 @@ def model_readings(
     return {name: weights.mean @ reading for name, reading in readings.items()}
 
 
-def _excited(jet: CoenergyJet, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
+def _excited(coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
     d, i, at = motion.distance_m, motion.current_A, motion.at
     for added in effects:
         if added.effect.setting is not None:
             d, i = added.effect.setting(d, i, at, added.parameters)
-    constant = -jet(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
+    constant = -coenergy(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
     memory: dict[str, FloatArray] = {}
     for added in effects:
         memory |= states_along(added, motion.time_s, d, i, constant, at, motion.first)
     at = replace(at, memory=memory)
-    series = changed_jet(jet, effects, at)(d, i, 1, 1)
+    series = changed_coenergy(coenergy, effects, at)(d, i, 1, 1)
     at = replace(at, motional_V=-series.derivative(1, 1) * np.asarray(at.velocity_m_s))
     force = -series.derivative(1, 0)
     for added in effects:

@@ -31,7 +31,7 @@ from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import window_weights
 from femfit.identify.series.windows import lay_windows
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.with_effects import base_jet, nominal_of
+from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.time_series import TimeSeries
 
 _RESTLESS = 1.25
@@ -148,13 +148,13 @@ def _change(
     base: ActuatorModel, views: tuple[View, View], stacked: Callable[[Mapping[str, FloatArray]], FloatArray]
 ) -> Callable[[Sequence[AddedEffect], float], FloatArray]:
     """What effects, and a shift of the recorded distance, change in the stacked channels."""
-    jets = [remembered(base_jet(base), view.motion.distance_m, view.motion.current_A) for view in views]
+    series = [remembered(base_coenergy(base), view.motion.distance_m, view.motion.current_A) for view in views]
 
     def at(effects: Sequence[AddedEffect], shift: float) -> FloatArray:
         values: dict[str, FloatArray] = {}
-        for view, jet, side in zip(views, jets, (model_balances, model_readings), strict=True):
+        for view, coenergy, side in zip(views, series, (model_balances, model_readings), strict=True):
             motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
-            values |= side(base, jet, motion, view.weights, effects)
+            values |= side(base, coenergy, motion, view.weights, effects)
         return stacked(values)
 
     without = at((), 0.0)

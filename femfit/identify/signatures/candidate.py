@@ -65,8 +65,8 @@ def refitted_candidates(evidence: Evidence, starts: Sequence[Sequence[Scored]]) 
 def _refitted(evidence: Evidence, start: Sequence[Scored]) -> Candidate:
     fit = refit(evidence.observations, evidence.whitening, [(one, amplitude) for one, _, amplitude, _ in start])
     # A constant that ended at its bound was searched for as well; it matters less than an amplitude
-    amplitudes = sum(not p.shape and not bound for (_, p), bound in zip(fit.free, fit.active, strict=True))
-    constants = sum(p.shape for _, p in fit.free)
+    amplitudes = sum(not p.nonlinear and not bound for (_, p), bound in zip(fit.free, fit.active, strict=True))
+    constants = sum(p.nonlinear for _, p in fit.free)
     fitted = fit.jacobian[:, ~fit.active]
     beside, further = further_effects(evidence, fit.names, fit.rest, fitted)
     return Candidate(

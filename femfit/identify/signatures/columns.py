@@ -11,7 +11,7 @@ from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.identify.readings.observations import Observations
 
 _STEP = 1e-3
-"""Step of a difference over the width of a parameter's sane range."""
+"""Step of a difference over the width of a parameter's plausible range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
         Shape constants at their usual value, at the lower end and at three quarters of their usual range; combinations
         without any effect on these readings are left out.
     """
-    constants = [p for p in effect.parameters if p.shape]
+    constants = [p for p in effect.parameters if p.nonlinear]
     grid = [
         dict(zip((p.name for p in constants), values, strict=True))
         for values in product(*(_trial_values(p) for p in constants))
@@ -94,13 +94,13 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
 
 def _trial_values(p: EffectParameter) -> tuple[float, ...]:
     """The usual value first: it stays where the readings do not tell."""
-    low, high = p.sane
+    low, high = p.plausible
     return tuple(dict.fromkeys((p.null, low, low + 0.75 * (high - low))))
 
 
 def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:
     """Change of the readings per unit of one amplitude: a central difference, one-sided at a bound."""
-    step = _STEP * (p.sane[1] - p.sane[0])
+    step = _STEP * (p.plausible[1] - p.plausible[0])
     up, down = min(p.null + step, p.upper), max(p.null - step, p.lower)
 
     def at(value: float) -> FloatArray:

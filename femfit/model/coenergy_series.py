@@ -7,12 +7,12 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Coenergy, Parameters
-from femfit.effects.jet import CoenergyJet, Jet
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
 
 
-def coenergy_jet(magnetics: Magnetics, hall: HallField | None) -> CoenergyJet:
+def coenergy_series(magnetics: Magnetics, hall: HallField | None) -> CoenergySeries:
     """Co-energy and Hall field as a series.
 
     Parameters
@@ -23,10 +23,10 @@ def coenergy_jet(magnetics: Magnetics, hall: HallField | None) -> CoenergyJet:
     Returns
     -------
     callable
-        (distances, currents, A, B) -> :class:`femfit.effects.jet.Jet`.
+        (distances, currents, A, B) -> :class:`femfit.effects.taylor_series.TaylorSeries`.
     """
 
-    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> Jet:
+    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
         orders = tuple((a, b) for a in range(in_distance + 1) for b in range(in_current + 1))
         factorials = np.cumprod(np.maximum(np.arange(max(in_distance, in_current) + 1.0), 1.0))
         result = np.zeros((2, in_distance + 1, in_current + 1, len(distance)))
@@ -37,12 +37,12 @@ def coenergy_jet(magnetics: Magnetics, hall: HallField | None) -> CoenergyJet:
             result[0, a, b] = value / (factorials[a] * factorials[b])
             if field is not None:
                 result[1, a, b] = field[k] / (factorials[a] * factorials[b])
-        return Jet(result)
+        return TaylorSeries(result)
 
     return evaluate
 
 
-def changed_jet(inner: CoenergyJet, effects: Iterable[AddedEffect], at: Conditions) -> CoenergyJet:
+def changed_coenergy(inner: CoenergySeries, effects: Iterable[AddedEffect], at: Conditions) -> CoenergySeries:
     """The co-energy as effects change it, the first named innermost; those with states last.
 
     A lag shifts the current that a core sees with all that the other effects say of it: inside of them, what they take
@@ -59,8 +59,8 @@ def changed_jet(inner: CoenergyJet, effects: Iterable[AddedEffect], at: Conditio
     return inner
 
 
-def _wrapped(inner: CoenergyJet, act: Coenergy, parameters: Parameters, at: Conditions) -> CoenergyJet:
-    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> Jet:
+def _wrapped(inner: CoenergySeries, act: Coenergy, parameters: Parameters, at: Conditions) -> CoenergySeries:
+    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
         return act(inner, distance, current, in_distance, in_current, at, parameters)
 
     return evaluate

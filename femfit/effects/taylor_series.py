@@ -21,7 +21,7 @@ from femfit.core.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class Jet:
+class TaylorSeries:
     """Taylor coefficients about n points.
 
     Parameters
@@ -32,7 +32,7 @@ class Jet:
 
     coefficients: FloatArray
 
-    __array_ufunc__ = None  # an array times a jet is the jet's business
+    __array_ufunc__ = None  # an array times a coenergy is the coenergy's business
 
     @property
     def orders(self) -> tuple[int, int]:
@@ -62,23 +62,23 @@ class Jet:
         factor = factorial(in_distance) * factorial(in_current)
         return np.asarray(factor * self.coefficients[in_hall, in_distance, in_current])
 
-    def along_distance(self) -> "Jet":
+    def along_distance(self) -> "TaylorSeries":
         """The series of the derivative in d: one order less."""
         powers = np.arange(1, self.coefficients.shape[1])[:, None, None]
-        return Jet(self.coefficients[:, 1:] * powers)
+        return TaylorSeries(self.coefficients[:, 1:] * powers)
 
-    def along_current(self) -> "Jet":
+    def along_current(self) -> "TaylorSeries":
         """The series of the derivative in i: one order less."""
         powers = np.arange(1, self.coefficients.shape[2])[:, None]
-        return Jet(self.coefficients[:, :, 1:] * powers)
+        return TaylorSeries(self.coefficients[:, :, 1:] * powers)
 
-    def truncated(self, in_distance: int, in_current: int) -> "Jet":
+    def truncated(self, in_distance: int, in_current: int) -> "TaylorSeries":
         """The same series up to smaller orders."""
-        return Jet(self.coefficients[:, : in_distance + 1, : in_current + 1])
+        return TaylorSeries(self.coefficients[:, : in_distance + 1, : in_current + 1])
 
     def scaled(
         self, distance: FloatArray | float = 1.0, current: FloatArray | float = 1.0, hall: FloatArray | float = 1.0
-    ) -> "Jet":
+    ) -> "TaylorSeries":
         """The series of f(d_0 + distance delta d, i_0 + current delta i, hall h): the chain rule of a linear change.
 
         Parameters
@@ -91,9 +91,9 @@ class Jet:
         b = np.arange(n_i + 1)[:, None]
         result = self.coefficients * np.asarray(distance) ** a * np.asarray(current) ** b
         result[1] *= hall
-        return Jet(result)
+        return TaylorSeries(result)
 
-    def compose(self, derivatives: Sequence[FloatArray]) -> "Jet":
+    def compose(self, derivatives: Sequence[FloatArray]) -> "TaylorSeries":
         """The series of g(f) from the derivatives of g at the points' values of f.
 
         Parameters
@@ -104,25 +104,25 @@ class Jet:
         n_d, n_i = self.orders
         rest = self.coefficients.copy()
         rest[0, 0, 0] = 0.0
-        small, power = Jet(rest), None
+        small, power = TaylorSeries(rest), None
         total = np.zeros_like(rest)
         total[0, 0, 0] = derivatives[0]
         for k, derivative in enumerate(derivatives[1 : n_d + n_i + 2], start=1):
             power = small if power is None else power * small
             total += power.coefficients * (np.asarray(derivative) / factorial(k))
-        return Jet(total)
+        return TaylorSeries(total)
 
-    def __add__(self, other: "Jet") -> "Jet":
+    def __add__(self, other: "TaylorSeries") -> "TaylorSeries":
         n_d, n_i = (min(pair) for pair in zip(self.orders, other.orders, strict=True))
-        return Jet(self.truncated(n_d, n_i).coefficients + other.truncated(n_d, n_i).coefficients)
+        return TaylorSeries(self.truncated(n_d, n_i).coefficients + other.truncated(n_d, n_i).coefficients)
 
-    def __sub__(self, other: "Jet") -> "Jet":
+    def __sub__(self, other: "TaylorSeries") -> "TaylorSeries":
         return self + -1.0 * other
 
-    def __rmul__(self, factor: FloatArray | float) -> "Jet":
-        return Jet(np.asarray(factor) * self.coefficients)
+    def __rmul__(self, factor: FloatArray | float) -> "TaylorSeries":
+        return TaylorSeries(np.asarray(factor) * self.coefficients)
 
-    def __mul__(self, other: "Jet") -> "Jet":
+    def __mul__(self, other: "TaylorSeries") -> "TaylorSeries":
         n_d, n_i = (min(pair) for pair in zip(self.orders, other.orders, strict=True))
         x, y = self.coefficients, other.coefficients
         result = np.zeros((2, n_d + 1, n_i + 1, *np.broadcast_shapes(x.shape[3:], y.shape[3:])))
@@ -133,14 +133,14 @@ class Jet:
                 result[0, a:, b:] += x[0, a, b] * y[0][rest]
                 if hall:
                     result[1, a:, b:] += x[0, a, b] * y[1][rest] + x[1, a, b] * y[0][rest]
-        return Jet(result)
+        return TaylorSeries(result)
 
 
-CoenergyJet = Callable[[FloatArray, FloatArray, int, int], Jet]
-"""W' as a series: (distances, currents, A, B) -> :class:`Jet`; points of shape (n,)."""
+CoenergySeries = Callable[[FloatArray, FloatArray, int, int], TaylorSeries]
+"""W' as a series: (distances, currents, A, B) -> :class:`TaylorSeries`; points of shape (n,)."""
 
 
-def distance_jet(distance: FloatArray, in_distance: int, in_current: int) -> Jet:
+def distance_series(distance: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
     """The series of the function d itself.
 
     Parameters
@@ -152,10 +152,10 @@ def distance_jet(distance: FloatArray, in_distance: int, in_current: int) -> Jet
     result[0, 0, 0] = distance
     if in_distance:
         result[0, 1, 0] = 1.0
-    return Jet(result)
+    return TaylorSeries(result)
 
 
-def current_jet(current: FloatArray, in_distance: int, in_current: int) -> Jet:
+def current_series(current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
     """The series of the function i itself.
 
     Parameters
@@ -167,4 +167,4 @@ def current_jet(current: FloatArray, in_distance: int, in_current: int) -> Jet:
     result[0, 0, 0] = current
     if in_current:
         result[0, 0, 1] = 1.0
-    return Jet(result)
+    return TaylorSeries(result)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from femfit.effects.jet import Jet, current_jet, distance_jet
+from femfit.effects.taylor_series import TaylorSeries, current_series, distance_series
 
 D = np.array([0.5, 1.3, 2.0])
 I = np.array([-0.7, 0.4, 1.1])  # noqa: E741 - the field's symbol
 
 
-def _product() -> Jet:
-    d, i = distance_jet(D, 3, 3), current_jet(I, 3, 3)
+def _product() -> TaylorSeries:
+    d, i = distance_series(D, 3, 3), current_series(I, 3, 3)
     return d * d * i + 2.0 * (i * i * i)
 
 
@@ -40,14 +40,14 @@ def test_composition_is_the_chain_rule():
 
 
 def test_scaling_the_variables_is_evaluating_elsewhere():
-    scaled = (distance_jet(2.0 * D, 2, 2) * current_jet(3.0 * I, 2, 2)).scaled(2.0, 3.0)
-    direct = 6.0 * (distance_jet(D, 2, 2) * current_jet(I, 2, 2))
+    scaled = (distance_series(2.0 * D, 2, 2) * current_series(3.0 * I, 2, 2)).scaled(2.0, 3.0)
+    direct = 6.0 * (distance_series(D, 2, 2) * current_series(I, 2, 2))
     np.testing.assert_allclose(scaled.coefficients, direct.coefficients, rtol=1e-14)
 
 
 def test_the_hall_part_obeys_the_product_rule_and_keeps_first_order_only():
     f = _product()
-    with_hall = Jet(np.stack([f.coefficients[0], 0.25 * f.coefficients[0]]))
+    with_hall = TaylorSeries(np.stack([f.coefficients[0], 0.25 * f.coefficients[0]]))
     square = with_hall * with_hall
     np.testing.assert_allclose(square.derivative(0, 0, 1), 2 * f.value * 0.25 * f.value, rtol=1e-14)
     np.testing.assert_allclose(square.derivative(0, 0, 0), f.value**2, rtol=1e-14)
