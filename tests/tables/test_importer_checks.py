@@ -63,7 +63,7 @@ def test_an_optional_column_with_gaps_is_left_out_and_said(tmp_path, table):
     table.loc[3, "flux_linkage"] = np.nan
     imported = read_foreign_table([write(tmp_path / "t.csv", table)])
     assert "flux_linkage_Wb" not in imported.table.rows
-    assert "line 5" in finding(imported, "gaps").sentence
+    assert "line 5" in finding(imported, "gaps").text
 
 
 def test_identical_rows_are_dropped_and_said(tmp_path, table):
@@ -87,7 +87,7 @@ def test_contradictory_rows_are_an_error_that_names_them(tmp_path, table):
 def test_holes_are_named(tmp_path, table):
     imported = read_foreign_table([write(tmp_path / "t.csv", table.drop(index=[5, 20]))])
     assert finding(imported, "holes").size == 2
-    assert "(0 A, 10 mm)" in finding(imported, "holes").sentence
+    assert "(0 A, 10 mm)" in finding(imported, "holes").text
 
 
 def test_scattered_points_are_called_scattered(tmp_path, law):
