@@ -49,11 +49,13 @@ def add(
     from dataclasses import replace
 
     from femfit.cli.output import status, write_json
+    from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.identify.readings.load import read_measurement
     from femfit.identify.refit.add_effects import AddOptions, add_effects
     from femfit.identify.refit.add_text import add_lines
     from femfit.model.json_file import read_model, write_model
 
+    require_outputs([model, data], (output, MODEL), (report, PAGE), (json, RESULT))
     options = AddOptions(base, coil_temperature_C, magnet_temperature_C)
     with status("Reading") as say:
         actuator = read_model(model)

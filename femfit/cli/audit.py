@@ -18,8 +18,10 @@ def audit(file: Path, *, json: Path | None = None) -> None:
     from femfit.audit.finding import audit_lines
     from femfit.audit.parameters import read_parameters
     from femfit.cli.output import write_json
+    from femfit.core.outputs import RESULT, require_outputs
     from femfit.model.json_file import read_model
 
+    require_outputs([file], (json, RESULT))
     findings = audit_model(read_model(file)) if file.suffix == ".json" else audit_parameters(read_parameters(file))
     write_json(json, {"file": file.name, "findings": [one.to_dict() for one in findings]})
     print("\n".join(audit_lines(findings)))

@@ -64,12 +64,14 @@ def bench(
     from femfit.cli.output import write_json
     from femfit.core.atomic import replacing, write_text
     from femfit.core.errors import TableError
+    from femfit.core.outputs import NOTES, RESULT, TABLE, require_outputs
     from femfit.integrate.bench_watch import resistance_finding
     from femfit.integrate.plateaus import PlateauOptions
     from femfit.model.json_file import read_model
 
-    if output.suffix != ".csv" or output.resolve() == record.resolve():
-        raise TableError(f"The bench table must be another .csv file than the record; instead received {output}.")
+    if output.suffix != ".csv":
+        raise TableError(f"The bench table is written as .csv; instead received {output}.")
+    require_outputs([record, model], (output, TABLE), (output.with_suffix(".toml"), NOTES), (json, RESULT))
     if model is not None and initial_flux_Wb is not None:
         raise TableError("Give the first plateau's flux linkage by --model or by --initial-flux-Wb, not by both.")
     options = PlateauOptions(method, settling_s, still_A, 1e-6 * still_um)

@@ -28,10 +28,12 @@ def compare(
         File for the result as JSON, with the maps.
     """
     from femfit.cli.output import status, write_json
+    from femfit.core.outputs import RESULT, require_outputs
     from femfit.identify.comparison.compare import compare_observations
     from femfit.identify.comparison.compare_text import comparison_lines
     from femfit.identify.readings.load import measurement_observations, read_measurement
 
+    require_outputs([model, data, reference], (json, RESULT))
     with status("Reading") as say:
         actuator, base = _model(model), None if reference is None else _model(reference)
         observations = measurement_observations(actuator, read_measurement(data, actuator))

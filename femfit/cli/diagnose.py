@@ -37,11 +37,13 @@ def diagnose(
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
+    from femfit.core.outputs import PAGE, RESULT, require_outputs
     from femfit.identify.decision.diagnose import DiagnosisOptions, examine
     from femfit.identify.decision.diagnosis_text import diagnosis_lines
     from femfit.identify.readings.load import measurement_observations, read_measurement
     from femfit.model.json_file import read_model
 
+    require_outputs([model, data], (report, PAGE), (json, RESULT))
     options = DiagnosisOptions(exclude=exclude, bootstrap=bootstrap, seed=seed)
     with status("Reading") as say:
         actuator = read_model(model)

@@ -27,9 +27,11 @@ def export(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
+    from femfit.core.outputs import MODEL, RESULT, require_outputs
     from femfit.model.json_file import read_model
     from femfit.targets.targets import export_target
 
+    require_outputs([model], (output / "model.json", MODEL), (json, RESULT))
     target = export_target(to)
     files = target.export(read_model(model), output)
     print(f"{output}: {target.name} of {model}, {len(files)} files; try python {output / 'example.py'}")

@@ -65,6 +65,7 @@ def fit(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
+    from femfit.core.outputs import MODEL, RESULT, require_outputs
     from femfit.device.load import read_actuator
     from femfit.device.summary import sweep_manifest_entry
     from femfit.fit.build import FitOptions, fit_model
@@ -74,8 +75,10 @@ def fit(
     from femfit.tables.sweep_table import read_sweep_table
     from femfit.tables.variant_choice import choose_variant
 
+    target = output or (table if table.is_dir() else table.parent) / f"model_{model}.json"
+    require_outputs([table, actuator], (target, MODEL), (json, RESULT))
     if is_inductance_table(table):
-        _fit_inductances(table, output, model, (mass_g, resistance_ohm, _range(supply_V)), json)
+        _fit_inductances(table, target, model, (mass_g, resistance_ohm, _range(supply_V)), json)
         return
     options = FitOptions(
         model=model,
@@ -90,8 +93,6 @@ def fit(
         resistance_ohm=resistance_ohm,
     )
     result = fit_model(choose_variant(read_sweep_table(table), dict(_single_value(text) for text in where)), options)
-    target = output or (table if table.is_dir() else table.parent) / f"model_{model}.json"
-    target.parent.mkdir(parents=True, exist_ok=True)
     write_model(result.model, target)
     write_json(json, {**result.data, "model_file": str(target)})
     print("\n".join(fit_lines(result)))
@@ -100,7 +101,7 @@ def fit(
 
 def _fit_inductances(
     table: Path,
-    output: Path | None,
+    target: Path,
     law: str,
     parts: tuple[float | None, float | None, tuple[float, float] | None],
     json: Path | None,
@@ -119,8 +120,6 @@ def _fit_inductances(
     mass_g, resistance, supply = parts
     mass = None if mass_g is None else 1e-3 * mass_g
     result = fit_inductance(read_inductance_table(table), InductanceOptions(law, mass, resistance, supply))
-    target = output or table.with_name(f"model_{law}.json")
-    target.parent.mkdir(parents=True, exist_ok=True)
     write_model(result.model, target)
     write_json(json, {**result.to_dict(), "model_file": str(target)})
     print("\n".join(inductance_lines(result)))

@@ -64,9 +64,11 @@ def import_fem(
     """
     from femfit.cli.output import write_json
     from femfit.core.atomic import write_text
+    from femfit.core.outputs import DRAWING, RESULT, require_outputs
     from femfit.tables.femm.options import FemOptions, axis_option
     from femfit.tables.femm.read import import_fem_file
 
+    require_outputs([model], (output, DRAWING), (json, RESULT))
     options = FemOptions(
         moving_groups=moving_group,
         moving_blocks=moving_block,

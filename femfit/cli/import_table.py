@@ -122,12 +122,15 @@ def import_table(
     """
     from femfit.cli.output import write_json
     from femfit.core.errors import TableError
+    from femfit.core.outputs import MANIFEST, PARQUET, RESULT, TABLE, require_outputs
     from femfit.device.load import read_actuator
     from femfit.device.summary import sweep_manifest_entry
     from femfit.tables.foreign.options import ImportOptions
     from femfit.tables.foreign.read import read_foreign_table, with_actuator
     from femfit.tables.sweep_table import write_sweep_table
 
+    written = (output / name for name in ("sweep.parquet", "sweep.csv", "manifest.json"))
+    require_outputs([*tables, actuator], *zip(written, (PARQUET, TABLE, MANIFEST), strict=True), (json, RESULT))
     if flip_force and keep_force:
         raise TableError("--flip-force and --keep-force exclude each other; give one of them.")
     given_columns = {
@@ -171,9 +174,9 @@ def import_table(
     imported = read_foreign_table(tables, options)
     if entry is not None:
         imported = with_actuator(imported, entry)
-    written = write_sweep_table(imported.table, output)
+    table = write_sweep_table(imported.table, output)
     print("\n".join(_lines(imported)))
-    print(f"written: {written}")
+    print(f"written: {table}")
     write_json(json, imported.table.manifest)
 
 

@@ -1,5 +1,6 @@
 """``femfit integrate``: drift-free flux or field from a coil's voltage."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -112,7 +113,8 @@ def integrate(
     chosen = method or ("cs1-offset" if coil_area is not None and "hall_T" in source.columns else "ffa2")
     if coil_area is None and chosen not in {"trapezoid", "ffa1", "ffa2"} and model is None:
         raise TableError(f"{chosen} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
-    _require_free(record, output, json)
+    identified = None if lab is None else field_model
+    _require_free([record, lab, model, field_model if lab is None else None], output, identified, json)
     coil = SensingCoil(1.0 if coil_area is None else coil_area, coil_area_sigma)
     field, currents = None, None
     if model is not None:
@@ -147,23 +149,15 @@ def integrate(
     write_json(json, result)
 
 
-def _require_free(record: Path, output: Path, json: Path | None) -> None:
-    """Refuse an output that would replace the record, its sidecar, or the result in JSON."""
-    from femfit.core.errors import TableError
+def _require_free(read: Sequence[Path | None], output: Path, field_model: Path | None, json: Path | None) -> None:
+    """Refuse results that would replace what is read, or a file of another kind."""
+    from femfit.core.outputs import FIELD_MODEL, RAW_SIDECAR, RESULT, require_outputs
     from femfit.tables.coil_record import RAW_SUFFIXES
 
-    written = {output.resolve()}
-    if output.suffix in RAW_SUFFIXES:
-        written.add(output.with_suffix(".json").resolve())
-    read = {record.resolve(), *(record.with_suffix(suffix).resolve() for suffix in (".toml", ".json"))}
-    if written & read:
-        raise TableError(
-            f"The output {output} would replace the record {record} or its sidecar; give another --output."
-        )
-    if json is not None and json.resolve() in written | read:
-        raise TableError(
-            f"--json {json} would replace the record, the output or a sidecar of theirs; give another name."
-        )
+    raw = [path for path in read if path is not None and path.suffix in RAW_SUFFIXES]
+    sidecars = [path.with_suffix(suffix) for path in raw for suffix in (".toml", ".json")]
+    written = [(output.with_suffix(".json"), RAW_SIDECAR)] if output.suffix in RAW_SUFFIXES else []
+    require_outputs([*read, *sidecars], (output, None), *written, (field_model, FIELD_MODEL), (json, RESULT))
 
 
 def _stream(

@@ -48,11 +48,18 @@ def run(
     from multiprocessing import get_context
 
     from femfit.cli.output import progress_bar, write_json
+    from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_summary import summarise
 
     parts = _single_actuator(actuator)
     directory = output or Path("runs") / parts.name
+    results = [
+        (directory / "model.json", MODEL),
+        (directory / "model_law.json", MODEL),
+        (directory / "report.html", PAGE),
+    ]
+    require_outputs([actuator], *results, (json, RESULT))
     steps = _Steps()
     with steps.timed("sweep"), progress_bar(f"sweep {parts.name}") as progress:
         table = run_sweep(parts, directory, workers=workers or len(os.sched_getaffinity(0)), progress=progress)

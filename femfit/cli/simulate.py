@@ -72,10 +72,12 @@ def simulate(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
+    from femfit.core.outputs import RESULT, TABLE, require_outputs
     from femfit.model.json_file import read_model
     from femfit.simulation.design import design_loop
     from femfit.simulation.experiment import Experiment
 
+    require_outputs([model, plant], (csv, TABLE), (json, RESULT))
     actuator = read_model(model)
     noise = None if noise_mV is None else 1e-3 * noise_mV
     chosen = (controller, observer, runs, seconds, plant, csv, stuck_after_s)

@@ -21,6 +21,7 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
+    from femfit.core.outputs import RESULT, require_outputs
     from femfit.identify.decision.diagnose import DiagnosisOptions, considered_effects, examine
     from femfit.identify.experiments.plan import examine_plan
     from femfit.identify.experiments.suggest import suggest_measurements
@@ -30,6 +31,7 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
     from femfit.tables.measurement import BenchTable
     from femfit.tables.measurement_file import read_bench_table
 
+    require_outputs([model, data, plan], (json, RESULT))
     actuator = read_model(model)
     if plan is not None and data is None:
         report = examine_plan(actuator, read_bench_table(plan, planned=True), considered_effects())

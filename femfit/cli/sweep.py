@@ -38,10 +38,12 @@ def sweep(
 
     from femfit.cli.output import progress_bar, write_json
     from femfit.core.errors import FieldSolverError
+    from femfit.core.outputs import RESULT, require_outputs
     from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_summary import summarise
 
+    require_outputs([actuator], (json, RESULT))
     variants = read_variants(actuator)
     name = variants.actuator.name
     directory = output or Path("runs") / name

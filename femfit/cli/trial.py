@@ -44,9 +44,11 @@ def trial(
         File for the results as JSON; results.json in the directory by default.
     """
     from femfit.cli.output import status, write_json
+    from femfit.core.outputs import RESULT, TABLE, require_outputs
     from femfit.trial.run import TrialOptions, make_trial, run_trial, write_cases_csv
     from femfit.trial.table import by_effect, trial_table
 
+    require_outputs([], (output / "cases.csv", TABLE), (json or output / "results.json", RESULT))
     drawings = drawing or tuple(Path("geometry") / f"{name}.toml" for name in DRAWINGS[kind])
     options = TrialOptions(cases=cases, seed=seed, workers=workers, baselines=baselines, kind=kind)
     with status("Solving") as say:

@@ -46,6 +46,7 @@ def view(
     """
     from femfit.cli.output import status, write_json
     from femfit.core.errors import DomainError
+    from femfit.core.outputs import RESULT, require_outputs
     from femfit.device.load import read_actuator
     from femfit.report.solved_point import solve_point
     from femfit.report.view import write_views
@@ -64,6 +65,7 @@ def view(
         actuator = read_actuator(source)
     distance, current = place or _within(actuator, distance_mm, current_A)
     files = _files(output or Path(f"{actuator.name}-view"), what)
+    require_outputs([source], *((path, None) for _, path in files), (json, RESULT))
     with status(f"solve {actuator.name}") as say:
         point = solve_point(actuator, distance, current, settings)
         say("draw")

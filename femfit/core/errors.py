@@ -14,6 +14,7 @@
     ├── ClusterError (ConnectionError)    a Dask cluster that cannot be used, or was lost
     ├── FilterError (ArithmeticError)     a filter that lost its covariance or its innovations
     ├── RunDirectoryError (OSError)       a run directory that cannot be used or resumed
+    ├── OutputError (OSError)             a result that would replace an input, or a file of another kind
     └── MissingPartError (LookupError)    a model without the part that a command needs
 
 Each message says what was given, what is needed and what to do. ``femfit.cli`` is the one place that
@@ -101,6 +102,10 @@ class FilterError(FemfitError, ArithmeticError):
 
 class RunDirectoryError(FemfitError, OSError):
     """A run directory that cannot be used or resumed."""
+
+
+class OutputError(FemfitError, OSError):
+    """A result that would replace an input, or a file of another kind."""
 
 
 class MissingPartError(FemfitError, LookupError):

@@ -1,6 +1,7 @@
 """``femfit view`` from the command line."""
 
 import json
+import shutil
 
 import pytest
 
@@ -62,3 +63,23 @@ def test_a_row_beyond_the_table_is_refused(swept):
     result = femfit("view", swept, "--row", "7")
     assert result.returncode == 1
     assert "at most 1" in result.stderr
+
+
+def test_a_full_disk_is_an_error_and_no_field_that_was_written(tmp_path):
+    (tmp_path / "field.vtu").symlink_to("/dev/full")
+    result = femfit("view", GEOMETRY / "emaws-rig.toml", "-o", tmp_path / "field.vtu")
+    assert result.returncode == 1
+    assert "No space left" in result.stderr
+    assert "written" not in result.stdout
+
+
+def test_a_manifests_name_leads_no_file_out_of_the_directory(swept, tmp_path):
+    copy = tmp_path / "in" / "run"
+    shutil.copytree(swept, copy)
+    manifest = json.loads((copy / "manifest.json").read_text())
+    manifest["inputs"]["name"] = manifest["name"] = "../stray"
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    result = femfit("view", copy, "--what", "mesh", cwd=tmp_path / "in")
+    assert result.returncode == 1
+    assert "name" in result.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["in"]

@@ -8,12 +8,17 @@ import pytest
 from femfit.core.atomic import replacing, write_json, write_text
 
 
+def fail_half_way(path, error):
+    with replacing(path) as partial:
+        partial.write_text("half")
+        raise error
+
+
 def test_an_error_while_writing_leaves_the_earlier_file(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("earlier")
-    with pytest.raises(RuntimeError), replacing(path) as partial:
-        partial.write_text("half")
-        raise RuntimeError
+    with pytest.raises(RuntimeError):
+        fail_half_way(path, RuntimeError())
     assert path.read_text() == "earlier"
     assert [file.name for file in tmp_path.iterdir()] == ["table.csv"]
 
@@ -51,9 +56,8 @@ def test_a_full_disk_names_the_target_and_keeps_the_earlier_file(tmp_path, kept)
     path = tmp_path / "out.csv"
     if kept:
         path.write_text(kept)
-    with pytest.raises(OSError, match="No space") as caught, replacing(path) as partial:
-        partial.write_text("half")
-        raise OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(OSError, match="No space") as caught:
+        fail_half_way(path, OSError(errno.ENOSPC, "No space left on device"))
     assert caught.value.filename == str(path)
     assert [file.read_text() for file in tmp_path.iterdir()] == ([kept] if kept else [])
 

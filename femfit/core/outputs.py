@@ -1,0 +1,114 @@
+"""Which files a command may write to: never one that it reads, and never a file of another kind.
+
+An earlier result of the same kind is replaced. What an existing file is, is told by its content, not by its name: a
+drawing that lies where a bench table's sidecar would go stays.
+"""
+
+import json
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from femfit.core.errors import OutputError
+
+MODEL, FIELD_MODEL, RESULT, MANIFEST = "a model file", "a field model", "a JSON result", "the manifest of a sweep"
+RAW_SIDECAR, NOTES, DRAWING, FEMM = "a raw record's sidecar", "a table's sidecar", "an actuator file", "a FEMM model"
+TABLE, PARQUET, RAW = "a table", "a Parquet table", "a binary record"
+PAGE, PICTURE, PARAVIEW, TEXT = "an HTML page", "a picture", "a ParaView file", "a text"
+
+_BY_SUFFIX = {
+    ".csv": TABLE,
+    ".parquet": PARQUET,
+    ".json": RESULT,
+    ".html": PAGE,
+    ".vtu": PARAVIEW,
+    **dict.fromkeys((".png", ".svg", ".pdf"), PICTURE),
+    **dict.fromkeys((".bin", ".raw", ".f32"), RAW),
+}
+_BY_START = ((PARQUET, b"PAR1"), (PICTURE, (b"\x89PNG", b"%PDF")))
+_BY_MARK = (
+    (PAGE, (b"<!doctype html", b"<html")),
+    (PARAVIEW, (b"<vtkfile",)),
+    (PICTURE, (b"<svg",)),
+    (FEMM, (b"[format]",)),
+)
+_DRAWN = {"fixed", "moving", "coil", "electromagnet", "sweep", "materials"}
+_LARGEST_TEXT = 2**24
+"""Bytes up to which a text is parsed to tell what it is; femfit writes no larger JSON or TOML."""
+
+
+def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, str | None]) -> None:
+    """Refuse outputs that would replace an input, each other, or a file of another kind.
+
+    Parameters
+    ----------
+    inputs : iterable of Path or None
+        What the command reads; None stands for an option that was not given.
+    outputs : (Path or None, str or None)
+        What it writes and of which kind, one of this module's; None is the kind of the file's suffix.
+
+    Raises
+    ------
+    OutputError
+        With what is there instead.
+    """
+    read = {path.resolve(): path for path in inputs if path is not None}
+    written: dict[Path, Path] = {}
+    for path, kind in outputs:
+        if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
+            continue
+        place = path.resolve()
+        if place in read:
+            raise OutputError(f"{path} is what this command reads; its result would replace it. Choose another name.")
+        if place in written:
+            raise OutputError(f"{path} is to hold two results of this command. Give each a name of its own.")
+        written[place] = path
+        if path.is_dir():
+            raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
+        wanted = kind or _BY_SUFFIX.get(path.suffix.lower(), TEXT)
+        present = kind_of(path)
+        if present not in (None, wanted):
+            raise OutputError(
+                f"{path} holds {present}, and {wanted} would replace it. Choose another name, or delete that file."
+            )
+
+
+def kind_of(path: Path) -> str | None:
+    """What a file holds; None where there is none, or an empty one."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return None
+    with path.open("rb") as file:
+        head = file.read(4096)
+    for kind, starts in _BY_START:
+        if head.startswith(starts):
+            return kind
+    start = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+    for kind, marks in _BY_MARK:
+        if any(mark in start for mark in marks):
+            return kind
+    binary = any(byte < 9 for byte in head) and not head.startswith((b"\xff\xfe", b"\xfe\xff"))  # UTF-16 has zeros
+    return RAW if binary else _kind_of_text(path, start)
+
+
+def _kind_of_text(path: Path, start: bytes) -> str:
+    if path.stat().st_size <= _LARGEST_TEXT and (start.startswith(b"{") or path.suffix.lower() == ".toml"):
+        text = path.read_bytes().decode("utf-8", "replace")
+        try:
+            if start.startswith(b"{"):
+                return _kind_of_json(json.loads(text), path.name)
+            return DRAWING if _DRAWN & set(tomllib.loads(text)) else NOTES
+        except (ValueError, RecursionError):
+            return TEXT
+    first = start.splitlines()[0] if start else b""
+    return TABLE if any(mark in first for mark in (b",", b";", b"\t")) else TEXT
+
+
+def _kind_of_json(data: dict[str, Any], name: str) -> str:
+    if {"magnetics", "validity"} <= data.keys():
+        return MODEL
+    if "coefficients_T" in data:
+        return FIELD_MODEL
+    if "sample_rate_Hz" in data:
+        return RAW_SIDECAR
+    return MANIFEST if name == "manifest.json" else RESULT

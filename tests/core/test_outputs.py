@@ -1,0 +1,93 @@
+"""No command writes over what it reads, nor over a file of another kind."""
+
+import json
+import struct
+
+import pytest
+
+from femfit.core.errors import OutputError
+from femfit.core.outputs import (
+    DRAWING,
+    FEMM,
+    FIELD_MODEL,
+    MANIFEST,
+    MODEL,
+    NOTES,
+    PAGE,
+    PARAVIEW,
+    PARQUET,
+    PICTURE,
+    RAW,
+    RAW_SIDECAR,
+    RESULT,
+    TABLE,
+    TEXT,
+    kind_of,
+    require_outputs,
+)
+
+HELD = [
+    ("m.json", json.dumps({"magnetics": {}, "validity": {}}), MODEL),
+    ("f.json", json.dumps({"coefficients_T": {}}), FIELD_MODEL),
+    ("r.json", json.dumps({"sample_rate_Hz": 1}), RAW_SIDECAR),
+    ("manifest.json", json.dumps({"name": "a"}), MANIFEST),
+    ("c.json", json.dumps({"verdict": "agrees"}), RESULT),
+    ("rig.toml", "[coil]\nturns = 1\n", DRAWING),
+    ("b.toml", "flux_linkage_Wb = 1e-6\n", NOTES),
+    ("rig.fem", "[Format]      =  4.0\n", FEMM),
+    ("t.csv", "\ufeffdistance_m;force_N\n1;2\n", TABLE),
+    ("p.html", "\n<!DOCTYPE html><html></html>", PAGE),
+    ("v.vtu", '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">', PARAVIEW),
+    ("g.svg", '<?xml version="1.0"?>\n<svg>', PICTURE),
+    ("notes.md", "# What I did\n", TEXT),
+    ("damaged.json", "{", TEXT),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "kind"), HELD)
+def test_a_file_is_known_by_its_content(tmp_path, name, text, kind):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    assert kind_of(path) == kind
+
+
+def test_binary_files_are_known_by_their_content(tmp_path):
+    (tmp_path / "r.bin").write_bytes(struct.pack("<8f", *range(8)))
+    (tmp_path / "p.csv").write_bytes(b"PAR1\x15\x04")
+    (tmp_path / "x.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0")
+    (tmp_path / "u.csv").write_bytes("a,b\n".encode("utf-16"))
+    kinds = [kind_of(tmp_path / name) for name in ("r.bin", "p.csv", "x.png", "u.csv")]
+    assert kinds[:3] == [RAW, PARQUET, PICTURE]
+    assert kinds[3] in {TABLE, TEXT}
+
+
+def test_nothing_and_an_empty_file_are_free(tmp_path):
+    (tmp_path / "empty.csv").touch()
+    require_outputs([], (tmp_path / "empty.csv", MODEL), (tmp_path / "absent.json", RESULT), (None, PAGE))
+
+
+def test_an_earlier_result_of_the_same_kind_is_replaced(tmp_path):
+    path = tmp_path / "c.json"
+    path.write_text('{"verdict": "agrees"}')
+    require_outputs([tmp_path / "m.json"], (path, RESULT))
+
+
+@pytest.mark.parametrize("name", ["in.json", "sub/../in.json", "link.json"])
+def test_an_input_is_not_replaced_whatever_it_is_called(tmp_path, name):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "in.json").write_text("{}")
+    (tmp_path / "link.json").symlink_to(tmp_path / "in.json")
+    with pytest.raises(OutputError, match="reads"):
+        require_outputs([tmp_path / "in.json", None], (tmp_path / name, RESULT))
+
+
+def test_two_results_need_two_files(tmp_path):
+    with pytest.raises(OutputError, match="two results"):
+        require_outputs([], (tmp_path / "a.json", MODEL), (tmp_path / "a.json", RESULT))
+
+
+def test_a_directory_is_not_replaced_and_a_device_may_be_written_to(tmp_path):
+    with pytest.raises(OutputError, match="directory"):
+        require_outputs([], (tmp_path, RESULT))
+    (tmp_path / "null.csv").symlink_to("/dev/null")
+    require_outputs([], (tmp_path / "null.csv", TABLE))
