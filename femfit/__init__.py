@@ -1,3 +1,46 @@
-"""femfit: from an actuator's drawing to a model that a filter can run, and to why the bench disagrees."""
+"""femfit: from an actuator's drawing to a model that a filter can run, and to why the bench disagrees.
+
+``import femfit`` loads none of the rooms: a name is imported from its room when it is first used. ``__init__.pyi``
+beside this file lists the same names for editors and type checkers.
+"""
+
+import os
+from importlib import import_module
 
 __version__ = "0.1.0"
+
+_PLACES = {
+    # Types
+    "Actuator": "femfit.device.parts:Actuator",
+    "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
+    "FemfitError": "femfit.core.errors:FemfitError",
+    "SweepTable": "femfit.tables.sweep_table:SweepTable",
+    # From the drawing to a model
+    "read_actuator": "femfit.device.load:read_actuator",
+    "run_sweep": "femfit.field.sweep:run_sweep",
+    "read_sweep": "femfit.tables.sweep_table:read_sweep_table",
+    "list_laws": "femfit.laws.catalogue:all_laws",
+    "read_model": "femfit.model.json_file:read_model",
+    "write_model": "femfit.model.json_file:write_model",
+    # Why the bench disagrees
+    "list_effects": "femfit.effects.catalogue:all_effects",
+}
+"""Public name -> "module:name in it"; the one place to edit when something moves, with its line in the .pyi file."""
+
+__all__ = ["__version__", *_PLACES]  # noqa: PLE0604  all of them are strings
+
+
+def __getattr__(name: str) -> object:
+    place = _PLACES.get(name)
+    if place is None:
+        raise AttributeError(f"module 'femfit' has no attribute {name!r}; it has {', '.join(sorted(_PLACES))}")
+    # femfit's matrices are small: threads inside them wait for each other on a busy machine. Only before numpy loads.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    module, _, there = place.partition(":")
+    value = getattr(import_module(module), there)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,7 +1,10 @@
 """The ``femfit`` command: names and one-line helps; each command's file is imported when it runs."""
 
+import codecs
 import os
+import signal
 import sys
+from threading import current_thread, main_thread
 
 from cyclopts import App, CycloptsError
 
@@ -33,45 +36,106 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
 )
 
 
-def build_app() -> App:
-    """The command line application.
+BUG = 70
+"""Exit code of a failure inside femfit: EX_SOFTWARE of sysexits.h."""
 
-    Returns
-    -------
-    App
-        With every command registered by its import path, so that ``--help`` imports none of them.
-    """
+PLAIN = str.maketrans(
+    {"µ": "u", "μ": "u", "°": "deg", "Ω": "ohm", "²": "^2", "³": "^3", "±": "+-", "·": "*", "×": "x", "−": "-"}
+    | {"–": "-", "—": "-", "≤": "<=", "≥": ">=", "λ": "lambda", "’": "'", "…": "..."}
+)
+"""What a terminal that knows only ASCII is shown instead."""
+
+
+def build_app() -> App:
+    """Register every command by its import path, so that ``--help`` imports none of them."""
     app = App(
         name="femfit",
         help="From an electromagnetic actuator's drawing to a model that a filter can run.",
+        help_format="plaintext",  # markdown would take a tenth of a second to import
         version=__version__,
         suppress_keyboard_interrupt=False,  # main says that finished work is kept
     )
     for place, (name, target, text) in enumerate(COMMANDS):
         app.command(target, name=name, help=text, sort_key=place)
+    app.register_install_completion_command(help="Complete commands and options with the Tab key in this shell.")
     return app
 
 
 def main() -> None:
-    """Run the command line; exit 0 done, 1 an error with its remedy, 2 usage, 130 interrupted."""
+    """Run the command line.
+
+    Exit codes: 0 done, 1 an error with its remedy, 2 wrong usage, 70 a bug of femfit, 130 interrupted by Ctrl-C,
+    143 ended by SIGTERM.
+    """
     # Before numpy loads, here and in the workers: femfit's matrices are small, and threads that wait for each other on
     # a busy machine slow them down by up to twenty times.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    app = build_app()
+    _print_what_the_terminal_can_show()
+    before = signal.signal(signal.SIGTERM, _end) if current_thread() is main_thread() else None
     try:
-        app(sys.argv[1:], exit_on_error=False)
+        build_app()(sys.argv[1:], exit_on_error=False)
     except CycloptsError:
         sys.exit(2)  # cyclopts has printed what is wrong with the arguments
     except FemfitError as error:
-        print(f"femfit: {error}", file=sys.stderr)
-        sys.exit(1)
+        _fail(str(error))
     except BrokenPipeError:
         # The reader, head say, has seen enough; what is still buffered must not fail at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except OSError as error:
-        print(f"femfit: {error.strerror or error}: {error.filename or ''}", file=sys.stderr)
-        sys.exit(1)
+        _fail(": ".join(filter(None, [error.strerror or str(error), str(error.filename or "")])))
+    except MemoryError:
+        _fail("the memory does not suffice. Use fewer --workers, a smaller table, or a machine with more memory.")
+    except _Ended:
+        _fail("ended by SIGTERM; what was finished is kept", 128 + signal.SIGTERM)
     except KeyboardInterrupt:
-        print("femfit: interrupted; what was finished is kept", file=sys.stderr)
-        sys.exit(130)
+        _fail("interrupted; what was finished is kept", 128 + signal.SIGINT)
+    except Exception as error:  # noqa: BLE001  the last net: a user is told what to do, and the traceback is kept
+        _fail(_bug(error), BUG)
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)
+
+
+class _Ended(BaseException):
+    """SIGTERM: not an Exception, so that nothing on the way takes it for an error of its own."""
+
+
+def _end(*_: object) -> None:
+    raise _Ended
+
+
+def _fail(text: str, code: int = 1) -> None:
+    print(f"femfit: {text}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _bug(error: Exception) -> str:
+    """Keep the traceback in a file, and say in one line where it is."""
+    import platform
+    import tempfile
+    import traceback
+
+    with tempfile.NamedTemporaryFile("w", prefix="femfit-", suffix=".log", delete=False, encoding="utf-8") as log:
+        log.write(f"femfit {__version__}, Python {platform.python_version()}, {platform.platform()}\n")
+        log.write(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}")
+    first_line = (str(error).splitlines() or [""])[0][:200]
+    return (
+        f"this is a bug of femfit ({type(error).__name__}: {first_line}). Please report it with the log file "
+        f"{log.name}. What was finished is kept."
+    )
+
+
+def _print_what_the_terminal_can_show() -> None:
+    """Let a character that the terminal's encoding lacks be replaced instead of ending the command."""
+    codecs.register_error("femfit", _plain)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="femfit")
+
+
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end].translate(PLAIN)
+    return text.encode("ascii", "replace").decode("ascii"), error.end

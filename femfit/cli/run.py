@@ -44,11 +44,9 @@ def run(
     json : Path
         File for the results as JSON.
     """
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
     from femfit.cli.output import progress_bar, write_json
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
+    from femfit.core.processes import process_pool
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_summary import summarise
 
@@ -71,7 +69,7 @@ def run(
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", directory / "model.json")
     steps.say(f"co-energy reference, {100 * reference.misfits[0].force_rms_relative:.4f} % rms of the force")
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+    with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
         with steps.timed("rank laws"):
             ranked = _fit(table, "all", directory / "model_law.json")

@@ -12,7 +12,7 @@ from typing import Any
 from femfit.core.errors import FieldSolverError, RunDirectoryError
 from femfit.core.journal import Journal, JournalHeader
 from femfit.device.parts import Actuator
-from femfit.device.variants import VariantSweep, only
+from femfit.device.variants import VariantSweep, only, read_variants
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep_cluster import solve_on_cluster, versions
@@ -26,8 +26,8 @@ Progress = Callable[[int, int], None]
 
 
 def run_sweep(
-    sweep: Actuator | VariantSweep,
-    directory: Path,
+    sweep: str | Path | Actuator | VariantSweep,
+    directory: str | Path,
     *,
     workers: int = 2,
     scheduler: str | None = None,
@@ -38,10 +38,12 @@ def run_sweep(
 
     Parameters
     ----------
-    sweep : Actuator or VariantSweep
-        Checked; with its variants, if parameters are swept.
-    directory : Path
-        For journal, table and manifest; made if absent.
+    sweep : str, Path, Actuator or VariantSweep
+        Actuator file, or what was read from it.
+    directory : str or Path
+        For journal, table and manifest; made if absent. A sweep that was interrupted goes on there.
+    workers : int
+        Processes of this machine. The calling script needs no ``__main__`` guard.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers solve instead.
     settings : SolverSettings, optional
@@ -63,7 +65,10 @@ def run_sweep(
     ClusterError
         If the scheduler cannot be used or is lost.
     """
+    if isinstance(sweep, str | Path):
+        sweep = read_variants(Path(sweep))
     sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
+    directory = Path(directory)
     settings = settings or settings_for(sweep.actuator)
     tasks, failed = _plan(sweep, settings)
     configuration = _configuration(sweep, settings)

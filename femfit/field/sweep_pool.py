@@ -5,14 +5,13 @@ tasks are handed out at a time, those that were out are solved again, each in a 
 a new pool.
 """
 
-import multiprocessing
-import os
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
+
+from femfit.core.processes import end_with_parent, process_pool
 
 Task = TypeVar("Task")
 Result = dict[str, Any]
@@ -42,7 +41,7 @@ def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Tas
     while waiting:
         out: dict[Future[Result], Task] = {}
         try:
-            with _pool(workers) as pool:  # starts them as tasks come
+            with process_pool(workers, end_with_parent) as pool:  # starts them as tasks come
                 work_off(pool, waiting, out, solve, done, workers + SPARE)
         except BrokenProcessPool:
             for task in out.values():
@@ -122,23 +121,7 @@ def work_off(
 
 def _alone(task: Task, solve: Solve[Task]) -> Result:
     try:
-        with _pool(1) as pool:
+        with process_pool(1, end_with_parent) as pool:
             return pool.submit(solve, task).result()
     except BrokenProcessPool:
         return DIED
-
-
-def _pool(workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_parent)
-
-
-def _end_with_parent() -> None:
-    """Let this worker end when the process that started it is killed: nobody would ever give it a task again."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-
-        def watch() -> None:
-            parent.join()
-            os._exit(1)
-
-        threading.Thread(target=watch, daemon=True).start()

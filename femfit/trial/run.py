@@ -2,15 +2,15 @@
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal
 
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import DomainError, FemfitError
+from femfit.core.processes import process_pool
 from femfit.device.load import read_actuator
 from femfit.trial.campaign.case import make_case
 from femfit.trial.campaign.files import read_key, write_case, write_manifest
@@ -126,7 +126,7 @@ def run_trial(
             found.append(solve(*item))
             say(f"Diagnosed {k + 1} of {len(commitments)}")
         return found
-    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(options.workers) as pool:
         futures = [pool.submit(solve, number, commitment) for number, commitment in commitments.items()]
         for k, future in enumerate(as_completed(futures)):
             found.append(future.result())

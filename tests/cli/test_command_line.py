@@ -92,7 +92,10 @@ def test_a_newer_model_file_is_refused_by_every_command_that_reads_one(levitatio
         assert "Update femfit" in result.stderr
 
 
-def test_interrupted_sweep_keeps_its_points_and_goes_on(small_actuator, tmp_path):
+@pytest.mark.parametrize(
+    ("number", "code", "said"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "SIGTERM")]
+)
+def test_interrupted_sweep_keeps_its_points_and_goes_on(small_actuator, tmp_path, number, code, said):
     lines = small_actuator.read_text().splitlines()
     place = next(n for n, line in enumerate(lines) if line.startswith("distance_mm = ["))
     lines[place] = "distance_mm = { start = 15, stop = 45, step = 0.5 }"  # it must not end before it is interrupted
@@ -107,11 +110,12 @@ def test_interrupted_sweep_keeps_its_points_and_goes_on(small_actuator, tmp_path
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and child.poll() is None:
         if journal.exists() and journal.read_bytes().count(b"\n") > 2:
-            os.killpg(child.pid, signal.SIGINT)  # what Ctrl-C does: the whole group gets it
+            os.killpg(child.pid, number)  # what Ctrl-C does: the whole group gets it
             break
         time.sleep(0.005)
     _, stderr = child.communicate(timeout=60)
-    assert child.returncode == 130
+    assert child.returncode == code
+    assert said in stderr
     assert "what was finished is kept" in stderr
     kept = journal.read_bytes().count(b"\n") - 1
     assert kept >= 2
@@ -171,3 +175,44 @@ def test_a_reader_that_has_seen_enough_is_no_error():
             stdout=gone, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert done.stderr == ""
+
+
+def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path):
+    def broken(path):
+        raise TypeError("something that nobody thought of\nand more")
+
+    monkeypatch.setattr("femfit.model.json_file.read_model", broken)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    result = femfit("export", "model.json", "-o", tmp_path / "out")
+    assert result.returncode == 70
+    assert len(result.stderr.splitlines()) == 1
+    assert "Traceback" not in result.stderr
+    (log,) = tmp_path.glob("femfit-*.log")
+    assert str(log) in result.stderr
+    assert "TypeError" in log.read_text()
+    assert "nobody thought of" in log.read_text()
+
+
+def test_too_little_memory_is_no_bug_of_femfit(monkeypatch, tmp_path):
+    def greedy(path):
+        raise MemoryError
+
+    monkeypatch.setattr("femfit.model.json_file.read_model", greedy)
+    result = femfit("export", "model.json", "-o", tmp_path / "out")
+    assert result.returncode == 1
+    assert "memory" in result.stderr
+
+
+def test_a_terminal_that_knows_only_ascii_loses_no_result():
+    code = "import sys, femfit.cli.main as m; m._print_what_the_terminal_can_show(); print('3.2 µm, 20 °C, ±1 Ω, ☂')"
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout == "3.2 um, 20 degC, +-1 ohm, ?\n"
+
+
+def test_completion_of_the_shell_is_installed_by_one_command(tmp_path):
+    result = separate_femfit("--install-completion", env=os.environ | {"HOME": str(tmp_path), "SHELL": "/bin/bash"})
+    assert result.returncode == 0, result.stderr
+    scripts = [path for path in tmp_path.rglob("*") if path.is_file() and "diagnose" in path.read_text()]
+    assert scripts

@@ -7,13 +7,14 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import FieldSolverError, RunDirectoryError
+from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import plan_sweep, run_sweep
 from femfit.field.sweep_summary import summarise
-from femfit.tables.sweep_table import COLUMNS, read_sweep_table
+from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import GEOMETRY
 
 QUICK = SolverSettings(order=3)

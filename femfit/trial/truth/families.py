@@ -7,17 +7,16 @@ bore's eccentricity enters by its square; saturation and the holder's iron are b
 import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.metadata import version
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import MissingPartError
+from femfit.core.processes import process_pool
 from femfit.device.parts import Actuator
 from femfit.trial.truth import drawing_variants as drawn
 from femfit.trial.truth.field_table import Fields, FieldTable, load_field_table, save_field_table, solve_field_table
@@ -153,7 +152,7 @@ def _each(solve: Callable[[Actuator], FieldTable], drawings: Sequence[Actuator],
     if workers == 1 or len(drawings) < 2:
         yield from map(solve, drawings)
         return
-    with ProcessPoolExecutor(min(workers, len(drawings)), mp_context=get_context("spawn")) as pool:
+    with process_pool(min(workers, len(drawings))) as pool:
         yield from pool.map(solve, drawings)
 
 

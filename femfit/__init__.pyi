@@ -1,0 +1,29 @@
+"""The names of ``femfit`` for editors and type checkers; ``__init__.py`` loads them when they are used."""
+
+from femfit.core.errors import FemfitError as FemfitError
+from femfit.device.load import read_actuator as read_actuator
+from femfit.device.parts import Actuator as Actuator
+from femfit.effects.catalogue import all_effects as list_effects
+from femfit.field.sweep import run_sweep as run_sweep
+from femfit.laws.catalogue import all_laws as list_laws
+from femfit.model.actuator_model import ActuatorModel as ActuatorModel
+from femfit.model.json_file import read_model as read_model
+from femfit.model.json_file import write_model as write_model
+from femfit.tables.sweep_table import SweepTable as SweepTable
+from femfit.tables.sweep_table import read_sweep_table as read_sweep
+
+__all__ = [
+    "Actuator",
+    "ActuatorModel",
+    "FemfitError",
+    "SweepTable",
+    "list_effects",
+    "list_laws",
+    "read_actuator",
+    "read_model",
+    "read_sweep",
+    "run_sweep",
+    "write_model",
+]
+
+__version__: str

@@ -1,0 +1,69 @@
+"""``import femfit``: the public names, what they load, and scripts as users write them."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import femfit
+from support.actuators import GEOMETRY
+
+STUB = Path(femfit.__file__).with_name("__init__.pyi")
+HEAVY = ("numpy", "pandas", "scipy", "ngsolve", "cvxpy", "matplotlib", "pyvista", "pydantic")
+TYPES = {name for name in femfit.__all__ if name[0].isupper()}
+
+
+def run_python(code, *arguments, **options):
+    return subprocess.run(
+        [sys.executable, *arguments, "-c", code], capture_output=True, text=True, check=True, timeout=120, **options
+    ).stdout
+
+
+@pytest.mark.parametrize("name", femfit.__all__)
+def test_every_public_name_can_be_used(name):
+    assert getattr(femfit, name) is getattr(femfit, name)
+    assert name in dir(femfit)
+
+
+def test_what_editors_see_is_what_is_loaded():
+    imported = {
+        alias.asname: f"{node.module}:{alias.name}"
+        for node in ast.parse(STUB.read_text()).body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert imported == femfit._PLACES
+
+
+def test_a_wrong_name_is_answered_with_the_right_ones():
+    with pytest.raises(AttributeError, match="read_actuator"):
+        femfit.read_drawing  # noqa: B018
+
+
+def test_import_femfit_loads_nothing_heavy():
+    code = f"import sys, femfit; dir(femfit); print([name for name in {HEAVY} if name in sys.modules])"
+    assert run_python(code).strip() == "[]"
+
+
+def test_python_m_femfit_is_the_command():
+    done = subprocess.run([sys.executable, "-m", "femfit", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == femfit.__version__
+
+
+def test_a_script_without_a_guard_sweeps_in_several_processes(tmp_path):
+    drawing = tmp_path / "small.toml"
+    replaced = {"current_A = {": "current_A = [0, 1]", "distance_mm = {": "distance_mm = [15, 20, 30, 45]"}
+    lines = (GEOMETRY / "emaws-rig.toml").read_text().splitlines()
+    starts = {line: new for line in lines for start, new in replaced.items() if line.startswith(start)}
+    assert len(starts) == 2
+    drawing.write_text("\n".join(starts.get(line, line) for line in lines))
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import femfit\nprint('begun')\n"
+        f"table = femfit.run_sweep({str(drawing)!r}, {str(tmp_path / 'run')!r}, workers=2)\n"
+        "print(len(table.rows), set(table.rows['status']))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.splitlines() == ["begun", "8 {'ok'}"]
