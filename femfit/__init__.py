@@ -22,6 +22,7 @@ _PLACES = {
     "list_laws": "femfit.laws.catalogue:all_laws",
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",
+    "export": "femfit.targets.targets:export",
     # Why the bench disagrees
     "list_effects": "femfit.effects.catalogue:all_effects",
 }

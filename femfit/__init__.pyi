@@ -11,12 +11,14 @@ from femfit.model.json_file import read_model as read_model
 from femfit.model.json_file import write_model as write_model
 from femfit.tables.sweep_table import SweepTable as SweepTable
 from femfit.tables.sweep_table import read_sweep_table as read_sweep
+from femfit.targets.targets import export as export
 
 __all__ = [
     "Actuator",
     "ActuatorModel",
     "FemfitError",
     "SweepTable",
+    "export",
     "list_effects",
     "list_laws",
     "read_actuator",

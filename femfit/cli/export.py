@@ -28,12 +28,9 @@ def export(
     """
     from femfit.cli.output import write_json
     from femfit.core.outputs import MODEL, RESULT, require_outputs
-    from femfit.model.json_file import read_model
-    from femfit.targets.targets import export_target
+    from femfit.targets import targets
 
     require_outputs([model], (output / "model.json", MODEL), (json, RESULT))
-    target = export_target(to)
-    files = target.export(read_model(model), output)
-    print(f"{output}: {target.name} of {model}, {len(files)} files; try python {output / 'example.py'}")
-    names = [str(file.relative_to(output)) for file in files]
-    write_json(json, {"target": target.name, "directory": str(output), "files": names})
+    exported = targets.export(model, output, to=to)
+    print(exported)
+    write_json(json, exported.to_dict())

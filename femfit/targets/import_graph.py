@@ -1,7 +1,8 @@
-"""Which files of femfit a set of rooms needs, read from their import statements."""
+"""Which files of femfit a program needs, read from the import statements."""
 
 import ast
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,13 +13,7 @@ PACKAGE = "femfit"
 
 @dataclass(frozen=True)
 class SourceFile:
-    """One module of femfit.
-
-    Parameters
-    ----------
-    name : str
-        Dotted, for example ``femfit.core.errors``; a package by its own name.
-    """
+    """One module of femfit; ``name`` is dotted, for example ``femfit.core.errors``."""
 
     name: str
     path: Path
@@ -36,51 +31,54 @@ def package_root() -> Path:
     return Path(__file__).resolve().parents[1]
 
 
-def reachable_sources(rooms: tuple[str, ...], root: Path | None = None) -> tuple[SourceFile, ...]:
-    """Every module of some rooms and all that they import of femfit, packages above them included.
+def reachable_sources(program: str, unused: Iterable[str] = ()) -> tuple[SourceFile, ...]:
+    """Every module of femfit that a program imports, directly or through others, without the package's own front.
 
     Parameters
     ----------
-    root : Path or None
-        Directory of the package; that of the running femfit where None.
+    program : str
+        Its source.
+    unused : iterable of str
+        Names that the catalogues import and that this program can do without; see :func:`without_imports`.
 
     Raises
     ------
     FemfitError
         If a module imports a part of femfit that has no file.
     """
-    root = package_root() if root is None else root
-    waiting = [
-        ".".join((PACKAGE, room, *file.relative_to(root / room).with_suffix("").parts))
-        for room in rooms
-        for file in (root / room).rglob("*.py")
-    ]
+    unused = frozenset(unused)
     found: dict[str, SourceFile] = {}
+    waiting = list(_own_modules(program))
     while waiting:
-        name = waiting.pop().removesuffix(".__init__")
-        if name in found:
+        name = waiting.pop()
+        if name in found or name == PACKAGE:
             continue
-        source = _read(name, root)
+        source = _read(name)
+        if name.endswith(".catalogue"):
+            source = SourceFile(name, source.path, without_imports(source.text, unused))
         found[name] = source
-        if "." in name:
-            waiting.append(name.rpartition(".")[0])
-        own = (target for target in imported_modules(source.text) if target.partition(".")[0] == PACKAGE)
-        waiting.extend(_module_of(target, root) for target in own)
+        waiting += [name.rpartition(".")[0], *_own_modules(source.text)]
     return tuple(found[name] for name in sorted(found))
 
 
 def imported_modules(text: str) -> tuple[str, ...]:
-    """Dotted names that a source imports: ``from a.b import c`` gives ``a.b.c``."""
+    """Dotted names that a source imports when it runs: ``from a.b import c`` gives ``a.b.c``."""
     names: list[str] = []
-    for node in ast.walk(ast.parse(text)):
+    waiting: list[ast.AST] = [ast.parse(text)]
+    while waiting:
+        node = waiting.pop()
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
             names += [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            waiting += node.orelse
+        else:
+            waiting += ast.iter_child_nodes(node)
     return tuple(names)
 
 
-def third_party_imports(sources: tuple[SourceFile, ...]) -> set[str]:
+def third_party_imports(sources: Iterable[SourceFile]) -> set[str]:
     """Top-level packages that sources import, other than femfit and the standard library."""
     tops = {name.partition(".")[0] for source in sources for name in imported_modules(source.text)}
     return {top for top in tops if top != PACKAGE and top not in sys.stdlib_module_names}
@@ -90,24 +88,35 @@ def renamed_imports(text: str, package: str) -> str:
     """The source with its imports of femfit pointed at another package name; nothing else changes."""
     lines = text.splitlines(keepends=True)
     for node in ast.walk(ast.parse(text)):
-        names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        if any(name.partition(".")[0] == PACKAGE for name in names):
-            row = node.lineno - 1  # type: ignore[attr-defined]  # both kinds of import have it
-            lines[row] = lines[row].replace(PACKAGE, package, 1)
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module or ""]
+            if any(name.partition(".")[0] == PACKAGE for name in names):
+                lines[node.lineno - 1] = lines[node.lineno - 1].replace(PACKAGE, package, 1)
     return "".join(lines)
 
 
-def _read(name: str, root: Path) -> SourceFile:
-    place = root.joinpath(*name.split(".")[1:])
+def without_imports(text: str, names: frozenset[str]) -> str:
+    """A catalogue without some of its members: their import lines, and the lines that list them, are left out."""
+    gone = {f"    {name},\n" for name in names}
+    kept = [line for line in text.splitlines(keepends=True) if line not in gone]
+    return "".join(
+        line for line in kept if not (line.startswith("from ") and line.strip().rpartition(" import ")[2] in names)
+    )
+
+
+def _own_modules(text: str) -> list[str]:
+    return [_module_of(name) for name in imported_modules(text) if name.partition(".")[0] == PACKAGE]
+
+
+def _module_of(target: str) -> str:
+    """``femfit.room.file.Name`` and ``femfit.room.file`` are both the module ``femfit.room.file``."""
+    place = package_root().joinpath(*target.split(".")[1:])
+    return target if place.is_dir() or place.with_suffix(".py").is_file() else target.rpartition(".")[0]
+
+
+def _read(name: str) -> SourceFile:
+    place = package_root().joinpath(*name.split(".")[1:])
     path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
     if not path.is_file():
         raise FemfitError(f"Module {name} is imported but {path} does not exist; install femfit again.")
     return SourceFile(name, path, path.read_text(encoding="utf-8"))
-
-
-def _module_of(target: str, root: Path) -> str:
-    """``femfit.room.file.Name`` and ``femfit.room.file`` are both the module ``femfit.room.file``."""
-    place = root.joinpath(*target.split(".")[1:])
-    return target if place.is_dir() or place.with_suffix(".py").is_file() else target.rpartition(".")[0]

@@ -1,11 +1,14 @@
-"""What a model can be exported to: one tuple."""
+"""What a model can be exported to: one tuple, and the one function that does it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
+from typing import Any
 
 from femfit.core.errors import MissingPartError
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import read_model
 from femfit.targets.estimator import export_estimator
 
 
@@ -18,21 +21,59 @@ class ExportTarget:
     export: Callable[[ActuatorModel, Path], tuple[Path, ...]]
 
 
+@dataclass(frozen=True)
+class Export:
+    """What was exported: the target's name, the directory and the files in it."""
+
+    target: str
+    directory: Path
+    files: tuple[Path, ...]
+
+    def __str__(self) -> str:
+        example = self.directory / "example.py"
+        return f"{self.directory}: {self.target}, {len(self.files)} files; try python {example}"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready; the files relative to the directory."""
+        files = [str(file.relative_to(self.directory)) for file in self.files]
+        return {"target": self.target, "directory": str(self.directory), "files": files}
+
+
 TARGETS: tuple[ExportTarget, ...] = (
     ExportTarget("estimator", "A Python package with filters and simulator that needs numpy alone.", export_estimator),
 )
 
 
-def export_target(name: str) -> ExportTarget:
-    """Look up a target.
+def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str = "estimator") -> Export:
+    """Export a model to something that runs without femfit.
+
+    Parameters
+    ----------
+    model : ActuatorModel or path
+        The model, or its file.
+    directory : path
+        Absent, empty, or an earlier export, whose files are replaced.
+    to : str
+        Name of one of :data:`TARGETS`.
 
     Raises
     ------
     MissingPartError
-        If there is none of this name.
+        If there is no such target, or the model lacks what it needs.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> print(ff.export("model.json", "build"))  # doctest: +SKIP
+    build: estimator, 60 files; try python build/example.py
     """
-    for target in TARGETS:
-        if target.name == name:
-            return target
-    known = "; ".join(f"{target.name} ({target.description[:-1]})" for target in TARGETS)
-    raise MissingPartError(f"Export target must be one of: {known}; instead received {name!r}.")
+    target = next((target for target in TARGETS if target.name == to), None)
+    if target is None:
+        known = "; ".join(f"{target.name} ({target.description[:-1]})" for target in TARGETS)
+        raise MissingPartError(f"Export target must be one of: {known}; instead received {to!r}.")
+    if not isinstance(model, ActuatorModel):
+        model = read_model(Path(model))
+    return Export(target.name, Path(directory), target.export(model, Path(directory)))
