@@ -44,7 +44,8 @@ def run(
     json : Path
         File for the results as JSON.
     """
-    from femfit.cli.output import progress_bar, write_json
+    from femfit.cli.output import write_json
+    from femfit.cli.sweep_progress import sweep_progress
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.field.sweep import run_sweep
@@ -59,7 +60,7 @@ def run(
     ]
     require_outputs([actuator], *results, (json, RESULT))
     steps = _Steps()
-    with steps.timed("sweep"), progress_bar(f"sweep {parts.name}") as progress:
+    with steps.timed("sweep"), sweep_progress(parts.name) as progress:
         table = run_sweep(parts, directory, workers=workers or len(os.sched_getaffinity(0)), progress=progress)
     summary = summarise(table)
     steps.say(

@@ -36,7 +36,8 @@ def sweep(
     """
     from time import perf_counter
 
-    from femfit.cli.output import progress_bar, write_json
+    from femfit.cli.output import write_json
+    from femfit.cli.sweep_progress import sweep_progress
     from femfit.core.errors import FieldSolverError
     from femfit.core.outputs import RESULT, require_outputs
     from femfit.device.variants import read_variants
@@ -48,7 +49,7 @@ def sweep(
     name = variants.actuator.name
     directory = output or Path("runs") / name
     start = perf_counter()
-    with progress_bar(f"sweep {name}") as progress:
+    with sweep_progress(name) as progress:
         table = run_sweep(
             variants,
             directory,

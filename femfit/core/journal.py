@@ -9,6 +9,7 @@ import errno
 import fcntl
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,20 +39,25 @@ class JournalHeader:
 class Journal:
     """Append-only record of finished items, used as a context manager; one process at a time.
 
+    A journal of another configuration, an edited drawing's say, is kept under a name of its own and taken up again when
+    that configuration comes back; ``replaced`` says that there was one.
+
     Raises
     ------
     RunDirectoryError
-        If the directory's journal belongs to another configuration, or another process writes it.
+        If another process writes the directory's journal.
     """
 
     def __init__(self, directory: Path, header: JournalHeader) -> None:
         directory.mkdir(parents=True, exist_ok=True)
         self.finished: dict[str, Any] = {}
         self._waiting: list[bytes] = []
+        self.replaced = False
         self._file = (directory / JOURNAL_NAME).open("a+b", buffering=0)
         try:
             self._lock(directory)
-            self._length = self._read(header, directory)
+            self._make_room(header, directory)
+            self._length = self._read()
             self._file.truncate(self._length)  # drops a line that a kill cut short
         except BaseException:
             self._file.close()
@@ -111,19 +117,30 @@ class Journal:
                 f"{directory} is in use by another femfit process. Wait for it, or use another directory with -o."
             ) from error
 
-    def _read(self, header: JournalHeader, directory: Path) -> int:
+    def _make_room(self, header: JournalHeader, directory: Path) -> None:
+        """Put a journal of another configuration aside, and take this one's up again where it was put aside."""
+        self._file.seek(0)
+        first = _parse(self._file.readline())
+        own = _kept(directory, header.configuration_hash)
+        if first is not None and first.get("configuration_hash") != header.configuration_hash:
+            self.replaced = True
+            self._file.seek(0)
+            _kept(directory, str(first.get("configuration_hash"))).write_bytes(self._file.read())
+            self._file.truncate(0)
+            first = None
+        if first is None and own.exists():
+            self._file.truncate(0)
+            self._file.write(own.read_bytes())  # into the same file, which is the locked one
+            own.unlink()
+
+    def _read(self) -> int:
         """Fill ``finished`` from an existing journal; return the length of its complete lines."""
         length, first = 0, True
         self._file.seek(0)
         for line in self._file.read().splitlines(keepends=True):
             entry = _parse(line)
-            if entry is None:
+            if entry is None or not (first or {"key", "result"} <= entry.keys()):
                 break
-            if first and entry.get("configuration_hash") != header.configuration_hash:
-                raise RunDirectoryError(
-                    f"{directory} holds the journal of another configuration (actuator, solver settings or versions "
-                    "differ). Use another directory with -o, or delete this one to start afresh."
-                )
             if not first:
                 self.finished[entry["key"]] = entry["result"]
             first = False
@@ -131,11 +148,16 @@ class Journal:
         return length
 
 
+def _kept(directory: Path, configuration_hash: str) -> Path:
+    """Where the journal of another configuration waits."""
+    return directory / f"journal-{re.sub(r'[^0-9a-f]', '', configuration_hash)[:12] or 'unknown'}.jsonl"
+
+
 def _parse(line: bytes) -> dict[str, Any] | None:
     if not line.endswith(b"\n"):
         return None
     try:
         entry = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     return entry if isinstance(entry, dict) else None

@@ -3,10 +3,8 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
-from importlib import import_module
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 from femfit.core.errors import FieldSolverError, RunDirectoryError
@@ -22,7 +20,17 @@ from femfit.field.sweep_task import DistanceTask, MeshGroup, RungTask, SweepTask
 from femfit.field.tolerance import shares_checks
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
 
-Progress = Callable[[int, int], None]
+
+@dataclass(frozen=True)
+class SweepProgress:
+    """How far a sweep is; ``redrawn`` where the directory held a sweep of another drawing, which is solved anew."""
+
+    points_done: int
+    points: int
+    redrawn: bool
+
+
+Progress = Callable[[SweepProgress], None]
 
 
 def run_sweep(
@@ -49,7 +57,7 @@ def run_sweep(
     settings : SolverSettings, optional
         Order and element sizes; the defaults with the actuator's tolerance otherwise.
     progress : callable, optional
-        Called with (rows done, rows in all).
+        Called with a :class:`SweepProgress` before the start and after each distance.
 
     Returns
     -------
@@ -59,7 +67,7 @@ def run_sweep(
     Raises
     ------
     RunDirectoryError
-        If the directory holds another configuration's journal, is in use, or the disk is full at the end.
+        If the directory is in use, or the disk is full at the end.
     FieldSolverError
         If not even a plan of the meshes can be made for any variant.
     ClusterError
@@ -77,7 +85,7 @@ def run_sweep(
 
     def report() -> None:
         if progress is not None:
-            progress(len(finished) * currents, len(tasks) * currents)
+            progress(SweepProgress(len(finished) * currents, len(tasks) * currents, journal.replaced))
 
     def record(task: SweepTask, result: Result) -> None:
         journal.record(task.key, result)
@@ -164,7 +172,6 @@ def _solve_all(tasks: Sequence[SweepTask], workers: int, scheduler: str | None, 
     elif workers == 1 or (len(tasks) < 2 and not any(isinstance(task, RungTask) for task in tasks)):
         solve_here(tasks, solve_task, done)
     else:
-        Thread(target=import_module, args=("pandas",), daemon=True).start()  # for the table, in time
         solve_in_processes(tasks, solve_task, done, workers)
 
 

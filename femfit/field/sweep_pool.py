@@ -1,8 +1,8 @@
 """Tasks on worker processes: a task that brings its worker down costs its own result only.
 
-A process that dies breaks the standard pool and every task in it, and the pool does not say whose fault it was. So few
-tasks are handed out at a time, those that were out are solved again, each in a process of its own, and the rest goes to
-a new pool.
+A process that dies breaks its pool and every task in it, and the pool does not say whose fault it was. So few tasks are
+handed out at a time, those that were out are solved again, each in a process of its own, and the rest goes to a new
+pool.
 """
 
 from collections import deque
@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
-from femfit.core.processes import end_with_parent, process_pool
+from femfit.core.processes import process_pool
 
 Task = TypeVar("Task")
 Result = dict[str, Any]
@@ -40,12 +40,14 @@ def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Tas
     waiting = deque(tasks)
     while waiting:
         out: dict[Future[Result], Task] = {}
+        pool = process_pool(workers)  # starts them as tasks come
         try:
-            with process_pool(workers, end_with_parent) as pool:  # starts them as tasks come
-                work_off(pool, waiting, out, solve, done, workers + SPARE)
+            work_off(pool, waiting, out, solve, done, workers + SPARE)
         except BrokenProcessPool:
             for task in out.values():
                 follow(waiting, done(task, _alone(task, solve)))
+        finally:
+            pool.shutdown(wait=False, kill_workers=True)  # nothing is left to do, or the user will not wait for it
 
 
 def solve_here(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task]) -> None:
@@ -115,13 +117,14 @@ def work_off(
     except BaseException:
         for future in out:
             future.cancel()
-        executor.shutdown(wait=False)
         raise
 
 
 def _alone(task: Task, solve: Solve[Task]) -> Result:
+    pool = process_pool(1)
     try:
-        with process_pool(1, end_with_parent) as pool:
-            return pool.submit(solve, task).result()
+        return dict(pool.submit(solve, task).result())
     except BrokenProcessPool:
         return DIED
+    finally:
+        pool.shutdown(wait=False, kill_workers=True)

@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from femfit.core.errors import FemfitError, FieldSolverError
@@ -73,11 +72,11 @@ class DistanceTask:
     def result(self) -> dict[str, Any]:
         """On the group's mesh, or on one of the distance's own where that cannot be made."""
         try:
-            problem = _prepared(self.mesh)
+            problem = MESHES.problem(self.mesh)
         except FieldSolverError:
             if len(self.mesh.distances) == 1:
                 raise
-            problem = _prepared(self.mesh.of(self.distance))
+            problem = MESHES.problem(self.mesh.of(self.distance))
         return {"rows": problem.rows(self.distance, self.mesh.actuator.sweep.currents_A)}
 
 
@@ -99,7 +98,7 @@ class RungTask:
     def result(self) -> dict[str, Any]:
         """Climb the ladder; the mesh is kept for the group's distances."""
         try:
-            problem = _prepared(self.mesh)
+            problem = MESHES.problem(self.mesh)
         except FieldSolverError:
             return {"choice": None}
         return {"choice": problem.choice.as_json() if isinstance(problem, ToleranceProblem) else None}
@@ -131,19 +130,37 @@ def solve_task(task: SweepTask) -> dict[str, Any]:
         with _ONE_AT_A_TIME:
             return {"status": "ok"} | task.result()
     except _failures() as error:
-        _prepared.cache_clear()  # what was interrupted half-way must not serve the next distance
+        MESHES.clear()  # what was interrupted half-way must not serve the next distance
         return _failure(error)
 
 
-@lru_cache(maxsize=1)
-def _prepared(mesh: MeshGroup) -> "FieldProblem":
-    """The mesh of a group, kept while a worker's tasks stay in it."""
-    from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
+class MeshCache:
+    """The mesh of one group, kept while a worker's tasks stay in it."""
 
-    from femfit.field.problem import prepare  # noqa: PLC0415
+    def __init__(self) -> None:
+        self._group: MeshGroup | None = None
+        self._problem: FieldProblem | None = None
 
-    SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
-    return prepare(mesh.actuator, mesh.distances, mesh.layout, mesh.settings, mesh.choice)
+    def problem(self, group: MeshGroup) -> "FieldProblem":
+        """The group's field problem, made where it is not the one that was asked for last."""
+        if self._problem is None or group != self._group:
+            from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
+
+            from femfit.field.problem import prepare  # noqa: PLC0415
+
+            SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
+            self.clear()
+            self._problem = prepare(group.actuator, group.distances, group.layout, group.settings, group.choice)
+            self._group = group
+        return self._problem
+
+    def clear(self) -> None:
+        """Forget the mesh, as in a new process."""
+        self._group = self._problem = None
+
+
+MESHES = MeshCache()
+"""This process's mesh; a worker solves many distances on one."""
 
 
 def _failures() -> tuple[type[Exception], ...]:

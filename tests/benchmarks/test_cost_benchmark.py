@@ -61,9 +61,9 @@ def by_points(tmp_path):
 
 
 def sweep_once(actuator, directory, settings):
-    from femfit.field.sweep_task import _prepared
+    from femfit.field.sweep_task import MESHES
 
-    _prepared.cache_clear()  # as in a new process
+    MESHES.clear()  # as in a new process
     run_sweep(actuator, directory, workers=1, settings=settings)
 
 

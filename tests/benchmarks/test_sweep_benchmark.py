@@ -3,8 +3,11 @@
 Run with ``python -m pytest -m benchmark -s tests/benchmarks``. Nothing is asserted of the times; medians are printed.
 """
 
+import os
 import resource
+import signal
 import statistics
+import subprocess
 import time
 
 import ngsolve
@@ -57,3 +60,28 @@ def test_one_distance():
 def test_help_is_quick():
     walls = [timed([FEMFIT, "--help"]) for _ in range(REPEATS)]
     print(f"\nfemfit --help: median {statistics.median(walls):.2f} s ({min(walls):.2f} to {max(walls):.2f})")
+
+
+@pytest.mark.benchmark
+def test_an_interrupt_is_answered_at_once(tmp_path):
+    """From Ctrl-C in the middle of saturating solutions to the end of the command and of its workers."""
+    waits = []
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a child would inherit that it is ignored
+    try:
+        for repeat in range(REPEATS):
+            target = tmp_path / str(repeat)
+            command = [FEMFIT, "sweep", str(GEOMETRY / "emaws-saturable.toml"), "-o", str(target), "--workers", "2"]
+            child = subprocess.Popen(
+                command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+            )
+            while not (target / "journal.jsonl").exists() or (target / "journal.jsonl").read_bytes().count(b"\n") < 3:
+                time.sleep(0.01)
+            start = time.perf_counter()
+            os.killpg(child.pid, signal.SIGINT)
+            _, text = child.communicate()
+            waits.append(time.perf_counter() - start)
+            assert child.returncode == 130
+            assert "kept" in text
+    finally:
+        signal.signal(signal.SIGINT, before)
+    print(f"\nCtrl-C during a sweep: answered in {statistics.median(waits):.2f} s ({max(waits):.2f} at most)")

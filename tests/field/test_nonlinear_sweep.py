@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit.core.sweep_columns import COLUMNS
 from femfit.field import nonlinear_point, sweep_task
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_summary import summarise
-from femfit.tables.sweep_table import COLUMNS, read_sweep_table
+from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import magnet
 from support.saturating import bobbin, rows_at
 
@@ -44,7 +45,7 @@ def test_a_sweep_cut_short_resumes_to_the_same_table_bit_for_bit(whole, actuator
     lines = journal.read_bytes().splitlines(keepends=True)
     for kept in (1, 2, 4):
         journal.write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
-        sweep_task._prepared.cache_clear()  # as in a new process
+        sweep_task.MESHES.clear()  # as in a new process
         resumed = run_sweep(actuator, tmp_path, workers=1, settings=QUICK)
         pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)
 
@@ -65,7 +66,7 @@ def failing_at(current, minimise):
 
 def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(whole, actuator, tmp_path, monkeypatch):
     monkeypatch.setattr(nonlinear_point, "minimise", failing_at(2.0, nonlinear_point.minimise))
-    sweep_task._prepared.cache_clear()
+    sweep_task.MESHES.clear()
     few = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=(0.008,)))
     table = run_sweep(few, tmp_path, workers=1, settings=QUICK)
     rows = table.rows.set_index("current_A")
@@ -78,7 +79,7 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(whole, act
     assert np.isfinite(good["force_N"]).all()
     assert summarise(table)["failed"] == 1
     assert len(read_sweep_table(tmp_path).valid_rows()) == 3
-    sweep_task._prepared.cache_clear()
+    sweep_task.MESHES.clear()
 
 
 def test_currents_of_both_signs_start_from_the_weakest_and_do_not_change_the_result(actuator):

@@ -40,8 +40,9 @@ def test_a_worker_killed_half_way_costs_no_row_and_doubles_none(actuator, tmp_pa
     killed = []
     with cluster() as (address, _, workers):
 
-        def kill_one(done, total):
-            if done >= total // 2 and not killed:
+        def kill_one(at):
+            done = at.points_done
+            if done >= at.points // 2 and not killed:
                 os.kill(workers[0].pid, signal.SIGKILL)
                 killed.append((done, workers[0].wait()))
 
@@ -69,8 +70,8 @@ def test_a_distance_that_kills_every_worker_is_a_row_and_the_others_go_on(actuat
 def test_a_lost_scheduler_is_said_and_what_is_finished_is_kept(actuator, tmp_path):
     with cluster(workers=1) as (address, scheduler, _):
 
-        def lose(done, _total):
-            if done and scheduler.poll() is None:
+        def lose(at):
+            if at.points_done and scheduler.poll() is None:
                 scheduler.kill()
                 scheduler.wait()
 

@@ -42,7 +42,7 @@ KINDS = ("linear", "saturating", "variants")
 @pytest.fixture(scope="module", params=KINDS)
 def case(request, tmp_path_factory):
     sweep = sweep_of(request.param)
-    sweep_task._prepared.cache_clear()
+    sweep_task.MESHES.clear()
     return sweep, run_sweep(sweep, tmp_path_factory.mktemp("whole"), workers=1, settings=QUICK)
 
 
@@ -82,7 +82,7 @@ def test_a_distance_that_cannot_be_meshed_is_rows_with_the_reason(case, tmp_path
     settings = dataclasses.replace(QUICK, stretch_limit=1.0)  # a mesh of its own for each distance
     whole = run_sweep(sweep, tmp_path / "whole", workers=1, settings=settings)
     monkeypatch.setattr(moving_mesh, "build_mesh", refuse_at(lambda distance: distance == 0.02))
-    sweep_task._prepared.cache_clear()
+    sweep_task.MESHES.clear()
     table = run_sweep(sweep, tmp_path / "run", workers=1, settings=settings)
     assert_only_20_mm_failed(table, whole, "^failed: no mesh$")
 
@@ -90,7 +90,7 @@ def test_a_distance_that_cannot_be_meshed_is_rows_with_the_reason(case, tmp_path
 def test_a_group_whose_mesh_fails_is_meshed_distance_by_distance(case, tmp_path, monkeypatch):
     sweep, whole = case
     monkeypatch.setattr(moving_mesh, "build_mesh", refuse_at(lambda distance: distance not in DISTANCES))
-    sweep_task._prepared.cache_clear()
+    sweep_task.MESHES.clear()
     table = run_sweep(sweep, tmp_path, workers=1, settings=QUICK)
     assert (table.rows["status"] == "ok").all()
     # Other meshes, other errors: the force agrees within twice the estimates.
@@ -105,7 +105,7 @@ from femfit.core.errors import RunDirectoryError
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 sys.path.insert(0, sys.argv[1])
-from fem.test_sweep_failures import sweep_of
+from field.test_sweep_failures import sweep_of
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[4]), resource.RLIM_INFINITY))
 try:
     run_sweep(sweep_of(sys.argv[3]), Path(sys.argv[2]), workers=1, settings=SolverSettings(order=3))

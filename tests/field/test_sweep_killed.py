@@ -67,9 +67,9 @@ def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(kind, tmp_pa
         assert left == []  # no worker outlives it
     before = [json.loads(line) for line in journal.read_bytes().splitlines()[1:] if line.endswith(b"}")]
     assert 4 <= len(before) < 10
-    sweep_task._prepared.cache_clear()  # as in a new process
+    sweep_task.MESHES.clear()  # as in a new process
     resumed = run_sweep(sweep, target, workers=1)
-    sweep_task._prepared.cache_clear()
+    sweep_task.MESHES.clear()
     whole = run_sweep(sweep, tmp_path / "whole", workers=1)
     assert len(whole.rows) == 30
     assert (whole.rows["status"] == "ok").all()

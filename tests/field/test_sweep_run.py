@@ -1,12 +1,15 @@
 """The sweep as a run: table, journal, resumption, workers that die."""
 
 import dataclasses
+import re
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import FieldSolverError, RunDirectoryError
+from femfit.core.errors import FieldSolverError
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
 from femfit.field import sweep as sweep_module
@@ -60,7 +63,7 @@ def test_two_processes_give_the_numbers_of_one(few, tmp_path):
 
 def test_progress_counts_rows_up_to_all(few, tmp_path):
     calls = []
-    run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=lambda done, total: calls.append((done, total)))
+    run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=lambda at: calls.append((at.points_done, at.points)))
     assert [done for done, _ in calls] == [0, 8, 16, 24, 32]
     assert {total for _, total in calls} == {32}
 
@@ -72,13 +75,18 @@ def test_a_finished_sweep_is_not_solved_again(few, tmp_path, monkeypatch):
     pd.testing.assert_frame_equal(first.rows, again.rows, check_exact=True)
 
 
-def test_a_run_directory_of_another_configuration_is_refused(few, tmp_path):
-    run_sweep(few, tmp_path, workers=1, settings=QUICK)
+def test_an_edited_drawing_is_solved_anew_in_the_same_directory_and_the_old_one_costs_nothing(few, tmp_path):
+    states = []
+    first = run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=states.append)
+    assert not any(state.redrawn for state in states)
     other = dataclasses.replace(few, coil=dataclasses.replace(few.coil, turns=100))
-    with pytest.raises(RunDirectoryError, match=r"another configuration.*-o"):
-        run_sweep(other, tmp_path, workers=1, settings=QUICK)
-    with pytest.raises(RunDirectoryError, match="another configuration"):
-        run_sweep(few, tmp_path, workers=1, settings=SolverSettings())
+    edited = run_sweep(other, tmp_path, workers=1, settings=QUICK, progress=states.append)
+    assert states[-1].redrawn
+    assert not edited.rows["force_N"].equals(first.rows["force_N"])
+    back = []
+    again = run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=back.append)
+    assert back[0].points_done == back[0].points == len(first.rows)
+    pd.testing.assert_frame_equal(first.rows, again.rows, check_exact=True)
 
 
 def test_a_line_cut_short_in_the_journal_is_solved_again(few, tmp_path):
@@ -119,7 +127,7 @@ def test_a_mesher_that_gives_up_is_a_status_and_no_crash(few, monkeypatch):
         raise FieldSolverError("no mesh")
 
     monkeypatch.setattr("femfit.field.problem.prepare", give_up)
-    sweep_task._prepared.cache_clear()
+    sweep_task.MESHES.clear()
     assert sweep_module.solve_task(plan_sweep(few, QUICK)[0]) == {"status": "failed: no mesh"}
 
 
@@ -127,3 +135,22 @@ def test_groups_cover_every_distance_once(rig):
     tasks = plan_sweep(rig, SolverSettings())
     assert [task.distance for task in tasks] == list(rig.sweep.distances_m)
     assert 1 < len({task.mesh for task in tasks}) < 6
+
+
+def test_a_script_without_a_main_guard_sweeps_in_processes_and_ends(tmp_path):
+    script = tmp_path / "sweep.py"
+    text = (GEOMETRY / "emaws-rig.toml").read_text(encoding="utf-8")
+    distances = "distance_mm = [18, 20, 22]"
+    (tmp_path / "rig.toml").write_text(re.sub(r"(?m)^distance_mm = .*$", distances, text), encoding="utf-8")
+    script.write_text(
+        "from femfit.device.load import read_actuator\n"
+        "from femfit.field.sweep import run_sweep\n"
+        "table = run_sweep(read_actuator('rig.toml'), 'out', workers=2)\n"
+        "print(len(table.rows), (table.rows['status'] == 'ok').all())\n",
+        encoding="utf-8",
+    )
+    result = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.split() == ["24", "True"]

@@ -37,7 +37,7 @@ def whole(actuator, tmp_path_factory):
 
 
 def run(actuator, directory, workers=1, **options):
-    sweep_task._prepared.cache_clear()  # as in a new process
+    sweep_task.MESHES.clear()  # as in a new process
     return run_sweep(actuator, directory, workers=workers, settings=SETTINGS, **options)
 
 
@@ -47,7 +47,7 @@ def test_two_processes_give_the_numbers_of_one(actuator, whole, tmp_path):
 
 def test_progress_counts_points_and_no_rungs(actuator, tmp_path):
     calls = []
-    run(actuator, tmp_path, progress=lambda done, total: calls.append((done, total)))
+    run(actuator, tmp_path, progress=lambda at: calls.append((at.points_done, at.points)))
     counts = [done for done, _ in calls]
     assert sorted(set(counts)) == [8 * k for k in range(9)]
     assert {total for _, total in calls} == {64}

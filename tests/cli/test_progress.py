@@ -1,0 +1,52 @@
+"""Progress where standard error is no terminal: the end is told early, and then now and then."""
+
+import pytest
+
+from femfit.cli import progress as progress_module
+from femfit.cli.progress import duration, progress
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress_module, "monotonic", lambda: now[0])
+    return now
+
+
+def lines(capsys):
+    return capsys.readouterr().err.splitlines()
+
+
+def test_long_work_tells_its_end_with_the_first_result_and_then_every_ten_seconds(clock, capsys):
+    with progress("sweep x", "points") as show:
+        show(0, 100)
+        for done in range(1, 101):
+            clock[0] += 2.0
+            show(done, 100)
+    said = lines(capsys)
+    assert said[0] == "sweep x: 1 of 100 points, about 3 min left"
+    assert len(said) == 20
+
+
+def test_work_of_a_few_seconds_prints_nothing(clock, capsys):
+    with progress("sweep x", "points") as show:
+        for done in range(11):
+            show(done, 10)
+            clock[0] += 0.5
+    assert lines(capsys) == []
+
+
+def test_what_an_interrupted_run_left_takes_no_time_of_this_one(clock, capsys):
+    with progress("sweep x", "points") as show:
+        show(90, 100)
+        clock[0] = 5.0
+        show(91, 100)
+    assert lines(capsys) == [
+        "sweep x: 90 of 100 points were there already",
+        "sweep x: 91 of 100 points, about 45 s left",
+    ]
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (89.0, "89 s"), (200.0, "3 min"), (9000.0, "2.5 h")])
+def test_a_duration_is_said_as_one_would(seconds, text):
+    assert duration(seconds) == text
