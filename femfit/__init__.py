@@ -4,7 +4,6 @@
 beside this file lists the same names for editors and type checkers.
 """
 
-import os
 from importlib import import_module
 
 __version__ = "0.1.0"
@@ -35,8 +34,6 @@ def __getattr__(name: str) -> object:
     place = _PLACES.get(name)
     if place is None:
         raise AttributeError(f"module 'femfit' has no attribute {name!r}; it has {', '.join(sorted(_PLACES))}")
-    # femfit's matrices are small: threads inside them wait for each other on a busy machine. Only before numpy loads.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     module, _, there = place.partition(":")
     value = getattr(import_module(module), there)
     globals()[name] = value

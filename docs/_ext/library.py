@@ -1,0 +1,58 @@
+"""The page of the library: every public name of ``femfit``."""
+
+import inspect
+
+import femfit
+
+GROUPS = {
+    "From the drawing to a model": (
+        "read_actuator run_sweep read_sweep import_table fit_model list_laws read_model write_model"
+    ),
+    "Filters, the loop and the target": "kalman_filter close_loop simulate export",
+    "Why the bench disagrees": ("read_measurement compare diagnose suggest add_effects list_effects write_report"),
+    "Coil voltages": "integrate_coil",
+}
+
+
+def page() -> str:
+    """The whole page."""
+    names = [name for name in femfit.__all__ if not name.startswith("_")]
+    known = [name for group in GROUPS.values() for name in group.split()]
+    types = [name for name in names if inspect.isclass(getattr(femfit, name))]
+    missing = set(names) - set(known) - set(types)
+    if missing:
+        raise ValueError(f"docs/_ext/library.py must put {sorted(missing)} into a group")
+    sections = [
+        _section(title, [name for name in group.split() if name in names], "autofunction")
+        for title, group in GROUPS.items()
+    ]
+    return _HEAD + "".join(sections) + _section("Types", types, "autoclass")
+
+
+def _section(title: str, names: list[str], directive: str) -> str:
+    options = ":members:\n" if directive == "autoclass" else ""
+    blocks = "".join(
+        f"```{{eval-rst}}\n.. {directive}:: femfit.{name}\n{'   ' + options if options else ''}```\n\n"
+        for name in names
+    )
+    return f"## {title}\n\n{blocks}" if names else ""
+
+
+_HEAD = """\
+# The library
+
+```python
+import femfit as ff
+```
+
+These names are all that femfit promises. `import femfit` is quick: a name loads its part of femfit when it is first
+used. Files are given as `str` or `Path`, options are keywords, and randomness is `rng` (a seed or a numpy generator).
+Each result prints the lines that the command prints, and shows itself in a notebook. Scripts need no `__main__` guard.
+
+femfit's matrices are small, and threads inside of them only wait for each other on a busy machine. The command and the
+workers of a sweep therefore run with `OPENBLAS_NUM_THREADS=1`. A script of your own keeps your setting; set it to 1 in
+the environment before Python starts if other work shares the machine.
+
+Every error that femfit raises on purpose is a `FemfitError`, and also the builtin error of its kind.
+
+"""

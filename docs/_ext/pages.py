@@ -1,0 +1,75 @@
+"""The pages that are made from femfit itself: actuator file, commands, library, columns and effects.
+
+They are written to ``docs/generated`` before each build, so that no page can say what femfit does not do.
+"""
+
+from pathlib import Path
+from shutil import copyfile
+
+import actuator_file
+import effect_pages
+import library
+from sphinx.application import Sphinx
+
+from femfit.cli.main import build_app
+from femfit.core.sweep_columns import COLUMNS
+
+DOCS = Path(__file__).parents[1]
+GENERATED = DOCS / "generated"
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the generated pages when a build begins."""
+    app.connect("builder-inited", lambda _: write_pages())
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def write_pages() -> None:
+    """Write every generated page and picture whose content has changed, and copy the notebooks."""
+    for name, text in _pages().items():
+        path = GENERATED / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+    for notebook in (DOCS.parent / "notebooks").glob("*.ipynb"):
+        target = GENERATED / notebook.name
+        if not target.is_file() or target.read_bytes() != notebook.read_bytes():
+            copyfile(notebook, target)
+
+
+def _pages() -> dict[str, str]:
+    return {
+        "actuator_file.md": actuator_file.page(),
+        "commands.md": _commands(),
+        "library.md": library.page(),
+        "columns.md": _columns(),
+        **effect_pages.pages(),
+    }
+
+
+def _commands() -> str:
+    """Every command with its options, as ``femfit COMMAND --help`` says them."""
+    text = build_app().generate_docs(output_format="markdown")
+    start = text.index("## femfit run")
+    end = text.index("## femfit --install-completion")
+    # In Markdown a line of four blanks would become code, and a bare <...> an element
+    body = "\n".join(line.strip() if line.startswith("    ") else line for line in text[start:end].splitlines())
+    return _COMMANDS + body.replace("|B|", r"\|B\|") + "\n"
+
+
+_COMMANDS = """\
+# Commands
+
+`femfit COMMAND --help` prints the same. Every command takes `--json FILE`, which writes its result for a script.
+`python -m femfit` is the same as `femfit`, and `femfit --install-completion` lets the Tab key complete commands and
+options in bash, zsh and fish.
+
+A command ends with code 0 when it is done, 1 after an error that it explains, 2 when it was called wrongly, 70 after a
+bug of femfit (it then names a log file), 130 when Ctrl-C ended it and 143 when SIGTERM did.
+
+"""
+
+
+def _columns() -> str:
+    rows = "".join(f"| `{name}` | {text} |\n" for name, text in COLUMNS.items())
+    return f"| column | meaning |\n|---|---|\n{rows}"

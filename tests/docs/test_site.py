@@ -1,0 +1,109 @@
+"""The documentation is built without a warning, works from disk, and says only what femfit does."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from cyclopts import CycloptsError
+
+import femfit
+from femfit.cli.main import build_app
+from femfit.device import schema
+from femfit.device.variants import read_variants
+from femfit.effects.catalogue import BUILT_IN
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *(path for path in DOCS.rglob("*.md") if "generated" not in path.parts)]
+FROM_A_NETWORK = re.compile(
+    r"""<(?:script|img|iframe)[^>]*\bsrc=["'](?:https?:)?//|<link[^>]*rel=["']stylesheet["'][^>]*href=["'](?:https?:)?//"""
+)
+
+
+def build(target, execution):
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", str(DOCS), str(target)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=os.environ | {"FEMFIT_DOCS_EXECUTION": execution}
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return target
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("site"), "off")
+
+
+def test_every_page_can_be_read_from_disk(site):
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > len(BUILT_IN) + 20
+    assert [page.name for page in pages if FROM_A_NETWORK.search(page.read_text(encoding="utf-8"))] == []
+
+
+def test_every_effect_has_a_page_with_its_signature_drawn(site):
+    for effect in BUILT_IN:
+        page = (site / "generated" / "effects" / f"{effect.name}.html").read_text(encoding="utf-8")
+        assert f"{effect.name}.svg" in page
+
+
+def test_every_public_name_has_its_place(site):
+    page = (site / "generated" / "library.html").read_text(encoding="utf-8")
+    assert [name for name in femfit.__all__ if name[0] != "_" and f'id="femfit.{name}"' not in page] == []
+
+
+@pytest.mark.long
+def test_the_tutorials_run_in_the_site(tmp_path):
+    site = build(tmp_path / "site", "force")
+    assert "output_png" in (site / "generated" / "from_drawing_to_levitation.html").read_text() or list(
+        (site / "_images").glob("*.png")
+    )
+
+
+def test_the_example_file_uses_every_key():
+    assert not [variant for variant in read_variants(DOCS / "reference" / "every-key.toml").variants if variant.problem]
+    keys = set(re.findall(r"[\w.]+(?= *=)", (DOCS / "reference" / "every-key.toml").read_text()))
+    tables = set(re.findall(r"^\[(\w+)", (DOCS / "reference" / "every-key.toml").read_text(), flags=re.MULTILINE))
+    wanted = {"regions", "parameters"}
+    entries = [value for value in vars(schema).values() if isinstance(value, type) and issubclass(value, schema.Entry)]
+    for entry in entries:
+        wanted |= set(entry.model_json_schema(by_alias=True).get("properties", {}))
+    assert wanted - keys - tables <= {"regions", "parameters"}
+
+
+def commands():
+    """Every femfit command line that a page or a notebook shows."""
+    blocks = re.compile(r"^ *```\w*\n(.*?)^ *```", flags=re.MULTILINE | re.DOTALL)
+    for path in PAGES:
+        for block in blocks.findall(path.read_text(encoding="utf-8")):
+            for line in re.findall(r"^ *(?:\$ )?(?:.*/)?(femfit .+)$", block, flags=re.MULTILINE):
+                for part in line.split("#")[0].split("&&"):
+                    yield pytest.param(part.strip(), id=f"{path.name}: {part.strip()[:60]}")
+
+
+@pytest.mark.parametrize("line", [one for one in commands() if one.values[0].startswith("femfit ")])
+def test_commands_that_the_pages_show_exist(line):
+    _, *words = shlex.split(line)
+    try:
+        build_app().parse_args(words, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        pytest.fail(str(error))
+
+
+def test_the_first_page_of_the_repository_is_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 150
+
+
+def test_pages_link_to_files_that_exist():
+    for path in PAGES:
+        for target in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", path.read_text(encoding="utf-8")):
+            if "://" not in target and "generated" not in target:
+                assert (path.parent / target).exists(), f"{path.name} links to {target}"
+
+
+def test_the_versions_of_the_documents_agree():
+    assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == femfit.__version__
