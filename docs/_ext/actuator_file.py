@@ -13,7 +13,7 @@ EXAMPLE = Path(__file__).parents[1] / "reference" / "every-key.toml"
 
 # Table as it is written, what it describes, and the class of the schema that reads it
 TABLES = (
-    ("", "The top of the file.", schema.FileEntry),
+    ("", "These keys stand above all tables, and these tables follow.", schema.FileEntry),
     ("[materials.NAME]", "A linear material: a magnet, a ferrite, or steel far from saturation.", schema.MaterialEntry),
     ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", schema.CurveEntry),
     ("[electromagnet.regions.NAME]", "A part of the fixed core.", schema.RegionEntry),
@@ -30,6 +30,8 @@ TABLES = (
     ("[solver]", "How accurate the field solution has to be.", schema.SolverEntry),
     ("[reference]", "The closed loop's steps.", schema.ReferenceEntry),
 )
+
+LONGEST_EXAMPLE = 50
 
 UNITS = (
     ("_V_per_T", "V/T"), ("_A_per_m", "A/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
@@ -94,7 +96,10 @@ def _example(key: str, examples: dict[str, Any]) -> str:
     if key not in examples:
         return ""
     value = examples[key]
-    return "a table" if isinstance(value, dict) and not set(value) & {"start", "min"} else f"`{key} = {_toml(value)}`"
+    if isinstance(value, dict) and not set(value) & {"start", "min"}:
+        return "a table"
+    text = _toml(value)
+    return f"`{text}`" if len(text) < LONGEST_EXAMPLE else f"`{text[: LONGEST_EXAMPLE - 4]} ...`"
 
 
 def _examples(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -96,7 +96,7 @@ def _title(effect: Effect) -> str:
 def _picture(signature: Signature) -> str:
     """One panel a channel that changes: the change over distance, a line a current."""
     shown = [name for name in signature.visible if name in CHANNELS]
-    figure = Figure(figsize=(3.3 * max(len(shown), 1) + 0.3, 2.9), layout="constrained")
+    figure = Figure(figsize=(2.6 * max(len(shown), 1) + 0.3, 2.5), layout="constrained")
     FigureCanvasSVG(figure)
     panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
     lines = range(0, len(signature.current_A), 2)
@@ -110,7 +110,7 @@ def _picture(signature: Signature) -> str:
         panel.set(title=f"{title} ({unit})", xlabel="distance (mm)")
         panel.title.set_fontsize(10)
         largest = factor * float(np.nanmax(np.abs(signature.plain[name])))
-        note = f"largest reading {largest:.3g}"
+        note = f"largest reading {float(f'{largest:.3g}'):,g}"
         panel.text(0.98, 0.03, note, transform=panel.transAxes, ha="right", fontsize=7, color="0.4")
     text = StringIO()
     with rc_context({"svg.hashsalt": signature.effect.name}):  # the same file each time

@@ -10,8 +10,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "femfit").rglob("*.py"))
 CHECKS = {
-    "format": ["ruff", "format", "--check", "femfit", "tests"],
-    "lint": ["ruff", "check", "femfit", "tests"],
+    "format": ["ruff", "format", "--check", "femfit", "tests", "docs"],
+    "lint": ["ruff", "check", "femfit", "tests", "docs"],
     "types": ["mypy"],
     "docstrings": ["numpydoc", "lint", *SOURCES],
 }
