@@ -2,9 +2,13 @@
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from femfit.fit.inductance import InductanceFit
+    from femfit.fit.result import FitResult
 
 
 def fit(
@@ -13,10 +17,8 @@ def fit(
     model: str = "coenergy",
     where: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    bounds: str = "law",
     bound: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     functions: str | None = None,
-    stages: str = "two",
     constraints: str | None = None,
     inductance_H: Annotated[float | None, Parameter(name="--inductance-H")] = None,
     actuator: Path | None = None,
@@ -39,15 +41,11 @@ def fit(
         moving.regions.plunger.material=steel_1010; repeat for more parameters.
     output : Path
         Model file; beside the table by default.
-    bounds : str
-        Bounds of a law's coefficients: law, none, paper or paper-coefficients.
     bound : tuple of str
-        Bounds of one coefficient, for example "d^-4=0:1e-8"; repeat for more; either end may be empty.
+        Bounds of one of a law's coefficients, for example "d^-4=0:1e-8"; repeat for more; either end may be empty.
     functions : str
         Coefficient functions of the current, one a column, for example constant,through-origin; default: by held-out
         error among constant, through-origin, square, affine and quadratic.
-    stages : str
-        Coefficients of the two-stage fit (two) or of the one-stage fit (joint) in the model.
     constraints : str
         Shape constraints of the co-energy, any of inductance,decreasing,attracting, or none; default: those that the
         data obey.
@@ -60,70 +58,47 @@ def fit(
     resistance_ohm : float
         Resistance of the winding.
     supply_V : str
-        Lowest and highest voltage of the driver, for example 0:12; of a table of inductances.
+        Lowest and highest voltage of the driver, for example 0:12.
     json : Path
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
     from femfit.core.outputs import MODEL, RESULT, require_outputs
-    from femfit.device.load import read_actuator
-    from femfit.device.summary import sweep_manifest_entry
-    from femfit.fit.build import FitOptions, fit_model
-    from femfit.fit.text import fit_lines
+    from femfit.fit.build import fit_model
+    from femfit.fit.inductance import fit_inductance
     from femfit.model.json_file import write_model
-    from femfit.tables.inductance_table import is_inductance_table
-    from femfit.tables.sweep_table import read_sweep_table
-    from femfit.tables.variant_choice import choose_variant
+    from femfit.tables.inductance_table import is_inductance_table, read_inductance_table
 
     target = output or (table if table.is_dir() else table.parent) / f"model_{model}.json"
     require_outputs([table, actuator], (target, MODEL), (json, RESULT))
-    if is_inductance_table(table):
-        _fit_inductances(table, target, model, (mass_g, resistance_ohm, _range(supply_V)), json)
-        return
-    options = FitOptions(
-        model=model,
-        bounds=bounds,
-        coefficient_bounds=dict(_single_bound(text) for text in bound),
-        functions=None if functions is None else _names(functions),
-        stages=stages,
-        constraints=None if constraints is None else _names(constraints),
-        inductance_H=inductance_H,
-        actuator=sweep_manifest_entry(read_actuator(actuator)) if actuator else None,
-        mass_kg=None if mass_g is None else 1e-3 * mass_g,
-        resistance_ohm=resistance_ohm,
-    )
-    result = fit_model(choose_variant(read_sweep_table(table), dict(_single_value(text) for text in where)), options)
-    write_model(result.model, target)
-    write_json(json, {**result.data, "model_file": str(target)})
-    print("\n".join(fit_lines(result)))
-    print(f"written: {target}")
-
-
-def _fit_inductances(
-    table: Path,
-    target: Path,
-    law: str,
-    parts: tuple[float | None, float | None, tuple[float, float] | None],
-    json: Path | None,
-) -> None:
-    from femfit.cli.output import write_json
-    from femfit.core.errors import FitError
-    from femfit.fit.inductance import InductanceOptions, fit_inductance, inductance_lines
-    from femfit.model.json_file import write_model
-    from femfit.tables.inductance_table import read_inductance_table
-
-    if law in {"coenergy", "all"}:
-        raise FitError(
-            f"Inductances without forces give a law; --model must name one, for example two-exponentials, "
-            f"instead of {law}."
-        )
-    mass_g, resistance, supply = parts
     mass = None if mass_g is None else 1e-3 * mass_g
-    result = fit_inductance(read_inductance_table(table), InductanceOptions(law, mass, resistance, supply))
+    result: FitResult | InductanceFit
+    if is_inductance_table(table):
+        result = fit_inductance(
+            read_inductance_table(table),
+            law=model,
+            mass_kg=mass,
+            resistance_ohm=resistance_ohm,
+            supply_V=_range(supply_V),
+        )
+    else:
+        result = fit_model(
+            table,
+            law=model,
+            bounds=dict(_single_bound(text) for text in bound),
+            functions=None if functions is None else _names(functions),
+            constraints=None if constraints is None else _names(constraints),
+            inductance_H=inductance_H,
+            actuator=actuator,
+            mass_kg=mass,
+            resistance_ohm=resistance_ohm,
+            supply_V=_range(supply_V),
+            where=dict(_single_value(text) for text in where),
+        )
     write_model(result.model, target)
     write_json(json, {**result.to_dict(), "model_file": str(target)})
-    print("\n".join(inductance_lines(result)))
     print(f"written: {target}")
+    print(result)
 
 
 def _range(text: str | None) -> tuple[float, float] | None:

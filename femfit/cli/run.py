@@ -10,7 +10,7 @@ from cyclopts import Parameter, validators
 
 if TYPE_CHECKING:
     from femfit.device.parts import Actuator
-    from femfit.fit.build import FitResult
+    from femfit.fit.result import FitResult
     from femfit.model.actuator_model import ActuatorModel
     from femfit.simulation.study import ClosedLoopStudy
     from femfit.tables.sweep_table import SweepTable
@@ -69,7 +69,7 @@ def run(
     )
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", directory / "model.json")
-    steps.say(f"co-energy reference, {100 * reference.misfits[0].force_rms_relative:.4f} % rms of the force")
+    steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
         with steps.timed("rank laws"):
@@ -95,8 +95,8 @@ def run(
         {
             "directory": str(directory),
             "sweep": summary,
-            "reference": dict(reference.data),
-            "laws": dict(ranked.data),
+            "reference": reference.to_dict(),
+            "laws": ranked.to_dict(),
             "closed_loop": _loop_data(study),
             "no_closed_loop": no_study,
             "seconds": steps.times,
@@ -146,10 +146,10 @@ class _Steps:
 
 
 def _fit(table: "SweepTable", model: str, path: Path) -> "FitResult":
-    from femfit.fit.build import FitOptions, fit_model
+    from femfit.fit.build import fit_model
     from femfit.model.json_file import write_model
 
-    result = fit_model(table, FitOptions(model=model))
+    result = fit_model(table, law=model)
     write_model(result.model, path)
     return result
 

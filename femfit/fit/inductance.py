@@ -12,6 +12,7 @@ G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413 (variable projection
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from importlib.metadata import version
 from typing import Any
 
@@ -20,28 +21,16 @@ from scipy.optimize import least_squares, nnls
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
+from femfit.fit.misfit import as_written
+from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel, Circuit, Motion, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.inductance_table import InductanceTable
 
-
-@dataclass(frozen=True)
-class InductanceOptions:
-    """What is known besides the inductances.
-
-    Parameters
-    ----------
-    supply_V : (float, float) or None
-        The driver's lowest and highest voltage, for the circuit.
-    """
-
-    law: str = "two-exponentials"
-    mass_kg: float | None = None
-    resistance_ohm: float | None = None
-    supply_V: tuple[float, float] | None = None
-    sample_time_s: float = 1e-3
+POOR = 0.1
+"""Misfit over the inductance's change with the distance that the user is warned of; conventional."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +60,49 @@ class InductanceFit:
         """As JSON-ready data, without the model."""
         return {"rows": self.rows, "rms_H": self.rms_H, "max_H": self.max_H, "notes": [*self.of_data, *self.notes]}
 
+    def __str__(self) -> str:
+        """The lines that ``femfit fit`` prints, the answer first."""
+        magnetics, box = self.model.magnetics, self.model.validity
+        at = np.array([box.distance_min_m, box.distance_max_m])
+        first, last = 1e3 * magnetics.inductance(at, np.ones(2))
+        pull = magnetics.force(at, np.full(2, box.current_max_A))
+        near, far = 1e3 * at
+        return "\n".join(
+            [
+                (
+                    f"{self.model.name}: it misses {self.rows} inductances by {1e3 * self.rms_H:.2g} mH rms, "
+                    f"{1e3 * self.max_H:.2g} mH at most"
+                ),
+                f"inductance {first:.4g} mH at {near:.3g} mm to {last:.4g} mH at {far:.3g} mm",
+                (
+                    f"force at {box.current_max_A:.3g} A, from the slope: {pull[0]:.3g} N at {near:.3g} mm "
+                    f"to {pull[1]:.3g} N at {far:.3g} mm"
+                ),
+                *(f"note: {note}" for note in (*self.of_data, *self.notes)),
+            ]
+        )
 
-def fit_inductance(table: InductanceTable, options: InductanceOptions | None = None) -> InductanceFit:
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+
+def fit_inductance(
+    table: InductanceTable,
+    *,
+    law: str = "two-exponentials",
+    mass_kg: float | None = None,
+    resistance_ohm: float | None = None,
+    supply_V: tuple[float, float] | None = None,
+    sample_time_s: float = 1e-3,
+) -> InductanceFit:
     """Fit a force law to measured inductances.
 
     Parameters
     ----------
     table : InductanceTable
         Apparent inductances, weighted as flux linkages: a small current tells its inductance badly.
+    supply_V : (float, float) or None
+        The driver's lowest and highest voltage, for the circuit.
 
     Returns
     -------
@@ -88,60 +112,77 @@ def fit_inductance(table: InductanceTable, options: InductanceOptions | None = N
     Raises
     ------
     FitError
-        If there are fewer distances than the law has numbers, or its shape is not found.
+        If there are fewer distances than the law has numbers, its shape is not found, or the inductance does not fall
+        with the distance.
     """
-    options = options or InductanceOptions()
-    law = law_by_name(options.law)
+    if law in {"coenergy", "all"}:
+        raise FitError(
+            f"Inductances without forces give a law; --model must name one, for example two-exponentials, "
+            f"instead of {law}."
+        )
+    chosen = law_by_name(law)
     distances = np.unique(table.distance)
-    numbers = 1 + len(law.basis) + len(law.shape)
+    numbers = 1 + len(chosen.basis) + len(chosen.shape)
     if len(distances) < numbers:
         raise FitError(
-            f"Law {law.name} has {numbers} numbers and needs as many distances; {table.source} has {len(distances)}. "
-            "Measure at more distances, or take a simpler law."
+            f"Law {chosen.name} has {numbers} numbers and needs as many distances; {table.source} has "
+            f"{len(distances)}. Measure at more distances, or take a simpler law."
         )
-    shape = _shape(law, table)
-    solution, _ = _linear(law, shape, table)
+    _require_falling(table)
+    shape = _shape(chosen, table)
+    solution, _ = _linear(chosen, shape, table)
     coefficients = tuple(
         Coefficient(basis, 2, float(value), f"{unit} A^-2", bounds=(0.0, np.inf), active="" if value > 0.0 else "lower")
-        for basis, unit, value in zip(law.basis, law.coefficient_units, solution[1:], strict=True)
+        for basis, unit, value in zip(chosen.basis, chosen.coefficient_units, solution[1:], strict=True)
     )
-    magnetics = LawMagnetics(law.name, coefficients, shape, constant_inductance_H=float(solution[0]))
-    away = magnetics.inductance(table.distance, table.current) - table.inductance
-    circuit, motion, notes = _parts(options)
-    model = ActuatorModel(
-        name=table.source.rpartition(".")[0] or table.source,
-        magnetics=magnetics,
-        validity=ValidityBox(
-            float(distances[0]), float(distances[-1]), min(0.0, float(table.current.min())), float(table.current.max())
-        ),
-        circuit=circuit,
-        motion=motion,
-        sample_time_s=options.sample_time_s,
-        provenance={
-            "fit": {"inductances": table.source, "rows": len(away), "law": law.name},
-            "versions": {"femfit": version("femfit")},
-        },
+    magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
+    circuit, motion, notes = _parts(mass_kg, resistance_ohm, supply_V)
+    model = as_written(
+        ActuatorModel(
+            name=table.source.rpartition(".")[0] or table.source,
+            magnetics=magnetics,
+            validity=ValidityBox(
+                float(distances[0]),
+                float(distances[-1]),
+                min(0.0, float(table.current.min())),
+                float(table.current.max()),
+            ),
+            circuit=circuit,
+            motion=motion,
+            sample_time_s=sample_time_s,
+            provenance={
+                "fit": {"inductances": table.source, "rows": len(table.inductance), "law": chosen.name},
+                "versions": {"femfit": version("femfit")},
+            },
+        )
     )
-    return InductanceFit(
-        model, float(np.sqrt(np.mean(away**2))), float(np.abs(away).max()), len(away), notes, table.findings
-    )
+    error = model.magnetics.inductance(table.distance, table.current) - table.inductance
+    if rms(error) > POOR * float(np.ptp(table.inductance)):
+        notes = (
+            *notes,
+            (
+                f"The model misses {100 * rms(error) / float(np.ptp(table.inductance)):.2g} % of the inductance's "
+                "change with the distance, and its force by as much. Take another law, or check the distances."
+            ),
+        )
+    return InductanceFit(model, rms(error), float(np.abs(error).max()), len(error), notes, table.findings)
 
 
-def inductance_lines(fit: InductanceFit) -> list[str]:
-    """What ``femfit fit`` prints."""
-    model, magnetics = fit.model, fit.model.magnetics
-    box = model.validity
-    at = np.array([box.distance_min_m, box.distance_max_m])
-    first, last = magnetics.inductance(at, np.ones(2))
-    pull = magnetics.force(at, np.full(2, box.current_max_A))
-    return [
-        *(f"note: {note}" for note in fit.of_data),
-        f"{model.name}: {fit.rows} inductances, no force; the law's force is what their slope makes it",
-        f"inductance {1e3 * first:.4g} mH at {1e3 * at[0]:.3g} mm to {1e3 * last:.4g} mH at {1e3 * at[1]:.3g} mm",
-        f"misfit of the inductance {1e3 * fit.rms_H:.2g} mH rms, at most {1e3 * fit.max_H:.2g} mH",
-        f"force at {box.current_max_A:.3g} A: {pull[0]:.3g} to {pull[1]:.3g} N",
-        *(f"note: {note}" for note in fit.notes),
-    ]
+def _require_falling(table: InductanceTable) -> None:
+    """Refuse inductances that grow with the distance: soft iron is drawn to where the inductance is larger."""
+    slope = np.polyfit(table.distance - table.distance.mean(), table.inductance, 1)[0]
+    if slope < 0.0:
+        return
+    near, far = (
+        1e3 * float(np.mean(table.inductance[table.distance == end]))
+        for end in (table.distance.min(), table.distance.max())
+    )
+    raise FitError(
+        f"The inductance of {table.source} must fall with the distance, as that of a coil does whose iron moves away; "
+        f"instead it goes from {near:.4g} mH at {1e3 * table.distance.min():.3g} mm to {far:.4g} mH at "
+        f"{1e3 * table.distance.max():.3g} mm. If the column counts how far the plunger has entered, subtract it "
+        "from its largest value."
+    )
 
 
 def _linear(law: ForceLaw, shape: Mapping[str, float], table: InductanceTable) -> tuple[FloatArray, FloatArray]:
@@ -176,14 +217,16 @@ def _shape(law: ForceLaw, table: InductanceTable) -> dict[str, float]:
     return named(best.x)
 
 
-def _parts(options: InductanceOptions) -> tuple[Circuit | None, Motion | None, tuple[str, ...]]:
+def _parts(
+    mass_kg: float | None, resistance_ohm: float | None, supply_V: tuple[float, float] | None
+) -> tuple[Circuit | None, Motion | None, tuple[str, ...]]:
     circuit, motion, notes = None, None, []
-    if options.resistance_ohm is not None and options.supply_V is not None:
-        circuit = Circuit(options.resistance_ohm, *options.supply_V)
+    if resistance_ohm is not None and supply_V is not None:
+        circuit = Circuit(resistance_ohm, *supply_V)
     else:
         notes.append("No circuit in the model: give --resistance-ohm and --supply-V LOW:HIGH.")
-    if options.mass_kg is not None:
-        motion = Motion(options.mass_kg)
+    if mass_kg is not None:
+        motion = Motion(mass_kg)
     else:
         notes.append("No motion in the model: give --mass-g.")
     return circuit, motion, tuple(notes)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import QPSolution
 from femfit.fit.scaled_qp import Inequalities
 from femfit.laws.law import ForceLaw
@@ -43,12 +44,33 @@ class CoefficientBounds:
             return self.lower, self.upper
         return np.where(self.attracting, -np.inf, self.lower), np.where(self.attracting, np.inf, self.upper)
 
+    def with_single(self, law: ForceLaw, single: Mapping[str, tuple[float, float]]) -> "CoefficientBounds":
+        """These bounds with those of single columns given by hand, which hold at every current."""
+        lower, upper = self.lower.copy(), self.upper.copy()
+        for basis, ends in single.items():
+            if basis not in law.basis:
+                raise FitError(f"Law {law.name} has the coefficients of {', '.join(law.basis)}; none of {basis!r}.")
+            lower[law.basis.index(basis)], upper[law.basis.index(basis)] = ends
+        attracting = None if self.attracting is None else self.attracting & ~np.isin(law.basis, list(single))
+        return CoefficientBounds(lower, upper, attracting)
+
     def of_column(self, k: int) -> "CoefficientBounds":
         """The bounds of one column."""
         own = slice(k, k + 1)
         return CoefficientBounds(
             self.lower[own], self.upper[own], None if self.attracting is None else self.attracting[own]
         )
+
+
+def default_bounds(law: ForceLaw) -> CoefficientBounds:
+    """The law's own: coefficients that it calls non-negative, at each current in which the coil attracts.
+
+    At negative currents the coil's part of the force, b(i) = m i, repels, and a bound there would leave only b = 0.
+    """
+    nonnegative = law.nonnegative or (False,) * len(law.basis)
+    return CoefficientBounds(
+        np.where(nonnegative, 0.0, -np.inf), np.full(len(law.basis), np.inf), np.array(nonnegative)
+    )
 
 
 def term_names(law: ForceLaw, functions: Sequence[str]) -> tuple[tuple[str, int], ...]:

@@ -10,7 +10,15 @@ from scipy.stats import t as student
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
-from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, TermBounds, design_matrix, term_bounds, term_names
+from femfit.fit.law_columns import (
+    FUNCTIONS,
+    CoefficientBounds,
+    TermBounds,
+    default_bounds,
+    design_matrix,
+    term_bounds,
+    term_names,
+)
 from femfit.fit.rows import FitRows
 from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
 from femfit.laws.law import ForceLaw
@@ -91,23 +99,6 @@ def law_sigma(rows: FitRows) -> FloatArray:
         N. A thousandth of the weight, or of the rms force: with an equal sigma the weighted sum is J of the paper.
     """
     return np.hypot(1e-3 * rows.error_scale[0], rows.force_error)
-
-
-def default_bounds(law: ForceLaw) -> CoefficientBounds:
-    """The law's own: coefficients that it calls non-negative, at each current in which the coil attracts.
-
-    The paper bounds them at its currents, all of which attract (0 to 1.4 A). At negative ones the coil's part of the
-    force, b(i) = m i, repels, and a bound there would leave only b = 0.
-
-    Returns
-    -------
-    CoefficientBounds
-        Zero or minus infinity below, infinity above, at currents >= 0.
-    """
-    nonnegative = law.nonnegative or (False,) * len(law.basis)
-    return CoefficientBounds(
-        np.where(nonnegative, 0.0, -np.inf), np.full(len(law.basis), np.inf), np.array(nonnegative)
-    )
 
 
 def fit_law(

@@ -9,20 +9,29 @@ armature's weight).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from textwrap import shorten
+from typing import Any
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import FemfitError, FitError
 from femfit.fit.bounded_qp import active_set_least_squares
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law, fit_shape, law_sigma
-from femfit.fit.rows import FitRows
+from femfit.fit.law_magnetics import law_magnetics
+from femfit.fit.misfit import as_written, misfit_to_rows
+from femfit.fit.rows import FitRows, rms
 from femfit.laws.law import ForceLaw
+from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
+from femfit.model.magnetics import LawMagnetics
 
 TARGET = 5e-3
-"""Held-out rms error, as a part of the weight (or of the rms force), that is good enough."""
+"""Held-out rms error, as a part of the weight (or of the rms force), that is good enough; conventional."""
+
+MAY_MISS = 1.1
+"""What a law misses the table by as it is written, over what its fit does: a tenth is allowed; conventional."""
 
 DISTANCE_BLOCKS = 8
 
@@ -35,18 +44,21 @@ class Candidate:
     ----------
     fit : LawFit or None
         To all rows; None where the law could not be fitted.
+    misfit : Misfit or None
+        Of the law as a model file would hold it, to all rows.
     held_out_rms, held_out_max : float
         Error on the rows left out, as a part of the weight (or of the rms force).
     held_out_of_force : float
         Rms of error over force (its scale, where it passes through zero) on the rows left out.
     rms : float
-        Error of the joint fit to all rows, as a part of the same.
+        The force's part of ``misfit``, as a part of the same.
     failure : str
         Why it could not be fitted, or empty.
     """
 
     fit: LawFit | None
     law: ForceLaw
+    misfit: Misfit | None
     held_out_rms: float
     held_out_max: float
     held_out_of_force: float
@@ -76,6 +88,73 @@ class Ranking:
     reached: bool
     of: str
     why_of: str
+
+    def lines(self) -> list[str]:
+        """The table of candidates and why one is recommended."""
+        best = self.recommended
+        reason = "the cheapest within" if self.reached else "the best; none is within"
+        operations = best.fit.operations if best.fit else 0
+        because = f", because {self.why_of}" if self.why_of else ""
+        circuit = any(c.misfit and c.misfit.flux_linkage_share is not None for c in self.candidates)
+        lines = [
+            (
+                f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the {self.of} "
+                "on points left out"
+            ),
+            f"errors in % of the {self.of}{because}; as written, in % of each quantity's rms:",
+            (
+                f"  {'law':23} {'left out':>9} {'at most':>8}   as written: {'force':>7}"
+                + (f" {'flux linkage':>13} {'inductance':>11}" if circuit else "")
+                + f" {'operations':>11}"
+            ),
+        ]
+        for c in self.candidates:
+            if c.fit is None or c.misfit is None:
+                lines.append(f"  {c.law.name:23} not fitted: {shorten(c.failure, 90)}")
+                continue
+            shares = (c.misfit.flux_linkage_share, c.misfit.inductance_share)
+            lines.append(
+                f"  {c.law.name:23} {100 * c.held_out_rms:9.3f} {100 * c.held_out_max:8.2f} "
+                f"{_percent(c.misfit.force_share):>20}"
+                + (f" {_percent(shares[0]):>13} {_percent(shares[1]):>11}" if circuit else "")
+                + f" {c.fit.operations:11d}"
+            )
+        return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, best first; null in place of what a law that could not be fitted does not have."""
+        return {
+            "of": self.of,
+            "why_of": self.why_of or None,
+            "target": TARGET,
+            "recommended": self.recommended.law.name,
+            "reached": self.reached,
+            "candidates": [
+                {
+                    "law": c.law.name,
+                    "formula": c.law.formula,
+                    "held_out_rms": c.held_out_rms if c.fit else None,
+                    "held_out_max": c.held_out_max if c.fit else None,
+                    "held_out_of_force": c.held_out_of_force if c.fit else None,
+                    "rms": c.rms if c.fit else None,
+                    "misfit": asdict(c.misfit) if c.misfit else None,
+                    "operations": c.fit.operations if c.fit else None,
+                    "parameters": c.parameters,
+                    "functions": list(c.fit.functions) if c.fit else None,
+                    "failure": c.failure or None,
+                }
+                for c in self.candidates
+            ],
+        }
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else in_percent(share)
+
+
+def in_percent(share: float) -> str:
+    """A share in per cent with two digits, without an exponent where it is large."""
+    return f"{100 * share:.2g}" if share < 0.995 else f"{100 * share:.0f}"
 
 
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
@@ -130,23 +209,35 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
     try:
         fit = fit_law(law, rows)
         errors, force_scale = _held_out(fit, rows, folds)
-    except (FitError, ValueError, ArithmeticError) as failure:  # one law, perhaps another package's, fails alone
+        written = _as_written(law_magnetics(fit, rows), rows)
+    except (FemfitError, ValueError, ArithmeticError) as failure:  # one law, perhaps another package's, fails alone
         return _failed(law, str(failure))
     if not np.all(np.isfinite(errors)):
         return _failed(law, "its force on the rows left out is not finite.")
+    fitted = rms(fit.joint.residual)
+    if written.force_rms_N > MAY_MISS * max(fitted, 1e-9 * rows.rms_force):
+        return _failed(
+            law, f"as written it would miss the table by {written.force_rms_N:.3g} N, its fit by {fitted:.3g} N."
+        )
     return Candidate(
         fit=fit,
         law=law,
-        held_out_rms=float(np.sqrt(np.mean(errors**2))) / scale,
+        misfit=written,
+        held_out_rms=rms(errors) / scale,
         held_out_max=float(np.max(np.abs(errors))) / scale,
-        held_out_of_force=float(np.sqrt(np.mean((errors / force_scale) ** 2))),
-        rms=float(np.sqrt(np.mean(fit.joint.residual**2))) / scale,
+        held_out_of_force=rms(errors / force_scale),
+        rms=written.force_rms_N / scale,
         parameters=len(fit.terms) + len(fit.shape),
     )
 
 
+def _as_written(magnetics: LawMagnetics, rows: FitRows) -> Misfit:
+    box = ValidityBox(rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
+    return misfit_to_rows(as_written(ActuatorModel("candidate", magnetics, box)), rows)
+
+
 def _failed(law: ForceLaw, reason: str) -> Candidate:
-    return Candidate(None, law, np.inf, np.inf, np.inf, np.inf, 0, reason)
+    return Candidate(None, law, None, np.inf, np.inf, np.inf, np.inf, 0, reason)
 
 
 def _held_out(fit: LawFit, rows: FitRows, folds: Sequence[BoolArray]) -> tuple[FloatArray, FloatArray]:

@@ -13,6 +13,9 @@ from femfit.tables.sweep_table import SweepTable
 FEWEST_ROWS = 12
 FEWEST_DISTANCES = 4
 FAR_ABOVE_WEIGHT = 10.0
+FARTHEST_M = 0.5
+"""No actuator's nearest distance is that large; a column in millimetres is."""
+
 SMALL_FORCE = 0.01
 """Forces below this part of the largest one at the same distance are passages through zero, whose relative error would
 say nothing."""
@@ -66,7 +69,7 @@ class FitRows:
     @property
     def rms_force(self) -> float:
         """Root mean square of the force, N."""
-        return float(np.sqrt(np.mean(self.force**2)))
+        return rms(self.force)
 
     @property
     def error_scale(self) -> tuple[float, str]:
@@ -101,6 +104,11 @@ class FitRows:
         )
 
 
+def rms(values: FloatArray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float) -> FitRows:
     """Check a sweep table and give its rows.
 
@@ -122,6 +130,11 @@ def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float)
     if distance is None or current is None or force is None:
         missing = ", ".join(name for name, values in columns.items() if values is None)
         raise TableError(f"A fit needs the columns distance_m, current_A and force_N; {missing} missing.")
+    if np.min(distance) > FARTHEST_M:
+        raise TableError(
+            f"Distances must be in m; distance_m goes from {np.min(distance):g} to {np.max(distance):g}, which look "
+            "like millimetres. Divide the column by 1000, or read the table with femfit import --distance-unit mm."
+        )
     if len(distance) < FEWEST_ROWS or len(np.unique(distance)) < FEWEST_DISTANCES:
         raise TableError(
             f"A fit needs at least {FEWEST_ROWS} usable rows at {FEWEST_DISTANCES} distances; instead received "

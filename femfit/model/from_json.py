@@ -135,6 +135,10 @@ def _misfit_from(section: Section) -> Misfit:
         force_rms_relative=section.number("force_rms_relative"),
         force_rms_of_weight=section.optional_number("force_rms_of_weight"),
         flux_linkage_rms_Wb=section.optional_number("flux_linkage_rms_Wb"),
+        inductance_rms_H=section.optional_number("inductance_rms_H"),
+        force_share=section.optional_number("force_share"),
+        flux_linkage_share=section.optional_number("flux_linkage_share"),
+        inductance_share=section.optional_number("inductance_share"),
         hall_rms_T=section.optional_number("hall_rms_T"),
         rows=section.integer("rows", 0, 2**53),
         against=section.text("against"),
@@ -179,6 +183,7 @@ def _magnetics_from(section: Section) -> Magnetics:
         shape={p.name: section.section("shape").number(p.name) for p in law.shape},
         constant_inductance_H=section.number("constant_inductance_H"),
         constant_flux_linkage_Wb=section.number("constant_flux_linkage_Wb"),
+        reference_distance_m=section.optional_number("reference_distance_m"),
     )
 
 

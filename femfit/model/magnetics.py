@@ -154,13 +154,19 @@ class Coefficient:
 class LawMagnetics(Magnetics):
     """A force law with polynomial coefficient functions, and the flux linkage that reciprocity leaves open.
 
-    W'(d, i) = sum_k,n c_kn i^n Phi_k(d) + flux_linkage_0 i + L_0 i^2 / 2: the terms of the last two do not depend on
-    the distance, so force data say nothing about them; they come from the sweep's flux linkage or a measurement.
+    W'(d, i) = sum_k,n c_kn i^n (Phi_k(d) - Phi_k(d_ref)) + flux_linkage_ref i + L_ref i^2 / 2. Force data say nothing
+    about the last two terms, which do not depend on the distance. Counted from d_ref, the farthest distance of the
+    sweep, they are the flux linkage without current and the inductance there, and no integral to infinity, where no
+    row holds a law, enters the circuit.
 
     Parameters
     ----------
     shape : mapping of str to float
         The law's nonlinear parameters.
+    constant_inductance_H, constant_flux_linkage_Wb : float
+        L_ref and flux_linkage_ref.
+    reference_distance_m : float or None
+        d_ref; None for infinity, as in models of earlier versions.
     """
 
     law_name: str
@@ -168,6 +174,7 @@ class LawMagnetics(Magnetics):
     shape: Mapping[str, float] = field(default_factory=dict)
     constant_inductance_H: float = 0.0
     constant_flux_linkage_Wb: float = 0.0
+    reference_distance_m: float | None = None
 
     @cached_property
     def law(self) -> ForceLaw:
@@ -182,13 +189,19 @@ class LawMagnetics(Magnetics):
             table[self.law.basis.index(c.basis), c.current_power] += c.value
         return table
 
+    @cached_property
+    def _potential_at_reference(self) -> FloatArray:
+        if self.reference_distance_m is None:
+            return np.zeros(len(self.law.basis))
+        return np.asarray(self.law.potential_columns(np.array([self.reference_distance_m]), self.shape)[0])
+
     def _derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
         columns = {}
         for a in {order[0] for order in orders}:
             if a == 0:
-                columns[a] = self.law.potential_columns(distance, self.shape)
+                columns[a] = self.law.potential_columns(distance, self.shape) - self._potential_at_reference
             elif a == 1:
                 columns[a] = -self.law.columns(distance, self.shape)
             else:

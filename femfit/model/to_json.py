@@ -73,6 +73,7 @@ def _magnetics_to_dict(magnetics: Magnetics) -> dict[str, Any]:
             "coefficients": [_coefficient_to_dict(c) for c in magnetics.coefficients],
             "constant_inductance_H": magnetics.constant_inductance_H,
             "constant_flux_linkage_Wb": magnetics.constant_flux_linkage_Wb,
+            "reference_distance_m": magnetics.reference_distance_m,
         }
     raise ModelFileError(
         f"Magnetics must be a co-energy spline or a law to be written; it is {type(magnetics).__name__}."

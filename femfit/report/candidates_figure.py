@@ -192,11 +192,11 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
 
 
 def law_force(fit: LawFit, rows: FitRows) -> FloatArray:
-    """A law's force at the rows, with its two-stage coefficients, in N.
+    """A law's force at the rows, with the coefficients of the model, in N.
 
     Returns
     -------
     array, shape (rows,)
         In N.
     """
-    return fit.force(fit.two_stage, rows.distance, rows.current)
+    return fit.force(fit.joint.x, rows.distance, rows.current)

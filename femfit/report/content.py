@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from femfit.core.errors import DomainError
 from femfit.device.parts import Actuator
 from femfit.filters.theory import holding_current
-from femfit.fit.build import FitResult
 from femfit.fit.law_fit import LawFit
+from femfit.fit.result import FitResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.study import ClosedLoopStudy
@@ -20,7 +20,7 @@ class ReportContent:
     Parameters
     ----------
     fit : FitResult
-        Of ``FitOptions(model="all")``: candidates, co-energy, Hall characteristic.
+        Of all laws: candidates, co-energy, Hall characteristic.
     no_study : str
         Why there is none, as the error said.
     field : FieldSample or None

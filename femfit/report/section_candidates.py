@@ -134,7 +134,6 @@ def _term_table(fit: LawFit, content: ReportContent) -> DataTable:
         rows.append(
             (
                 term,
-                significant(float(fit.two_stage[n]), 5),
                 significant(float(fit.joint.x[n]), 5),
                 f"{significant(float(low), 4)} … {significant(float(high), 4)}",
                 formula_markup(unit),
@@ -143,7 +142,7 @@ def _term_table(fit: LawFit, content: ReportContent) -> DataTable:
     units = {parameter.name: parameter.unit for parameter in fit.law.shape}
     for name, value in fit.shape.items():
         low, high = fit.shape_interval[name]
-        rows.append((name, significant(value, 5), "", f"{significant(low, 4)} … {significant(high, 4)}", units[name]))
+        rows.append((name, significant(value, 5), f"{significant(low, 4)} … {significant(high, 4)}", units[name]))
     return DataTable(
         text(
             "Coefficients of {}, with 95 % intervals (jackknife over blocks of distances), for {} to {} mm and {} to "
@@ -154,7 +153,7 @@ def _term_table(fit: LawFit, content: ReportContent) -> DataTable:
             plain(content.fit.rows.currents[0]),
             plain(content.fit.rows.currents[-1]),
         ),
-        ("term", "two stages", "one stage", "95 % interval of the one stage", "unit"),
+        ("term", "value", "95 % interval", "unit"),
         tuple(rows),
     )
 

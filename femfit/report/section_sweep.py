@@ -41,7 +41,7 @@ def sweep_section(content: ReportContent) -> Section:
         blocks.append(Markup("The points do not fill a grid of currents and distances, so that no curves are drawn."))
         return Section("sweep", "The sweep, and how accurate it is", tuple(blocks))
     table = reciprocity(grid)
-    blocks += [*_pictures(content, grid), _linearity(content), _accuracy(content, grid)]
+    blocks += [*_pictures(content, grid), _accuracy(content, grid)]
     if table is not None:
         blocks.append(_reciprocity(table))
     blocks.append(
@@ -85,30 +85,6 @@ def _pictures(content: ReportContent, grid: SweepGrid) -> tuple[Picture, Picture
                 else "",
             ),
         ),
-    )
-
-
-def _linearity(content: ReportContent) -> Block:
-    test = content.fit.linearity
-    if test is None:
-        return Markup("")
-    if test.quadratic_share < 0.01:
-        verdict = "the force is linear in the current to within that"
-    else:
-        verdict = "the force is not linear in the current"
-    proof = ""
-    if test.f_value is not None and test.p_value is not None:
-        freedom = "F({}, {})".format(*test.degrees_of_freedom)
-        proof = f" ({freedom} = {test.f_value:.3g}, p = {test.p_value:.2g})"
-    return text(
-        "Linearity, the paper's Table 2 with a test: adding {} A raises the force by {} on average at low and by {} "
-        "at high current. A term in i² carries {} of the dependence on current{}: {}.",
-        plain(float(test.pairs_A[0, 1] - test.pairs_A[0, 0])),
-        quantity(float(test.mean_N[0]), "N", 4),
-        quantity(float(test.mean_N[-1]), "N", 4),
-        percent(test.quadratic_share),
-        proof,
-        verdict,
     )
 
 

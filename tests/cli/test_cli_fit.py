@@ -25,7 +25,7 @@ def test_a_law_is_written_where_asked_with_its_report_as_text_and_json(sweep, tm
     result = fit(sweep, "--model", "F1e", "-o", tmp_path / "deep" / "m.json", "--json", tmp_path / "r.json")
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
-    assert "stage two" in result.stdout
+    assert result.stdout.startswith(f"written: {tmp_path / 'deep' / 'm.json'}")
     assert read_model(tmp_path / "deep" / "m.json").magnetics.law_name == "F1e"
     data = json.loads((tmp_path / "r.json").read_text())
     assert data["model"] == "F1e"
@@ -39,19 +39,11 @@ def test_the_coenergy_is_the_default_and_lies_beside_the_table(sweep):
     assert read_model(sweep / "model_coenergy.json").misfit.force_rms_relative < 1e-3
 
 
-def test_the_papers_box_is_an_error_of_one_sentence_with_a_remedy(sweep, tmp_path):
-    result = fit(sweep, "--model", "F1e", "--bounds", "paper", "-o", tmp_path / "m.json")
-    assert result.returncode == 1
-    assert result.stderr.startswith("femfit: The fit is infeasible, because")
-    assert "Traceback" not in result.stderr
-    assert not (tmp_path / "m.json").exists()
-
-
 def test_single_bounds_and_functions_are_read(sweep, tmp_path):
     options = ["--bound", "d^-4=:1e-9", "--bound", "d^-2=0:", "--functions", "constant,through-origin"]
     result = fit(sweep, "--model", "F1e", *options, "-o", tmp_path / "m.json")
     assert result.returncode == 0, result.stderr
-    assert "d^-4 upper" in result.stdout
+    assert read_model(tmp_path / "m.json").magnetics.coefficients[0].bounds[1] == 1e-9
 
 
 @pytest.mark.parametrize("text", ["d^-4", "d^-4=1", "d^-4=a:b", "d^-4=nan:1"])

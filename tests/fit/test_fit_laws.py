@@ -1,13 +1,13 @@
-"""Laws fitted to whole sweeps: shapes, joint fit, intervals, ranking, named bounds."""
+"""Laws fitted to whole sweeps: shapes, joint fit, intervals, ranking, bounds."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from femfit.core.errors import FitError, InfeasibleFitError
-from femfit.fit.law_fit import default_bounds, fit_law, law_sigma
-from femfit.fit.named_bounds import bounds_by_name
+from femfit.core.errors import FitError
+from femfit.fit.law_columns import default_bounds
+from femfit.fit.law_fit import fit_law, law_sigma
 from femfit.fit.ranking import TARGET, rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN, law_by_name
@@ -112,48 +112,14 @@ def test_rows_with_a_larger_declared_error_weigh_less():
     assert np.all(law_sigma(rows_of_table(table, MASS, G)) > 1.0)
 
 
-def test_the_papers_literal_box_is_infeasible_because_of_its_slacks(paper_rows):
-    rows = rows_of_table(force_table(lambda d, i: paper_force(d, i) + 1e-3 * np.cos(300 * d)), MASS, G)
-    with pytest.raises(InfeasibleFitError) as caught:
-        bounds_by_name("paper", F1E, rows)
-    text = str(caught.value)
-    assert "infeasible, because eq. (10) bounds every slack" in text
-    assert "At 0 A, row 1 can be met, but not also row 2 (15.5 mm" in text
-    assert "The upper bound 1e-07 of d^-2 alone excludes" in text
-    assert "--bounds law" in text
-
-
-def test_the_papers_literal_box_excludes_its_own_b_even_on_data_of_its_own_law(paper_rows):
-    with pytest.raises(InfeasibleFitError, match=r"At 0.2 A.*1e-07 of d\^-2 alone excludes 9.02e-07 N m\^2"):
-        bounds_by_name("paper", F1E, paper_rows)
-
-
-def test_the_slack_that_the_literal_box_would_need_is_the_best_one_sided_fit(paper_rows):
-    # Without current only a enters and (13) fits exactly: no slack is needed, and the box holds a = 6e-9.
-    still = rows_of_table(force_table(lambda d, i: paper_force(d, 0.0 * i)), MASS, G)
-    box = bounds_by_name("paper", F1E, still)
-    np.testing.assert_array_equal(box.upper, 1e-7)
-
-
-def test_the_box_on_coefficients_alone_is_feasible_and_reports_its_active_bound(paper_rows):
-    fit = fit_law(F1E, paper_rows, bounds_by_name("paper-coefficients", F1E, paper_rows))
-    assert all(solution.active[1] == "upper" for solution in fit.stage_one.solutions[1:])
-    assert any("d^-2" in word and "upper" in word for word in fit.limits.active(fit.joint))
-
-
-def test_single_bounds_override_named_ones(paper_rows):
-    box = bounds_by_name("law", F1E, paper_rows, {"d^-4": (1e-9, 5e-9)})
+def test_single_bounds_override_those_of_the_law(paper_rows):
+    box = default_bounds(F1E).with_single(F1E, {"d^-4": (1e-9, 5e-9)})
     np.testing.assert_array_equal(box.lower, [1e-9, 0.0])
     np.testing.assert_array_equal(box.upper, [5e-9, np.inf])
     fit = fit_law(F1E, paper_rows, box)
     assert np.all(fit.stage_one.coefficients[:, 0] <= 5e-9)
     with pytest.raises(FitError, match="none of 'd"):
-        bounds_by_name("law", F1E, paper_rows, {"d^-3": (0.0, 1.0)})
-
-
-def test_unknown_bounds_list_the_known_ones(paper_rows):
-    with pytest.raises(FitError, match="law, none, paper, paper-coefficients; instead received 'tight'"):
-        bounds_by_name("tight", F1E, paper_rows)
+        default_bounds(F1E).with_single(F1E, {"d^-3": (0.0, 1.0)})
 
 
 def test_ranking_puts_the_true_law_first_and_recommends_the_cheapest_good_one(paper_rows):
@@ -218,7 +184,7 @@ def test_a_laws_attracting_bound_still_holds_at_positive_currents():
 
 
 def test_bounds_given_by_hand_hold_at_every_current():
-    box = bounds_by_name("law", F1E, both_signs(), {"d^-2": (0.0, np.inf)})
+    box = default_bounds(F1E).with_single(F1E, {"d^-2": (0.0, np.inf)})
     assert box.at(-0.1)[0].tolist() == [-np.inf, 0.0]
     assert box.at(0.1)[0].tolist() == [0.0, 0.0]
     assert default_bounds(F1E).at(-0.1)[0].tolist() == [-np.inf, -np.inf]

@@ -8,7 +8,6 @@ import pytest
 
 from femfit.core.errors import FitError
 from femfit.fit.law_columns import CoefficientBounds, term_bounds
-from femfit.fit.linearity import quadratic_f_test
 from femfit.fit.rows import rows_of_table
 from femfit.fit.two_stage import fit_coefficient_function, fit_each_current, fit_functions
 from femfit.laws.f1e import F1E
@@ -39,14 +38,6 @@ def test_held_out_currents_choose_a_constant_for_the_papers_a():
     a = fit_coefficient_function(I, TABLE_3["a_N_m4"].to_numpy(), "a", ABOVE_ZERO)
     assert a.name == "constant"
     assert min(a.held_out, key=a.held_out.get) == "constant"
-
-
-def test_the_papers_b_is_not_quite_linear_in_the_current():
-    b = TABLE_3["b_N_m2"].to_numpy()
-    f_value, p_value = quadratic_f_test(I, b, through_origin=True)
-    assert f_value == pytest.approx(11.4, abs=0.05)
-    assert p_value == pytest.approx(0.015, abs=5e-4)
-    assert fit_coefficient_function(I, b, "b", ABOVE_ZERO).name == "quadratic"
 
 
 @pytest.mark.parametrize("seed", range(8))

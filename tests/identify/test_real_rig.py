@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.fit.inductance import InductanceOptions, fit_inductance
+from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model, write_model
 from femfit.tables.inductance_table import read_inductance_table
 from support.command import femfit
@@ -47,8 +47,7 @@ def hover_error(rig, model, zero_A=0.0):
 def fitted(table, kept):
     """The model of some steps."""
     part = replace(table, distance=table.distance[kept], current=table.current[kept], inductance=table.inductance[kept])
-    options = InductanceOptions("two-exponentials", 1e-3 * MASS_G, RESISTANCE_OHM, (0.0, 11.0))
-    return fit_inductance(part, options).model
+    return fit_inductance(part, mass_kg=1e-3 * MASS_G, resistance_ohm=RESISTANCE_OHM, supply_V=(0.0, 11.0)).model
 
 
 def answer(rig, command, model, data, *options):

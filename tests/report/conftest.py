@@ -9,7 +9,7 @@ import pytest
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
 from femfit.filters.consistency import ConsistencyBand
-from femfit.fit.build import FitOptions, fit_model
+from femfit.fit.build import fit_model
 from femfit.report.content import ReportContent
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.design import CONTROLLERS, design_loop
@@ -129,7 +129,7 @@ def rig_content():
     """The paper's rig with everything."""
     actuator = read_actuator(GEOMETRY / "emaws-rig.toml")
     table = sweep_of(actuator)
-    fit = fit_model(table, FitOptions(model="all"))
+    fit = fit_model(table, law="all")
     return ReportContent(
         actuator=actuator,
         sweep=table,
@@ -146,7 +146,7 @@ def plunger_content():
     """An actuator without magnet, Hall element and loop, and without a sampled field."""
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
     table = sweep_of(actuator, magnet=0.0)
-    fit = fit_model(table, FitOptions(model="all"))
+    fit = fit_model(table, law="all")
     return ReportContent(actuator=actuator, sweep=table, fit=fit, no_study="Model must have a sensor")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import RunDirectoryError
-from femfit.fit.build import FitOptions, fit_model
+from femfit.fit.build import fit_model
 from femfit.report import html
 from femfit.report.html import render_report, write_report
 from femfit.report.offscreen import OffScreenPicture
@@ -184,7 +184,7 @@ def test_the_error_beside_a_change_of_the_forces_sign_is_measured_by_the_force_n
     rows = rig_content.sweep.rows
     near = rows["force_N"][(rows["current_A"] == 0.0) & (rows["distance_m"] > 0.02)].iloc[0]
     table = replace(rig_content.sweep, rows=rows.assign(force_N=rows["force_N"] - near * 1.0001))
-    content = replace(rig_content, sweep=table, fit=fit_model(table, FitOptions(model="coenergy")))
+    content = replace(rig_content, sweep=table, fit=fit_model(table))
     # 2 uN over the force that is left there, 4 uN, would be 50 %; the neighbours' forces are thousands of times larger
     assert "estimated error at most 0.0" in str(summary(content)[0])
 

@@ -1,11 +1,27 @@
-"""Table 2 of the paper with its statistics right."""
+"""The levitation paper's force tables: linearity with its statistics right, and why its literal box is infeasible."""
+
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from papers.chowdhury_force import (
+    linearity_test,
+    paper_box,
+    quadratic_f_test,
+    require_slack_box,
+)
 from scipy import stats
 
-from femfit.fit.linearity import linearity_test, quadratic_f_test
+from femfit.core.errors import InfeasibleFitError
+from femfit.fit.law_columns import CoefficientBounds
+from femfit.fit.law_fit import fit_law
 from femfit.fit.rows import rows_of_table
+from femfit.fit.two_stage import fit_coefficient_function
+from femfit.laws.f1e import F1E
+from femfit.tables.sweep_table import write_sweep_table
 from support.sweeps import CURRENTS, DISTANCES, force_table
 
 
@@ -26,6 +42,16 @@ def test_table_2_from_the_papers_law_has_the_mean_and_spread_that_follow_from_it
     difference = 4.509e-6 * 0.2 * DISTANCES**-2.0
     np.testing.assert_allclose(test.mean_N, difference.mean(), rtol=1e-9)
     np.testing.assert_allclose(test.sd_N, np.std(difference, ddof=1), rtol=1e-9)
+
+
+def test_the_papers_b_is_not_quite_linear_in_the_current():
+    table = pd.read_csv(Path(__file__).parents[2] / "data" / "paper_table3.csv", comment="#")
+    current, b = table["current_A"].to_numpy(), table["b_N_m2"].to_numpy()
+    f_value, p_value = quadratic_f_test(current, b, through_origin=True)
+    assert f_value == pytest.approx(11.4, abs=0.05)
+    assert p_value == pytest.approx(0.015, abs=5e-4)
+    above_zero = CoefficientBounds(np.zeros(1), np.full(1, np.inf))
+    assert fit_coefficient_function(current, b, "b", above_zero).name == "quadratic"
 
 
 def test_an_exactly_linear_force_has_no_quadratic_part_and_no_noise_to_test_it_against():
@@ -76,3 +102,37 @@ def test_a_table_with_holes_or_two_currents_is_not_tested():
     assert linearity_test(rows_of(paper_force, currents=[0.0, 1.0])) is None
     rows = rows_of(paper_force)
     assert linearity_test(rows.take(np.arange(len(rows.force)) != 5)) is None
+
+
+def test_the_literal_box_is_infeasible_because_of_its_slacks():
+    rows = rows_of(lambda d, i: paper_force(d, i) + 1e-3 * np.cos(300 * d))
+    with pytest.raises(InfeasibleFitError) as caught:
+        require_slack_box(F1E, rows, paper_box(F1E))
+    text = str(caught.value)
+    assert "At 0 A, row 1 can be met, but not also row 2 (15.5 mm" in text
+    assert "The upper bound 1e-07 of d^-2 alone excludes" in text
+
+
+def test_the_literal_box_excludes_its_own_b_even_on_data_of_its_own_law():
+    with pytest.raises(InfeasibleFitError, match=r"At 0.2 A.*1e-07 of d\^-2 alone excludes 9.02e-07 N m\^2"):
+        require_slack_box(F1E, rows_of(paper_force), paper_box(F1E))
+
+
+def test_the_slack_that_the_literal_box_would_need_is_the_best_one_sided_fit():
+    # Without current only a enters and (13) fits exactly: no slack is needed, and the box holds a = 6e-9.
+    require_slack_box(F1E, rows_of(lambda d, i: paper_force(d, 0.0 * i)), paper_box(F1E))
+
+
+def test_the_box_on_coefficients_alone_is_feasible_and_reports_its_active_bound():
+    fit = fit_law(F1E, rows_of(paper_force), paper_box(F1E))
+    assert all(solution.active[1] == "upper" for solution in fit.stage_one.solutions[1:])
+    assert any("d^-2" in word and "upper" in word for word in fit.limits.active(fit.joint))
+
+
+def test_one_command_prints_the_tables(tmp_path):
+    write_sweep_table(force_table(paper_force), tmp_path)
+    script = Path(__file__).with_name("chowdhury_force.py")
+    done = subprocess.run([sys.executable, script, tmp_path], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "F1e: coefficients as functions of the current" in done.stdout
+    assert "eq. (10)" in done.stdout

@@ -1,0 +1,235 @@
+"""What a fit gives: the model, how it came about, and both as text and JSON-ready data."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from html import escape
+from typing import Any
+
+from femfit.fit.coenergy import SHAPES, CoenergyFit
+from femfit.fit.hall import HallFit
+from femfit.fit.law_fit import LawFit
+from femfit.fit.ranking import Ranking, in_percent
+from femfit.fit.rows import FitRows
+from femfit.model.actuator_model import ActuatorModel, Misfit
+
+_LABELS_SHOWN = 4
+"""Of active constraints; more are counted."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """A model and how it came about.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        Its ``misfit`` is that of its file, read back, to the table.
+    coenergy : CoenergyFit or None
+        The model itself where no law was asked for; None where the table is too small for one.
+    law : LawFit or None
+        The law, where one was asked for or recommended.
+    ranking : Ranking or None
+        Where all laws were asked for.
+    hall : HallFit or None
+        Where the table has the field at a Hall element.
+    notes : tuple of str
+        What the model lacks, and how to give it.
+    of_data : tuple of str
+        What the table's import warned of.
+    """
+
+    model: ActuatorModel
+    coenergy: CoenergyFit | None
+    law: LawFit | None
+    ranking: Ranking | None
+    hall: HallFit | None
+    rows: FitRows
+    notes: tuple[str, ...]
+    of_data: tuple[str, ...] = ()
+
+    @property
+    def misfit(self) -> Misfit:
+        """Of the model as it is written, to its table."""
+        assert self.model.misfit is not None  # noqa: S101  every fit computes it
+        return self.model.misfit
+
+    def __str__(self) -> str:
+        """The lines that ``femfit fit`` prints, the answer first."""
+        return "\n".join(_lines(self))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data: for ``--json`` and the model's provenance."""
+        return {
+            "model": self.law.law.name if self.law else "coenergy",
+            "rows": len(self.rows.force),
+            "misfit": asdict(self.misfit),
+            "coenergy": _coenergy_data(self.coenergy) if self.coenergy else None,
+            "law": _law_data(self.law) if self.law else None,
+            "ranking": self.ranking.to_dict() if self.ranking else None,
+            "hall": _hall_data(self.hall) if self.hall else None,
+            "notes": [*self.of_data, *self.notes],
+        }
+
+
+def _lines(result: FitResult) -> list[str]:
+    model, box = result.model, result.model.validity
+    kind = f"law {result.law.law.name}, {result.law.law.formula}" if result.law else "co-energy"
+    lines = [
+        f"{model.name}: {kind}; it misses its table of {len(result.rows.force)} points by",
+        *misfit_lines(result.misfit),
+        (
+            f"valid from {1e3 * box.distance_min_m:.4g} to {1e3 * box.distance_max_m:.4g} mm and "
+            f"{box.current_min_A:.4g} to {box.current_max_A:.4g} A"
+        ),
+        *(f"note: {note}" for note in (*result.of_data, *result.notes)),
+        _derived_line(result),
+    ]
+    if result.ranking is not None:
+        lines += result.ranking.lines()
+    elif result.law is not None:
+        lines += _law_lines(result.law)
+    elif result.coenergy is not None:
+        lines += _coenergy_lines(result.coenergy)
+    if result.hall is not None:
+        lines += _hall_lines(result.hall, model)
+    return lines
+
+
+def misfit_lines(misfit: Misfit) -> list[str]:
+    """A line for each quantity that the table has."""
+    weight = "" if misfit.force_rms_of_weight is None else f", {100 * misfit.force_rms_of_weight:.3g} % of the weight"
+    lines = [
+        (
+            f"  force        {_percent(misfit.force_share)} ({si(misfit.force_rms_N, 'N', 3)} rms, "
+            f"{si(misfit.force_max_N, 'N', 3)} at most{weight})"
+        )
+    ]
+    if misfit.flux_linkage_rms_Wb is not None:
+        lines.append(
+            f"  flux linkage {_percent(misfit.flux_linkage_share)} ({si(misfit.flux_linkage_rms_Wb, 'Wb', 3)} rms)"
+        )
+    if misfit.inductance_rms_H is not None:
+        lines.append(f"  inductance   {_percent(misfit.inductance_share)} ({si(misfit.inductance_rms_H, 'H', 3)} rms)")
+    return lines
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{in_percent(share)} %"
+
+
+def _derived_line(result: FitResult) -> str:
+    d, i = result.rows.distance, result.rows.current
+    state = result.model.magnetics.state(d, i)
+    text = f"motional constant dF/di {state.motional_constant.min():.4g} to {state.motional_constant.max():.4g} N/A"
+    if result.model.circuit is None and result.rows.flux_linkage is None:
+        return f"{text}; inductance unknown (no flux linkage in the table)"
+    return f"{text}; inductance {si(state.inductance.min(), 'H')} to {si(state.inductance.max(), 'H')}"
+
+
+def _coenergy_lines(fit: CoenergyFit) -> list[str]:
+    return [
+        (
+            f"B-spline of {fit.basis.shape[0]} x {fit.basis.shape[1]} coefficients (distance x current); error on "
+            f"points left out {100 * fit.held_out:.2g} %"
+        ),
+        *(f"constraint: {SHAPES[name]}" for name in fit.constraints),
+        f"active constraints: {_active(fit.active)}",
+    ]
+
+
+def _active(labels: Sequence[str]) -> str:
+    if len(labels) <= _LABELS_SHOWN:
+        return "; ".join(labels) or "none"
+    counts = Counter(label.partition(" at ")[0] for label in labels)
+    return "; ".join(f"{name} at {count} places" for name, count in counts.items())
+
+
+def _law_lines(fit: LawFit) -> list[str]:
+    lines = [f"coefficients of {fit.law.name} (95 % intervals from leaving out blocks of distances):"]
+    units = {parameter.name: parameter.unit for parameter in fit.law.shape}
+    for name, value in fit.shape.items():
+        low, high = fit.shape_interval[name]
+        lines.append(f"  {name:20} {value:13.5g}   {low:.4g} .. {high:.4g} {units[name]}")
+    for n, (basis, power) in enumerate(fit.terms):
+        unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
+        low, high = fit.interval.block[n]
+        lines.append(f"  {_term(basis, power):20} {fit.joint.x[n]:13.5e}   {low:.4e} .. {high:.4e} {unit}")
+    active = fit.limits.active(fit.joint)
+    return [*lines, *(f"  on its bound: {_active(active)}" for _ in active[:1])]
+
+
+def _term(basis: str, power: int) -> str:
+    return basis if power == 0 else f"{basis} i" if power == 1 else f"{basis} i^{power}"
+
+
+def _hall_lines(hall: HallFit, model: ActuatorModel) -> list[str]:
+    low, high = hall.coil_slope_T_per_A
+    far, near = hall.magnet_field_T
+    volt = ""
+    if model.sensor is not None:
+        per_tesla = model.sensor.sensitivity_V_per_T
+        volt = (
+            f" ({per_tesla * low:.3g} to {per_tesla * high:.3g} V/A, {per_tesla * far:.3g} to {per_tesla * near:.3g} V)"
+        )
+    return [
+        (
+            f"field at the Hall element: coil {si(low, 'T/A')} to {si(high, 'T/A')}, without current {si(far, 'T')} to "
+            f"{si(near, 'T')}{volt}; misfit {si(hall.rms_T, 'T', 3)} rms"
+        )
+    ]
+
+
+def si(value: float, unit: str, digits: int = 4) -> str:
+    """A number with an SI prefix, from micro to kilo: actuators pull from micronewtons to hundreds of kilonewtons."""
+    sizes = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"))
+    scale, prefix = next((pair for pair in sizes if abs(value) >= pair[0]), sizes[-1] if value else (1.0, ""))
+    return f"{value / scale:.{digits}g} {prefix}{unit}"
+
+
+def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
+    return {
+        "coefficients": fit.basis.shape[0] * fit.basis.shape[1],
+        "cells": list(fit.basis.cells),
+        "current_degree": fit.basis.current_degree,
+        "held_out_relative_rms": fit.held_out,
+        "constraints": list(fit.constraints),
+        "active": list(fit.active),
+        "condition_scaled": fit.qp.condition_scaled,
+    }
+
+
+def _law_data(fit: LawFit) -> dict[str, Any]:
+    return {
+        "name": fit.law.name,
+        "formula": fit.law.formula,
+        "operations": fit.operations,
+        "shape": dict(fit.shape),
+        "shape_interval95": {name: list(ends) for name, ends in fit.shape_interval.items()},
+        "functions": dict(zip(fit.law.basis, fit.functions, strict=True)),
+        "terms": [
+            {
+                "column": basis,
+                "current_power": power,
+                "value": float(fit.joint.x[n]),
+                "interval95": fit.interval.block[n].tolist(),
+            }
+            for n, (basis, power) in enumerate(fit.terms)
+        ],
+        "active": list(fit.limits.active(fit.joint)),
+        "condition_scaled": fit.joint.condition_scaled,
+    }
+
+
+def _hall_data(fit: HallFit) -> dict[str, Any]:
+    return {
+        "coil_slope_T_per_A": list(fit.coil_slope_T_per_A),
+        "magnet_field_T": list(fit.magnet_field_T),
+        "rms_T": fit.rms_T,
+        "max_T": fit.max_T,
+        "held_out_of_range": fit.held_out,
+        "coefficients": int(fit.field.spline.coefficients.size),
+    }

@@ -1,0 +1,292 @@
+"""Tables 2 to 5 of the levitation paper, and its eq. (10), on a sweep table.
+
+    python tests/papers/chowdhury_force.py runs/emaws-rig
+
+prints whether the force is linear in the current (Table 2), F1e and F2e at each current (Tables 3 and 5), their
+coefficients as functions of the current (Table 4), and why the box of eq. (10) excludes every solution: it writes the
+fit with one slack a row, sum_k c_k phi_k(d_j) + s_j = F_j, and bounds every variable, slacks included, by 0 and 1e-7,
+so that the law would have to lie between F_j - 1e-7 N and F_j in every row.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (4) to (13).
+"""
+
+import argparse
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.stats import f as fisher
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import InfeasibleFitError
+from femfit.fit.bounded_qp import active_set_least_squares
+from femfit.fit.law_columns import CoefficientBounds
+from femfit.fit.law_fit import LawFit, fit_law
+from femfit.fit.rows import FitRows, rows_of_table
+from femfit.laws.catalogue import law_by_name
+from femfit.laws.law import ForceLaw
+from femfit.tables.sweep_table import read_sweep_table
+
+GRAVITY = 9.80665
+PAPER_BOUND = 1e-7
+"""Upper bound of every variable in eq. (10), in each variable's own SI unit."""
+
+# Relative residuals below this are rounding of stored numbers, not noise.
+_ROUNDING = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class LinearityTest:
+    """The adjacent differences and the test of the quadratic part.
+
+    Parameters
+    ----------
+    pairs_A : array, shape (p, 2)
+        Adjacent currents.
+    mean_N, sd_N : array, shape (p,)
+        Mean and standard deviation over the distances of each difference.
+    spread_between_pairs : float
+        Largest difference of the means per ampere, over their mean: zero for a linear force.
+    quadratic_share : float
+        Rms of the i^2 part over the rms of the force's dependence on current.
+    quadratic_of_force : float
+        Largest i^2 part over the largest force.
+    f_value, p_value : float or None
+        F test of the quadratic part over all distances, its degrees of freedom below; None with fewer than four
+        currents, and where a parabola leaves nothing but rounding (a superposed sweep): there is then no noise to test
+        against. A small p proves a curvature; the two shares above say whether it matters.
+    """
+
+    pairs_A: FloatArray
+    mean_N: FloatArray
+    sd_N: FloatArray
+    spread_between_pairs: float
+    quadratic_share: float
+    quadratic_of_force: float
+    f_value: float | None
+    p_value: float | None
+    degrees_of_freedom: tuple[int, int]
+
+
+def linearity_test(rows: FitRows) -> LinearityTest | None:
+    """Test whether the force is linear in the current.
+
+    Returns
+    -------
+    LinearityTest or None
+        None with fewer than three currents, or where the rows are no full grid of distances and currents.
+    """
+    currents, distances = rows.currents, rows.distances
+    if len(currents) < 3 or len(rows.force) != len(currents) * len(distances):
+        return None
+    order = np.lexsort((rows.distance, rows.current))
+    force = rows.force[order].reshape(len(currents), len(distances))
+    differences = np.diff(force, axis=0)
+    per_ampere = differences.mean(axis=1) / np.diff(currents)
+    quadratic, f_value, p_value, freedom = _quadratic_part(currents, force)
+    change = force - force.mean(axis=0)
+    return LinearityTest(
+        pairs_A=np.stack([currents[:-1], currents[1:]], axis=1),
+        mean_N=differences.mean(axis=1),
+        sd_N=differences.std(axis=1, ddof=1),
+        spread_between_pairs=float(np.ptp(per_ampere) / abs(per_ampere.mean())) if per_ampere.mean() else 0.0,
+        quadratic_share=float(np.sqrt(np.mean(quadratic**2) / np.mean(change**2))) if np.any(change) else 0.0,
+        quadratic_of_force=float(np.max(np.abs(quadratic)) / np.max(np.abs(force))),
+        f_value=f_value,
+        p_value=p_value,
+        degrees_of_freedom=freedom,
+    )
+
+
+def quadratic_f_test(current: FloatArray, values: FloatArray, through_origin: bool = False) -> tuple[float, float]:
+    """F test of an i^2 part beside a line.
+
+    Parameters
+    ----------
+    current : array, shape (m,)
+        A; m > 3.
+    values : array, shape (m,)
+        Any quantity, for example a coefficient of stage one.
+    through_origin : bool
+        Whether the line is c_1 i (the paper's f_b) rather than c_0 + c_1 i.
+
+    Returns
+    -------
+    tuple of float
+        F on (1, m - terms) degrees of freedom, and its p value.
+    """
+    powers = (1, 2) if through_origin else (0, 1, 2)
+    matrix = current[:, None] ** np.array(powers, dtype=np.float64)
+    q_factor = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0))[0]
+    along = q_factor.T @ values
+    freedom = len(values) - len(powers)
+    f_value = float(along[-1] ** 2 / (np.sum((values - q_factor @ along) ** 2) / freedom))
+    return f_value, float(fisher.sf(f_value, 1, freedom))
+
+
+def _quadratic_part(
+    currents: FloatArray, values: FloatArray
+) -> tuple[FloatArray, float | None, float | None, tuple[int, int]]:
+    """The i^2 part beside the best line, shape (m, n), and its F test pooled over the columns."""
+    centred = (currents - currents.mean()) / (np.ptp(currents) or 1.0)
+    q_factor = np.linalg.qr(np.stack([np.ones_like(centred), centred, centred**2], axis=1))[0]
+    along = q_factor.T @ values
+    part = np.outer(q_factor[:, 2], along[2])
+    columns = values.shape[1]
+    freedom = (columns, columns * (len(currents) - 3))
+    if freedom[1] == 0:
+        return part, None, None, freedom
+    residual = float(np.sum((values - q_factor @ along) ** 2))
+    if residual <= _ROUNDING**2 * float(np.sum(values**2)):
+        return part, None, None, freedom
+    f_value = float(np.sum(along[2] ** 2) / freedom[0] / residual * freedom[1])
+    return part, f_value, float(fisher.sf(f_value, *freedom)), freedom
+
+
+def require_slack_box(law: ForceLaw, rows: FitRows, box: CoefficientBounds, slack: float = PAPER_BOUND) -> None:
+    """Check that a law reaches every row from below to within a slack, with coefficients in a box.
+
+    Parameters
+    ----------
+    rows : FitRows
+        Of the sweep; each current is checked by itself, as in stage one.
+    slack : float
+        Largest F_j - law(d_j), N; the smallest is zero.
+
+    Raises
+    ------
+    InfeasibleFitError
+        With the first current and row at which no coefficients are left, and the slack that would be needed.
+    """
+    for i in rows.currents:
+        at = np.flatnonzero(rows.current == i)
+        at = at[np.argsort(rows.distance[at])]
+        columns, force = law.columns(rows.distance[at], {}), rows.force[at]
+        needed = _needed_slack(columns, force, box)
+        if needed > slack:
+            first = _first_row(columns, force, box, slack)
+            free = CoefficientBounds(box.lower, np.full(len(box.upper), np.inf))
+            raise InfeasibleFitError(
+                f"The fit is infeasible, because eq. (10) bounds every slack (force minus law in one row) by "
+                f"0..{slack:g} N. At {i:g} A, {_rows_up_to(first)} can be met, but not also row {first + 1} "
+                f"({1e3 * rows.distance[at[first]]:g} mm, {1e3 * force[first]:.4g} mN): the slacks would have to reach "
+                f"{needed:.3g} N, {needed / slack:.2g} times their bound, and without upper bounds on the coefficients "
+                f"still {_needed_slack(columns, force, free):.3g} N. {_excluded(law, rows, box)}"
+                "Bound each coefficient by itself and leave the slacks free."
+            )
+
+
+def _rows_up_to(count: int) -> str:
+    return "no row" if count == 0 else "row 1" if count == 1 else f"rows 1 to {count}"
+
+
+def _excluded(law: ForceLaw, rows: FitRows, box: CoefficientBounds) -> str:
+    """Which coefficients the box cuts, with the first current at which it does; an empty text for none."""
+    sentences = []
+    for k, basis in enumerate(law.basis):
+        for i in rows.currents:
+            at = rows.current == i
+            columns = law.columns(rows.distance[at], {})
+            value = active_set_least_squares(columns, rows.force[at], np.ones(int(at.sum())), box.lower)[k]
+            if value > box.upper[k]:
+                sentences.append(
+                    f"The upper bound {box.upper[k]:g} of {basis} alone excludes {value:.3g} "
+                    f"{law.coefficient_units[k]}, which the data at {i:g} A ask for. "
+                )
+                break
+    return "".join(sentences)
+
+
+def _needed_slack(columns: FloatArray, force: FloatArray, box: CoefficientBounds) -> float:
+    """The least upper bound of the slacks that leaves a solution, N; infinite where there is none."""
+    scale = np.linalg.norm(columns, axis=0)
+    unit = float(np.max(np.abs(force))) or 1.0
+    scaled = columns / scale
+    ones = np.ones((len(force), 1))
+    programme = linprog(
+        np.append(np.zeros(columns.shape[1]), 1.0),
+        A_ub=np.block([[scaled, 0.0 * ones], [-scaled, -ones]]),
+        b_ub=np.concatenate([force, -force]) / unit,
+        bounds=[*zip(box.lower * scale / unit, box.upper * scale / unit, strict=True), (0.0, None)],
+        method="highs",
+    )
+    return np.inf if programme.x is None else float(programme.x[-1]) * unit
+
+
+def _first_row(columns: FloatArray, force: FloatArray, box: CoefficientBounds, slack: float) -> int:
+    """Index of the first row that, with those before it, leaves no solution."""
+    low, high = 0, len(force)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if _needed_slack(columns[:middle], force[:middle], box) <= slack:
+            low = middle
+        else:
+            high = middle
+    return high - 1
+
+
+def paper_box(law: ForceLaw) -> CoefficientBounds:
+    """0 and 1e-7 on every coefficient."""
+    return CoefficientBounds(np.zeros(len(law.basis)), np.full(len(law.basis), PAPER_BOUND))
+
+
+def stage_one_lines(fit: LawFit, rows: FitRows) -> list[str]:
+    """Tables 3 and 5: each current by itself, and what the functions of the current leave."""
+    lines = [f"{fit.law.name} at each current (J: sum of squared residuals in N^2)"]
+    lines.append(
+        f"  {'current_A':>9}  " + "  ".join(f"{b:>13}" for b in fit.law.basis) + "          J  J with functions"
+    )
+    for k, i in enumerate(fit.stage_one.currents):
+        at = rows.current == i
+        left = fit.force(fit.two_stage, rows.distance[at], rows.current[at]) - rows.force[at]
+        values = "  ".join(f"{value:13.5e}" for value in fit.stage_one.coefficients[k])
+        lines.append(f"  {i:9.4g}  {values}  {fit.stage_one.residual_sums[k]:9.3e}  {np.sum(left**2):9.3e}")
+    return lines
+
+
+def stage_two_lines(fit: LawFit) -> list[str]:
+    """Table 4: coefficients as functions of the current, with the held-out error of each that was tried."""
+    lines = [f"{fit.law.name}: coefficients as functions of the current"]
+    for basis, function in zip(fit.law.basis, fit.stage_two, strict=True):
+        tried = ", ".join(f"{name} {error:.2e}" for name, error in function.held_out.items())
+        values = ", ".join(f"{value:.4e}" for value in function.values)
+        lines.append(f"  {basis}: {function.name} ({values}); J_3 = {function.residual_sum:.4e}; held out: {tried}")
+    return lines
+
+
+def linearity_lines(test: LinearityTest) -> list[str]:
+    """Table 2 with its statistics right."""
+    lines = ["differences of the force at adjacent currents, over the distances"]
+    for pair, mean, sd in zip(test.pairs_A, test.mean_N, test.sd_N, strict=True):
+        lines.append(f"  {pair[0]:.4g} to {pair[1]:.4g} A: mean {1e3 * mean:.5g} mN, sd {1e3 * sd:.5g} mN")
+    lines.append(f"  i^2 part: {100 * test.quadratic_share:.2g} % of the dependence on current")
+    if test.f_value is not None:
+        freedom = "F({}, {})".format(*test.degrees_of_freedom)
+        lines.append(f"  test of the i^2 part: {freedom} = {test.f_value:.3g}, p = {test.p_value:.2g}")
+    return lines
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("table")
+    table = read_sweep_table(parser.parse_args().table)
+    rows = rows_of_table(table, (table.manifest.get("actuator") or {}).get("mass_kg"), GRAVITY)
+    test = linearity_test(rows)
+    lines = linearity_lines(test) if test else ["no full grid of three currents: linearity not tested"]
+    for name in ("F1e", "F2e"):
+        fit = fit_law(law_by_name(name), rows)
+        lines += [*stage_one_lines(fit, rows), *stage_two_lines(fit)]
+    law = law_by_name("F1e")
+    try:
+        require_slack_box(law, rows, paper_box(law))
+    except InfeasibleFitError as error:
+        lines.append(str(error))
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
