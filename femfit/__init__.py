@@ -13,11 +13,13 @@ _PLACES = {
     "Actuator": "femfit.device.parts:Actuator",
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
     "FemfitError": "femfit.core.errors:FemfitError",
+    "FitResult": "femfit.fit.result:FitResult",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
     # From the drawing to a model
     "read_actuator": "femfit.device.load:read_actuator",
     "run_sweep": "femfit.field.sweep:run_sweep",
     "read_sweep": "femfit.tables.sweep_table:read_sweep_table",
+    "fit_model": "femfit.fit.build:fit_model",
     "list_laws": "femfit.laws.catalogue:all_laws",
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",

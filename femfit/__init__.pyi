@@ -5,6 +5,8 @@ from femfit.device.load import read_actuator as read_actuator
 from femfit.device.parts import Actuator as Actuator
 from femfit.effects.catalogue import all_effects as list_effects
 from femfit.field.sweep import run_sweep as run_sweep
+from femfit.fit.build import fit_model as fit_model
+from femfit.fit.result import FitResult as FitResult
 from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
 from femfit.model.json_file import read_model as read_model
@@ -17,8 +19,10 @@ __all__ = [
     "Actuator",
     "ActuatorModel",
     "FemfitError",
+    "FitResult",
     "SweepTable",
     "export",
+    "fit_model",
     "list_effects",
     "list_laws",
     "read_actuator",

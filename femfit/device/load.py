@@ -41,7 +41,7 @@ MIN_DISTANCE = 1e-3
 """In mm: a micrometre is less than a face is flat, and still a gap that can be meshed."""
 
 
-def read_actuator(path: Path) -> Actuator:
+def read_actuator(path: str | Path) -> Actuator:
     """Read an actuator file.
 
     Raises

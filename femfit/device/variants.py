@@ -50,7 +50,7 @@ class VariantSweep:
     variants: tuple[Variant, ...]
 
 
-def read_variants(path: Path) -> VariantSweep:
+def read_variants(path: str | Path) -> VariantSweep:
     """Read an actuator file with all its variants.
 
     Returns

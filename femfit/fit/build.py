@@ -171,7 +171,7 @@ def _actuator_entry(
     """The manifest's actuator entry with what was given in its place."""
     entry = dict(table.manifest.get("actuator") or {})
     if isinstance(actuator, str | Path):
-        actuator = sweep_manifest_entry(read_actuator(Path(actuator)))
+        actuator = sweep_manifest_entry(read_actuator(actuator))
     entry.update(actuator or {})
     if supply_V is not None:
         if not supply_V[0] < supply_V[1]:

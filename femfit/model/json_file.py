@@ -10,7 +10,7 @@ from femfit.model.from_json import model_from_dict
 from femfit.model.to_json import model_to_dict
 
 
-def write_model(model: ActuatorModel, path: Path) -> None:
+def write_model(model: ActuatorModel, path: str | Path) -> None:
     """Write a model file, completely or not at all.
 
     Parameters
@@ -33,7 +33,7 @@ def write_model(model: ActuatorModel, path: Path) -> None:
     write_text(path, text)
 
 
-def read_model(path: Path) -> ActuatorModel:
+def read_model(path: str | Path) -> ActuatorModel:
     """Read a model file.
 
     Raises
