@@ -1,76 +1,54 @@
-"""``femfit trial``: how often the diagnosis is right on campaigns with a hidden effect."""
+"""``femfit trial``: how often the diagnosis would be right on an actuator of one's own."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter, validators
-
-DRAWINGS = {"bench": ("emaws-rig", "plunger-solenoid", "biased-electromagnet"), "series": ("emaws-rig",)}
 
 
 def trial(
     *,
+    drawing: Annotated[tuple[Path, ...], Parameter(negative=())],
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    cases: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 300,
+    cases: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 60,
     seed: int = 1,
     workers: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 2,
-    drawing: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
-    kind: Literal["bench", "series"] = "bench",
-    baselines: bool = True,
     json: Path | None = None,
 ) -> None:
-    """Make campaigns with a hidden effect, diagnose them, and count how often the diagnosis is right.
+    """How often would the diagnosis be right on this actuator? Hide effects in simulated campaigns, and count.
 
-    The truths are other physics than the effects: field solutions of changed drawings, relays, heat. What is hidden
-    stands in a key that is opened after the diagnosis; its hash stands in the manifest before.
+    The truths are other physics than femfit's effects: field solutions of changed drawings, relays, heat. What is
+    hidden stands in a key that is opened after the diagnosis; its hash stands in the manifest before. Each campaign is
+    diagnosed as femfit diagnose would, from its files.
 
     Parameters
     ----------
+    drawing : tuple of Path
+        Actuator file; repeat for more.
     output : Path
         Directory for cases, keys, answers and results; field solutions in it are used again.
     cases : int
-        How many.
+        How many campaigns; 60 take some minutes.
     seed : int
         Of the cases.
     workers : int
         Processes.
-    drawing : tuple of Path
-        Actuator files, repeat for more; some of geometry/ by default.
-    kind : str
-        Static bench tables, or closed-loop records of a levitated body.
-    baselines : bool
-        Try the baselines on the same files; they need scikit-learn (pip install femfit[trial]).
     json : Path
         File for the results as JSON; results.json in the directory by default.
     """
-    from femfit.cli.output import status, write_json
+    from femfit.cli.output import write_json
+    from femfit.cli.progress import progress
     from femfit.core.outputs import RESULT, TABLE, require_outputs
+    from femfit.trial.counts import trial_data, trial_lines
     from femfit.trial.run import TrialOptions, make_trial, run_trial, write_cases_csv
-    from femfit.trial.table import by_effect, trial_table
 
-    require_outputs([], (output / "cases.csv", TABLE), (json or output / "results.json", RESULT))
-    drawings = drawing or tuple(Path("geometry") / f"{name}.toml" for name in DRAWINGS[kind])
-    options = TrialOptions(cases=cases, seed=seed, workers=workers, baselines=baselines, kind=kind)
-    with status("Solving") as say:
-        commitments = make_trial(drawings, output, options, say)
-    print(f"{len(commitments)} cases in {output}; {output / 'manifest.json'} commits to their keys", flush=True)
-    with status("Diagnosing") as say:
-        judgements = run_trial(output, commitments, options, say)
-    lines = trial_table(judgements)
+    require_outputs(list(drawing), (output / "cases.csv", TABLE), (json or output / "results.json", RESULT))
+    options = TrialOptions(cases=cases, seed=seed, workers=workers)
+    with progress("solve and measure", "campaigns") as show:
+        commitments = make_trial(drawing, output, options, show)
+    with progress("diagnose", "campaigns") as show:
+        judgements = run_trial(output, commitments, options, show)
     write_cases_csv(judgements, output / "cases.csv")
-    write_json(
-        json or output / "results.json",
-        {
-            "table": [line.to_dict() for line in lines],
-            "by_effect": {
-                name: {what: [share.hits, share.of] for what, share in shares.items()}
-                for name, shares in by_effect(judgements).items()
-            },
-            "cases": [judgement.to_dict() for judgement in judgements],
-        },
-    )
-    print("\n".join(line.text() for line in lines))
-    print("\nby hidden effect of 1 and 3 sigma: in class, first, misnamed when withheld")
-    for name, shares in by_effect(judgements).items():
-        counted = "   ".join(f"{share.hits}/{share.of}" for share in shares.values())
-        print(f"  {name:<34}{counted}")
+    write_json(json or output / "results.json", trial_data(judgements))
+    print("\n".join(trial_lines(judgements)))
+    print(f"written: {output / 'cases.csv'}, one line a campaign")

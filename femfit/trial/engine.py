@@ -10,14 +10,12 @@ import pandas as pd
 
 from femfit.core.errors import FemfitError
 from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose
-from femfit.identify.readings.load import Measurement, measurement_observations
+from femfit.identify.readings.load import Measurement, measurement_observations, read_measurement
 from femfit.identify.readings.observations import Observations, bench_observations
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.tables.measurement import BenchTable
-from femfit.tables.measurement_file import read_bench_table
-from femfit.tables.time_series_file import is_time_series, read_time_series
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +38,13 @@ class CaseFiles:
         return measurement_observations(self.model, self.data)
 
 
-def _read(path: Path) -> Measurement:
-    return read_time_series(path) if is_time_series(path) else read_bench_table(path)
-
-
 def read_case(directory: Path) -> CaseFiles:
-    """Read a case's files."""
+    """Read a case's files, as the commands do: what contradicts the model's sensors is set aside."""
+    model = read_model(directory / "model.json")
     return CaseFiles(
-        read_model(directory / "model.json"),
-        _read(directory / "data.csv"),
-        _read(directory / "unseen.csv"),
+        model,
+        read_measurement(directory / "data.csv", model),
+        read_measurement(directory / "unseen.csv", model),
     )
 
 

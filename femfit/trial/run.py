@@ -6,55 +6,69 @@ from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import DomainError, FemfitError
 from femfit.core.processes import process_pool
 from femfit.device.load import read_actuator
-from femfit.trial.campaign.case import make_case
+from femfit.device.parts import Actuator
+from femfit.model.actuator_model import ActuatorModel
+from femfit.trial.campaign.case import Case, Order, make_case
 from femfit.trial.campaign.files import read_key, write_case, write_manifest
 from femfit.trial.campaign.orders import draw_orders
-from femfit.trial.campaign.series_case import make_series_case, sizing_record
+from femfit.trial.engine import CaseFiles, diagnose_case, read_case, unseen_rms
 from femfit.trial.judge import Judgement, judge
 from femfit.trial.truth.bench_effects import possible_effects, twins_of
-from femfit.trial.truth.families import load_truth
-from femfit.trial.truth.series_effects import SERIES_EFFECTS
+from femfit.trial.truth.families import Truth, load_truth
 
-Progress = Callable[[str], None]
+Progress = Callable[[int, int], None]
+"""Takes how many cases are done, and of how many."""
+
+
+@dataclass(frozen=True)
+class CampaignKind:
+    """What is measured in a case: static bench tables, unless a study brings another kind.
+
+    Parameters
+    ----------
+    effects : callable
+        The effects that an actuator can have and such a campaign can show.
+    make : callable
+        Takes the truth, the drawing's model and the order of a case; returns the case.
+    families : tuple of str or None
+        Field solutions that the truths use; all that the drawing admits where None.
+    """
+
+    effects: Callable[[Truth], list[str]] = possible_effects
+    make: Callable[[Truth, ActuatorModel, Order], Case] = lambda truth, _model, order: make_case(truth, order)
+    families: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
 class TrialOptions:
-    """A trial.
+    """How a trial is made.
 
     Parameters
     ----------
-    cases, seed : int
-        How many, and of what random numbers.
-    baselines : bool
-        Whether the baselines run on the same files; they need scikit-learn.
     withhold : bool
         Whether single effects are diagnosed again with the effect out of the catalogue.
-    families : tuple of str or None
-        Field solutions that the truths may use; all where None.
-    kind : {"bench", "series"}
-        Static bench tables, or closed-loop records of a levitated body.
+    further : callable, optional
+        Further answers to a case, for methods to compare with: takes its files, returns lists of names by method.
     """
 
-    cases: int = 300
+    cases: int = 60
     seed: int = 1
     workers: int = 2
-    baselines: bool = True
     withhold: bool = True
-    families: tuple[str, ...] | None = None
-    kind: Literal["bench", "series"] = "bench"
+    further: Callable[[CaseFiles], dict[str, list[str]]] | None = None
+    kind: CampaignKind = CampaignKind()
 
 
 def make_trial(
     drawings: Sequence[Path], directory: Path, options: TrialOptions, progress: Progress | None = None
 ) -> dict[int, str]:
-    """Make a trial's files.
+    """Solve the drawings and their changed forms, measure the cases and seal their keys.
 
     Parameters
     ----------
@@ -66,41 +80,36 @@ def make_trial(
     dict of int to str
         Hash of every case's key, as in the manifest.
     """
+    say = progress or (lambda _done, _total: None)
+    kind, truths, models, files = options.kind, {}, {}, {}
+    for drawing in drawings:
+        actuator = read_actuator(drawing)
+        truths[actuator.name] = load_truth(actuator, directory / "tables", kind.families, options.workers)
+        files[actuator.name], models[actuator.name] = _drawing_model(actuator, directory / "tables", options.workers)
+    possible = {name: kind.effects(truth) for name, truth in truths.items()}
+    commitments = {}
+    for order in draw_orders(possible, options.cases, options.seed):
+        try:
+            case = kind.make(truths[order.actuator], models[order.actuator], order)
+        except DomainError:  # this actuator cannot show so much of it: one case fewer
+            continue
+        commitments[order.number] = write_case(case, files[order.actuator], directory)
+        say(order.number, options.cases)
+    write_manifest(directory, options.seed, commitments)
+    return commitments
+
+
+def _drawing_model(actuator: Actuator, tables: Path, workers: int) -> tuple[Path, ActuatorModel]:
+    """The model of the drawing as it is, solved and fitted once."""
     from femfit.field.sweep import run_sweep  # noqa: PLC0415  the solver loads only where tables are made
     from femfit.fit.build import fit_model  # noqa: PLC0415
     from femfit.model.json_file import read_model, write_model  # noqa: PLC0415
 
-    say = progress or (lambda _: None)
-    tables = directory / "tables"
-    series = options.kind == "series"
-    families = () if series else options.families
-    truths, models = {}, {}
-    for drawing in drawings:
-        actuator = read_actuator(drawing)
-        say(f"Solving {actuator.name}")
-        truths[actuator.name] = load_truth(actuator, tables, families, options.workers)
-        models[actuator.name] = tables / f"{actuator.name}.json"
-        if not models[actuator.name].exists():
-            sweep = run_sweep(actuator, tables / f"sweep-{actuator.name}", workers=options.workers)
-            write_model(fit_model(sweep).model, models[actuator.name])
-    possible = {name: list(SERIES_EFFECTS) if series else possible_effects(truth) for name, truth in truths.items()}
-    loaded = {name: read_model(path) for name, path in models.items()}
-    sized = {name: sizing_record(truths[name], loaded[name]) for name in truths} if series else {}
-    commitments = {}
-    for order in draw_orders(possible, options.cases, options.seed):
-        say(f"Measuring {order.number} of {options.cases}")
-        truth = truths[order.actuator]
-        try:
-            if series:
-                case = make_series_case(truth, loaded[order.actuator], order, sized[order.actuator])
-            else:
-                case = make_case(truth, order)
-        except DomainError as error:  # this actuator cannot show so much of it: one case fewer
-            say(str(error))
-            continue
-        commitments[order.number] = write_case(case, models[order.actuator], directory)
-    write_manifest(directory, options.seed, commitments)
-    return commitments
+    path = tables / f"{actuator.name}.json"
+    if not path.exists():
+        sweep = run_sweep(actuator, tables / f"sweep-{actuator.name}", workers=workers)
+        write_model(fit_model(sweep).model, path)
+    return path, read_model(path)
 
 
 def run_trial(
@@ -108,43 +117,33 @@ def run_trial(
 ) -> list[Judgement]:
     """Diagnose and judge a trial's cases.
 
-    Parameters
-    ----------
-    options : TrialOptions
-        Processes, and what else to try.
-
     Returns
     -------
     list of Judgement
-        In the order of the cases; also written to ``answers/`` case by case.
+        In the order of the cases; what was answered is written to ``answers/`` case by case.
     """
-    say = progress or (lambda _: None)
+    say = progress or (lambda _done, _total: None)
     solve = partial(_one, directory, options)
-    found = []
+    found: list[Judgement] = []
     if options.workers == 1:
-        for k, item in enumerate(commitments.items()):
+        for item in commitments.items():
             found.append(solve(*item))
-            say(f"Diagnosed {k + 1} of {len(commitments)}")
+            say(len(found), len(commitments))
         return found
     with process_pool(options.workers) as pool:
-        futures = [pool.submit(solve, number, commitment) for number, commitment in commitments.items()]
-        for k, future in enumerate(as_completed(futures)):
+        for future in as_completed([pool.submit(solve, *item) for item in commitments.items()]):
             found.append(future.result())
-            say(f"Diagnosed {k + 1} of {len(commitments)}")
-    return sorted(found, key=lambda j: j.case)
+            say(len(found), len(commitments))
+    return sorted(found, key=lambda judgement: judgement.case)
 
 
 def _one(directory: Path, options: TrialOptions, number: int, commitment: str) -> Judgement:
     """Diagnose a case, open its key, try it without the effect, judge."""
-    from femfit.trial.engine import diagnose_case, read_case, unseen_rms  # noqa: PLC0415
-
     files = read_case(directory / "cases" / f"{number:04d}")
     answers: dict[str, Any] = {"full": diagnose_case(files)}
-    if options.baselines:
-        from femfit.trial.baselines import baseline_names  # noqa: PLC0415  scikit-learn is an extra
-
-        answers["baselines"] = baseline_names(files)
-    named = tuple(one["name"] for one in answers["full"]["missing"])
+    if options.further is not None:
+        answers["baselines"] = options.further(files)
+    named = tuple(entry["name"] for entry in answers["full"]["missing"])
     try:
         answers["unseen_rms"] = unseen_rms(files, named)
     except FemfitError as error:
@@ -177,5 +176,5 @@ def _flat(judgement: Judgement) -> dict[str, Any]:
 
 def _cell(value: Any) -> Any:
     if isinstance(value, tuple):
-        return "|".join("/".join(one) if isinstance(one, tuple) else str(one) for one in value)
+        return "|".join("/".join(item) if isinstance(item, tuple) else str(item) for item in value)
     return value

@@ -4,7 +4,7 @@ import pytest
 
 from femfit.trial.intervals import Share
 from femfit.trial.judge import judge
-from femfit.trial.table import trial_table
+from support.trial_study.table import trial_table
 
 KEY = {
     "order": {"number": 1, "actuator": "rig", "effects": ["hall_offset"], "level": 1.0, "seed": 1},

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from femfit.core.constants import GRAVITY
-from femfit.trial.truth.levitated_body import Body, MovingTruth
-from femfit.trial.truth.series_effects import SERIES_EFFECTS
+from support.trial_study.levitated_body import Body, MovingTruth
+from support.trial_study.series_effects import SERIES_EFFECTS
 
 D = 0.022
 

@@ -9,9 +9,9 @@ from femfit.fit.build import fit_model
 from femfit.model.json_file import read_model, write_model
 from femfit.tables.time_series_file import read_time_series
 from femfit.trial.campaign.case import Order
-from femfit.trial.campaign.record import Recorder, closed_loop
-from femfit.trial.campaign.series_case import make_series_case, sizing_record
-from femfit.trial.truth.levitated_body import Body, MovingTruth
+from support.trial_study.levitated_body import Body, MovingTruth
+from support.trial_study.record import Recorder, closed_loop
+from support.trial_study.series_case import make_series_case, sizing_record
 
 ORDER = Order(3, "emaws-rig", ("viscous_friction",), 1.0, 2)
 

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from benchmarks.hidden_effect_trial import series_kind
 
 from femfit.tables.time_series_file import is_time_series
 from femfit.trial.judge import judge
@@ -18,7 +19,7 @@ def directory(trial_directory):
 
 @pytest.fixture(scope="module")
 def judged(trial_directory, directory):
-    options = TrialOptions(cases=CASES, seed=2, workers=1, baselines=False, withhold=False, kind="series")
+    options = TrialOptions(cases=CASES, seed=2, workers=1, withhold=False, kind=series_kind())
     commitments = make_trial([trial_directory / "rig.toml"], directory, options)
     return run_trial(directory, commitments, options)
 
@@ -47,7 +48,7 @@ def test_the_same_seed_records_the_same_samples(trial_directory, directory, judg
     again = trial_directory / "again"
     (again / "tables").parent.mkdir(exist_ok=True)
     (again / "tables").symlink_to(directory / "tables")
-    options = TrialOptions(cases=1, seed=2, workers=1, kind="series")
+    options = TrialOptions(cases=1, seed=2, workers=1, kind=series_kind())
     make_trial([trial_directory / "rig.toml"], again, options)
     assert (again / "cases/0001/data.csv").read_bytes() == (directory / "cases/0001/data.csv").read_bytes()
     assert json.loads((again / "manifest.json").read_text())["seed"] == 2

@@ -5,14 +5,14 @@ import json
 
 import pytest
 
-from femfit.trial.run import TrialOptions, make_trial, run_trial, write_cases_csv
-from femfit.trial.table import trial_table
+from femfit.trial.run import CampaignKind, TrialOptions, make_trial, run_trial, write_cases_csv
 from support.trial import FAMILIES
+from support.trial_study.table import trial_table
 
 
 @pytest.fixture(scope="module")
 def judged(trial_directory, rig_truth):
-    options = TrialOptions(cases=10, seed=4, workers=1, baselines=False, withhold=False, families=FAMILIES)
+    options = TrialOptions(cases=10, seed=4, workers=1, withhold=False, kind=CampaignKind(families=FAMILIES))
     commitments = make_trial([trial_directory / "rig.toml"], trial_directory, options)
     return run_trial(trial_directory, commitments, options)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.trial.truth.levitated_body import Body
+from support.trial_study.levitated_body import Body
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ SERIES_EFFECTS: Mapping[str, MovingEffect] = {
         5e-4,
         2e-3,
         "s",
-        lambda b, s, g: replace(b, delay_s=s),  # noqa: ARG005
+        lambda b, s, g: replace(b, delay_s=s),
         (_HALL,),
         ("velocity_m_s", "current_rate_A_s"),
     ),
@@ -79,12 +79,12 @@ SERIES_EFFECTS: Mapping[str, MovingEffect] = {
     "driver_gain": MovingEffect(
         0.03, 0.15, "", lambda b, s, g: replace(b, driver_gain=_sign(g) * s), (_VOLTAGE,), ("voltage_V", "current_A")
     ),
-    "driver_dead_zone": MovingEffect(0.1, 0.5, "V", lambda b, s, g: replace(b, dead_zone_V=s), (_VOLTAGE,)),  # noqa: ARG005
+    "driver_dead_zone": MovingEffect(0.1, 0.5, "V", lambda b, s, g: replace(b, dead_zone_V=s), (_VOLTAGE,)),
     "coil_temperature": MovingEffect(
         10.0,
         80.0,
         "K",
-        lambda b, s, g: replace(b, warming_K=s),  # noqa: ARG005
+        lambda b, s, g: replace(b, warming_K=s),
         (_VOLTAGE,),
         ("current_A", "time_s", "order", "elapsed"),
     ),

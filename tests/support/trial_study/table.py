@@ -1,6 +1,6 @@
 """The trial's table: what was asked for, what was reached, with exact intervals."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from statistics import fmean, median
 from typing import Any
@@ -169,23 +169,3 @@ def _baselines(judgements: Sequence[Judgement]) -> list[Line]:
             Line(method, "one effect: mean number of names", None, count),
         ]
     return lines
-
-
-def by_effect(judgements: Sequence[Judgement]) -> Mapping[str, Mapping[str, Share]]:
-    """Truth in the class, and misnamed when withheld, by hidden effect.
-
-    Parameters
-    ----------
-    judgements : sequence of Judgement
-        All cases; those with one effect of 1 sigma or more count.
-    """
-    cases = [j for j in judgements if len(j.effects) == 1 and j.level >= 1.0]
-    result = {}
-    for name in sorted({j.effects[0] for j in cases}):
-        own = [j for j in cases if j.effects[0] == name]
-        result[name] = {
-            "in_class": Share(sum(j.in_class[0] for j in own), len(own)),
-            "first": Share(sum(j.first for j in own), len(own)),
-            "misnamed": Share(sum(j.withheld_twins_verdict == "named" for j in own), len(own)),
-        }
-    return result

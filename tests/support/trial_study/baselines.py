@@ -72,7 +72,7 @@ def _regression(observations: Observations, sigma: FloatArray) -> _Regression:
 
 
 def _lasso_bic(regression: _Regression) -> list[str]:
-    from sklearn.linear_model import LassoLarsIC  # noqa: PLC0415  an extra
+    from sklearn.linear_model import LassoLarsIC
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # early stops of the path where columns nearly coincide
@@ -107,8 +107,8 @@ def _aicc(regression: _Regression, chosen: list[str]) -> float:
 
 def _gaussian_process(observations: Observations, sigma: FloatArray) -> list[str]:
     """Whether a smooth function of distance and current makes the residual of some channel more probable than noise."""
-    from sklearn.gaussian_process import GaussianProcessRegressor  # noqa: PLC0415
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel  # noqa: PLC0415
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     place = np.stack([np.log(observations.column("distance_m")), observations.column("current_A")], axis=1)
     place = (place - place.mean(axis=0)) / np.maximum(place.std(axis=0), 1e-12)

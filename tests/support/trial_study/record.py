@@ -17,7 +17,7 @@ from femfit.simulation.controller import Reference
 from femfit.simulation.design import SUPPORT_TIME_CONSTANTS, LoopDesign, design_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.reference import reference_steps
-from femfit.trial.truth.levitated_body import MovingTruth
+from support.trial_study.levitated_body import MovingTruth
 
 _DITHER = 0.04
 """Of the driver's span."""
@@ -46,7 +46,7 @@ class Trajectory:
     Parameters
     ----------
     state : array, shape (samples, runs, 8)
-        Of :class:`femfit.trial.truth.levitated_body.MovingTruth`.
+        Of :class:`support.trial_study.levitated_body.MovingTruth`.
     voltage : array, shape (samples, runs)
         Commanded and held until the next sample.
     hall : array, shape (samples, runs)
