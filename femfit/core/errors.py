@@ -25,7 +25,17 @@ from collections.abc import Sequence
 
 
 class FemfitError(Exception):
-    """Base of all errors that femfit raises on purpose."""
+    """Base of all errors that femfit raises on purpose.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> try:
+    ...     ff.read_model("nothing.json")
+    ... except ff.FemfitError as error:
+    ...     print(error)
+    Model file nothing.json cannot be read: No such file or directory.
+    """
 
 
 class ActuatorFileError(FemfitError, ValueError):

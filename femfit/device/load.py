@@ -48,6 +48,13 @@ def read_actuator(path: str | Path) -> Actuator:
     ------
     ActuatorFileError
         If the file cannot be read or has any problem; the error lists all of them.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> actuator = ff.read_actuator("rig.toml")
+    >>> actuator.name, actuator.coil.turns
+    ('emaws-rig', 308.0)
     """
     path = Path(path)
     return actuator_from_toml(read_text(path), str(path), path.parent)

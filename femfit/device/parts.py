@@ -190,6 +190,13 @@ class Actuator:
         Steps of the closed-loop reference; empty: derived from the model.
     tolerance : float or None
         Relative accuracy of force and flux linkage that the field solver has to meet; None: one fixed fineness.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> actuator = ff.read_actuator("rig.toml")
+    >>> actuator.moving.mass_kg, actuator.supply.voltage_max_V
+    (0.00435, 3.0)
     """
 
     name: str

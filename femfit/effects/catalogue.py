@@ -87,6 +87,12 @@ def all_effects() -> dict[str, Effect]:
     ------
     ModelFileError
         If an installed package's effect cannot be loaded.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> len(ff.list_effects()) >= 30
+    True
     """
     return _CATALOGUE.all(entry_points(group=GROUP))
 

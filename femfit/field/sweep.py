@@ -72,6 +72,13 @@ def run_sweep(
         If not even a plan of the meshes can be made for any variant.
     ClusterError
         If the scheduler cannot be used or is lost.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> table = ff.run_sweep("rig.toml", "runs/rig", workers=2)
+    >>> len(table.rows), set(table.rows["status"])
+    (50, {'ok'})
     """
     if isinstance(sweep, str | Path):
         sweep = read_variants(Path(sweep))

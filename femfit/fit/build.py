@@ -78,6 +78,15 @@ def fit_model(
     FitError
         If the fit has no proven optimum, an option does not suit the model, or the model as it would be written is
         farther from the table than the fit.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> fit = ff.fit_model("runs/rig")
+    >>> fit.misfit.force_rms_relative < 0.001
+    True
+    >>> ff.fit_model("runs/rig", law="dipole-disk").law.law.name
+    'dipole-disk'
     """
     law = None if law == COENERGY else law
     _check_options(

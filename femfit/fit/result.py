@@ -37,6 +37,12 @@ class FitResult:
         What the model lacks, and how to give it.
     of_data : tuple of str
         What the table's import warned of.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> print(ff.fit_model("runs/rig"))
+    emaws-rig: co-energy; it misses its table of 50 points by...
     """
 
     model: ActuatorModel

@@ -50,6 +50,12 @@ def all_laws() -> dict[str, ForceLaw]:
     ------
     ModelFileError
         If an installed package's law cannot be loaded.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ff.list_laws()["F1e"].formula
+    'a d^-4 + b d^-2'
     """
     return _CATALOGUE.all(entry_points(group=GROUP))
 

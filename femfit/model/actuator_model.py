@@ -171,6 +171,17 @@ class ActuatorModel:
         At which plant and filters run; matters only to effects that know temperatures.
     kind : ActuatorKind or None
         What the drawing is made of; None where the model was fitted to a table without a drawing.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> model = ff.read_model("model.json")
+    >>> print(f"{model.force(0.022, 0.5):.4f} N, {model.inductance(0.022, 0.5):.4f} H")
+    0.0567 N, 0.0162 H
+    >>> model.force(0.1, 0.5)
+    Traceback (most recent call last):
+    ...
+    femfit.core.errors.DomainError: ...
     """
 
     name: str

@@ -22,6 +22,12 @@ def write_model(model: ActuatorModel, path: str | Path) -> None:
     ------
     ModelFileError
         If a value is not finite, or of a kind that JSON does not have.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> model = ff.fit_model("runs/rig").model
+    >>> ff.write_model(model, "model.json")
     """
     try:
         text = json.dumps(model_to_dict(model), indent=1, allow_nan=False) + "\n"
@@ -40,6 +46,13 @@ def read_model(path: str | Path) -> ActuatorModel:
     ------
     ModelFileError
         If the file is missing, no JSON, newer than this femfit, or damaged.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> model = ff.read_model("model.json")
+    >>> model.validity.distance_min_m, model.validity.current_max_A
+    (0.015, 1.4)
     """
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))

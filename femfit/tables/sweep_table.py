@@ -34,6 +34,14 @@ class SweepTable:
         ``kind`` (``sweep`` or ``import``), ``name``, ``actuator`` (circuit, motion, sensor as far as known: keys
         ``mass_kg, resistance_ohm, voltage_min_V, voltage_max_V, sample_time_s, reference_distances_m, hall`` with the
         fields of :class:`femfit.device.parts.HallElement`), versions and hashes.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> rows = ff.read_sweep("runs/rig").valid_rows()
+    >>> nearest = rows[rows["distance_m"] == 0.015]
+    >>> nearest["force_N"].round(3).to_list()
+    [0.08, 0.126, 0.171, 0.217, 0.24]
     """
 
     rows: "pd.DataFrame"
@@ -70,6 +78,13 @@ def read_sweep_table(path: Path) -> SweepTable:
     ------
     TableError
         If there is no such file, a required column is missing, empty or not numeric, or no row is usable.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> table = ff.read_sweep("runs/rig")
+    >>> table.rows["current_A"].max()
+    np.float64(1.4)
     """
     import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
 

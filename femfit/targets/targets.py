@@ -23,7 +23,15 @@ class ExportTarget:
 
 @dataclass(frozen=True)
 class Export:
-    """What was exported: the target's name, the directory and the files in it."""
+    """What was exported: the target's name, the directory and the files in it.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> done = ff.export("model.json", "build")
+    >>> done.files[-1].is_file()
+    True
+    """
 
     target: str
     directory: Path
@@ -67,8 +75,8 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
     Examples
     --------
     >>> import femfit as ff
-    >>> print(ff.export("model.json", "build"))  # doctest: +SKIP
-    build: estimator, 60 files; try python build/example.py
+    >>> print(ff.export("model.json", "build"))
+    build: estimator, ... files; try python build/example.py
     """
     target = next((target for target in TARGETS if target.name == to), None)
     if target is None:
