@@ -1,18 +1,38 @@
-"""Audits a model file: signs, bounds, reciprocity, the range that its supply can hold, its sensor, single precision."""
+"""Checks of a model as its file holds it: misfit, circuit, signs, the range that its supply can hold, its sensor."""
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from html import escape
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
-from femfit.audit.finding import AuditFinding
 from femfit.core.arrays import FloatArray
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.core.errors import ModelFileError, TableError
+from femfit.fit.misfit import misfit_to_rows
+from femfit.fit.rows import FitRows, rms, rows_of_table
+from femfit.model.actuator_model import ActuatorModel, HallSensor, Misfit
 from femfit.model.bspline import TensorSpline
+from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
+from femfit.tables.sweep_table import TABLE_STEM, read_sweep_table
+
+Severity = Literal["holds", "note", "wrong"]
+_SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds")
 
 _GRID = (41, 15)
+
+_LARGE_MISFIT = 0.1
+"""Share of a quantity's rms from which a model that misses its table by it is wrong; conventional."""
+
+_STATED = 1.1
+"""Misfit over the one that the file states from which the file contradicts itself; as in a fit."""
+
+_SLOWEST_S = 1.0
+"""Inductance over resistance of no actuator's winding; coils of large magnets take seconds."""
+
 _RECIPROCITY = 1e-4
-"""Of the largest k_m: central differences over a ten-thousandth of the range are better than that."""
+"""Of the largest dF/di: central differences over a ten-thousandth of the range are better than that; derived."""
 
 _SINGLE = 1e-4
 """Change of the force, over its largest, that rounding the model's numbers to single precision may make."""
@@ -24,14 +44,77 @@ _FASTEST = 0.3
 """Unstable pole times sample time that a loop can still be closed with."""
 
 
-def audit_model(model: ActuatorModel) -> list[AuditFinding]:
-    """Everything that a model tells of itself.
+@dataclass(frozen=True)
+class AuditFinding:
+    """One conclusion of an audit.
 
     Parameters
     ----------
-    model : ActuatorModel
-        With its effects, as it runs.
+    severity : str
+        ``holds``: recomputed and right; ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic.
+    about : str
+        What was checked.
+    sentence : str
+        One plain sentence with both numbers.
+    stated, recomputed : float or None
+        The number as given and as it follows, in the unit that the sentence names.
     """
+
+    code: str
+    severity: Severity
+    about: str
+    sentence: str
+    stated: float | None = None
+    recomputed: float | None = None
+
+
+@dataclass(frozen=True)
+class Audit:
+    """All conclusions of an audit."""
+
+    findings: tuple[AuditFinding, ...]
+
+    def count(self, severity: Severity) -> int:
+        """How many findings have a severity."""
+        return sum(one.severity == severity for one in self.findings)
+
+    def __str__(self) -> str:
+        """The lines that ``femfit audit`` prints: the count, then what is wrong first."""
+        total = (
+            f"{self.count('wrong')} wrong, {self.count('note')} to look at, {self.count('holds')} recomputed and right"
+        )
+        ordered = [one for severity in _SEVERITIES for one in self.findings if one.severity == severity]
+        return "\n".join([total, *(f"{one.severity}: {one.about}: {one.sentence}" for one in ordered)])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return {"findings": [asdict(one) for one in self.findings]}
+
+
+def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = None) -> Audit:
+    """Check a model on its own, and against its table where that is at hand.
+
+    Parameters
+    ----------
+    model : ActuatorModel, str or Path
+        With its effects, as it runs; or its file.
+    table : str, Path or None
+        The sweep table that it was fitted to. None takes the one in the model file's directory, if its distances and
+        currents are the model's.
+    """
+    rows = None
+    if not isinstance(model, ActuatorModel):
+        path = Path(model)
+        if path.suffix != ".json":
+            raise ModelFileError(f"An audit needs a model file (.json); instead received {path}.")
+        model = read_model(path)
+        if table is None:
+            rows = _table_beside(path.parent, model)
+    if table is not None:
+        rows = _rows_of(Path(table), model)
     box = model.validity
     d, i = (
         x.ravel()
@@ -40,13 +123,84 @@ def audit_model(model: ActuatorModel) -> list[AuditFinding]:
             np.linspace(box.current_min_A, box.current_max_A, _GRID[1]),
         )
     )
-    findings = [*_signs(model, d, i), _reciprocity(model.magnetics, d, i), *_bounds(model), *_misfit(model)]
+    findings = [*_misfit(model, rows, d, i), *_signs(model, d, i), *_circuit(model, d, i)]
+    findings += [_reciprocity(model.magnetics, d, i), *_bounds(model)]
     findings += _single_precision(model.without_effects.magnetics, d, i)
-    if model.circuit is not None and model.motion is not None:
+    if model.circuit is not None and model.motion is not None and not any(one.code == "positive" for one in findings):
         findings += _held(model)
     if model.sensor is not None:
         findings += _sensor(model.sensor, d, i)
+    return Audit(tuple(findings))
+
+
+def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
+    motion = model.without_effects.motion
+    return rows_of_table(
+        read_sweep_table(path), motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0
+    )
+
+
+def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | None:
+    if not any((directory / f"{TABLE_STEM}{suffix}").is_file() for suffix in (".parquet", ".csv")):
+        return None
+    try:
+        rows = _rows_of(directory, model)
+    except TableError:
+        return None
+    box = model.validity
+    own = (box.distance_min_m, box.distance_max_m, box.current_min_A, box.current_max_A)
+    ends = (rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
+    return rows if np.allclose(own, ends) else None
+
+
+def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
+    """How far the model is from its table: recomputed where that is at hand, else as the file states it."""
+    base = model.without_effects
+    stated = base.misfit
+    misfit = misfit_to_rows(base, rows) if rows is not None else stated
+    if misfit is None:
+        return []
+    source = "its table" if rows is not None else f"its {misfit.against}, as the file states,"
+    findings = []
+    for about, share in _shares(misfit, base.magnetics, d, i).items():
+        wrong = share > _LARGE_MISFIT
+        text = f"it misses {source} by {100 * share:.3g} % rms."
+        findings.append(AuditFinding("misfit", "wrong" if wrong else "holds", about, text, None, share))
+    if rows is not None and stated is not None:
+        said, found = stated.force_rms_N, misfit.force_rms_N
+        if found > _STATED * said + 1e-9 * rows.rms_force:
+            text = f"the file states {said:.3g} N rms; read back it misses its table by {found:.3g} N."
+            findings.append(AuditFinding("stated_misfit", "wrong", "stated misfit", text, said, found))
+    if misfit.force_rms_of_weight is not None:
+        share = misfit.force_rms_of_weight
+        large = share > _OF_WEIGHT
+        text = f"the force's misfit is {100 * share:.2g} % of the weight"
+        text += ", more than a filter that should know the distance to 0.1 mm can bear." if large else "."
+        findings.append(AuditFinding("misfit_of_weight", "note" if large else "holds", "filter", text, None, share))
     return findings
+
+
+def _shares(misfit: Misfit, magnetics: Magnetics, d: FloatArray, i: FloatArray) -> dict[str, float]:
+    """Rms misfits over the quantities' rms; in files that do not state these, over that of the model itself."""
+    given = {
+        "force": (misfit.force_share, misfit.force_rms_N, magnetics.force),
+        "flux linkage": (misfit.flux_linkage_share, misfit.flux_linkage_rms_Wb, magnetics.flux_linkage),
+    }
+    return {
+        about: error / max(rms(quantity(d, i)), 1e-300) if share is None else share
+        for about, (share, error, quantity) in given.items()
+        if error is not None
+    }
+
+
+def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
+    """The time that a current takes to build up."""
+    if model.circuit is None or model.circuit.resistance_ohm <= 0.0:
+        return []
+    slowest = float(model.magnetics.inductance(d, i).max()) / model.circuit.resistance_ohm
+    severity: Severity = "wrong" if slowest > _SLOWEST_S else "holds"
+    text = f"inductance over resistance is at most {1e3 * slowest:.3g} ms."
+    return [AuditFinding("time_constant", severity, "coil", text, None, slowest)]
 
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
@@ -54,11 +208,11 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
     slope = state.motional_constant
     pushing = float(np.mean((slope <= 0.0) & (i != 0.0)))  # steel alone has dF/di = 0 without a current
     findings = []
-    text = "a growing current attracts more everywhere in the box (dF/di > 0)."
+    text = "a growing current attracts more everywhere in the validity domain (dF/di > 0)."
     if slope.min() <= 0.0:
         text = "a growing current attracts more wherever there is one (dF/di > 0)."
     if pushing > 0.0:
-        text = f"a growing current attracts less in {100 * pushing:.2g} % of the box (dF/di <= 0)."
+        text = f"a growing current attracts less in {100 * pushing:.2g} % of the validity domain (dF/di <= 0)."
     findings.append(AuditFinding("attraction", "note" if pushing else "holds", "force", text, None, 1.0 - pushing))
     least = float(state.inductance.min())
     text = f"the inductance is {least:.3g} to {float(state.inductance.max()):.3g} H."
@@ -82,9 +236,9 @@ def _reciprocity(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> AuditFin
     force = (magnetics.force(inside_d, inside_i + step_i) - magnetics.force(inside_d, inside_i - step_i)) / (2 * step_i)
     flux = magnetics.flux_linkage(inside_d + step_d, inside_i) - magnetics.flux_linkage(inside_d - step_d, inside_i)
     off = float(np.abs(force + flux / (2 * step_d)).max() / max(float(np.abs(force).max()), 1e-300))
-    severity = "holds" if off < _RECIPROCITY else "wrong"
+    severity: Severity = "holds" if off < _RECIPROCITY else "wrong"
     text = f"dF/di and -d(flux linkage)/dd differ by at most {off:.1g} of the largest."
-    return AuditFinding("reciprocity", severity, "force and flux linkage", text, None, off)  # type: ignore[arg-type]
+    return AuditFinding("reciprocity", severity, "force and flux linkage", text, None, off)
 
 
 def _bounds(model: ActuatorModel) -> list[AuditFinding]:
@@ -104,17 +258,6 @@ def _bounds(model: ActuatorModel) -> list[AuditFinding]:
     return findings
 
 
-def _misfit(model: ActuatorModel) -> list[AuditFinding]:
-    misfit = model.without_effects.misfit
-    if misfit is None or misfit.force_rms_of_weight is None:
-        return []
-    share = misfit.force_rms_of_weight
-    text = f"it misses its {misfit.against} by {100 * share:.2g} % of the weight rms"
-    large = share > _OF_WEIGHT
-    text += ", more than a filter that should know the distance to 0.1 mm can bear." if large else "."
-    return [AuditFinding("misfit", "note" if large else "holds", "fit", text, None, share)]
-
-
 def _single_precision(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     """How much the force changes when the model's numbers are rounded to single precision."""
     rounded = _rounded(magnetics)
@@ -122,9 +265,9 @@ def _single_precision(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> lis
         return []
     force = magnetics.force(d, i)
     change = float(np.abs(rounded.force(d, i) - force).max() / np.abs(force).max())
-    severity = "holds" if change < _SINGLE else "note"
+    severity: Severity = "holds" if change < _SINGLE else "note"
     text = f"with its numbers in single precision the force changes by at most {change:.1g} of its largest."
-    return [AuditFinding("single_precision", severity, "numbers", text, None, change)]  # type: ignore[arg-type]
+    return [AuditFinding("single_precision", severity, "numbers", text, None, change)]
 
 
 def _rounded(magnetics: Magnetics) -> Magnetics | None:
@@ -151,7 +294,7 @@ def _held(model: ActuatorModel) -> list[AuditFinding]:
     about = "range that the supply can hold"
     clamp = f"{circuit.voltage_min_V:g} to {circuit.voltage_max_V:g} V"
     if not len(held):
-        text = f"with {clamp} the body cannot be held anywhere in the box."
+        text = f"with {clamp} the body cannot be held anywhere in the validity domain."
         return [AuditFinding("held_range", "note", about, text)]
     text = f"with {clamp} the body can be held from {1e3 * held[0]:.1f} to {1e3 * held[-1]:.1f} mm"
     steps = model.reference_distances_m
@@ -163,9 +306,9 @@ def _held(model: ActuatorModel) -> list[AuditFinding]:
     rate = float(np.sqrt(np.max(np.maximum(-model.magnetics.force_gradient(held, current), 0.0)) / motion.mass_kg))
     turn = rate * model.sample_time_s
     text = f"held, the body leaves at up to {rate:.3g} rad/s, {turn:.2g} a sample."
-    severity = "holds" if turn < _FASTEST else "wrong"
+    severity: Severity = "holds" if turn < _FASTEST else "wrong"
     about = "sample time"
-    return [*findings, AuditFinding("sample_time", severity, about, text, model.sample_time_s, rate)]  # type: ignore[arg-type]
+    return [*findings, AuditFinding("sample_time", severity, about, text, model.sample_time_s, rate)]
 
 
 def _current_at(model: ActuatorModel, distance: float, weight: float, lowest: float, highest: float) -> float:
@@ -177,12 +320,12 @@ def _sensor(sensor: HallSensor, d: FloatArray, i: FloatArray) -> list[AuditFindi
     """Whether the output stays within its range, and what the converter adds to the noise."""
     volts = sensor.voltage(d, i)
     clipped = float(np.mean((volts <= sensor.output_min_V) | (volts >= sensor.output_max_V)))
-    text = f"its output goes from {float(volts.min()):.3g} to {float(volts.max()):.3g} V over the box"
+    text = f"its output goes from {float(volts.min()):.3g} to {float(volts.max()):.3g} V over the validity domain"
     text += f" and is clipped in {100 * clipped:.2g} % of it." if clipped else ", within its range."
     findings = [AuditFinding("hall_range", "note" if clipped else "holds", "Hall output", text, None, clipped)]
     step = sensor.quantisation_step / np.sqrt(12.0)
     if sensor.noise_V > 0.0 and step > 0.0:
         text = f"the converter's step adds {1e3 * step:.2g} mV to {1e3 * sensor.noise_V:.2g} mV of noise (both rms)."
-        severity = "holds" if step < sensor.noise_V else "note"
-        findings.append(AuditFinding("hall_noise", severity, "Hall noise", text, sensor.noise_V, float(step)))  # type: ignore[arg-type]
+        severity: Severity = "holds" if step < sensor.noise_V else "note"
+        findings.append(AuditFinding("hall_noise", severity, "Hall noise", text, sensor.noise_V, float(step)))
     return findings

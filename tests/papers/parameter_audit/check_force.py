@@ -1,11 +1,11 @@
 """Whether a fitted force law agrees with the numbers that it was fitted to, and with what is said of it."""
 
 import numpy as np
+from papers.parameter_audit.law import force
+from papers.parameter_audit.parameters import ForceSection, StageOneRow
 from scipy import stats
 
-from femfit.audit.finding import AuditFinding
-from femfit.audit.law import force
-from femfit.audit.parameters import ForceSection, StageOneRow
+from femfit.audit.audit_model import AuditFinding
 from femfit.core.arrays import FloatArray
 
 _MM = 1e-3

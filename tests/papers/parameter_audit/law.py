@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
+from papers.parameter_audit.parameters import Term
 
-from femfit.audit.parameters import Term
 from femfit.core.arrays import FloatArray
 
 

@@ -1,10 +1,10 @@
 """Printed state equations: dimensions and signs; and the range that the supply can hold."""
 
 import numpy as np
+from papers.parameter_audit.law import current_slope, force, holding_current
+from papers.parameter_audit.parameters import EquationSection, ForceSection, Magnet, SupplySection
 
-from femfit.audit.finding import AuditFinding
-from femfit.audit.law import current_slope, force, holding_current
-from femfit.audit.parameters import EquationSection, ForceSection, Magnet, SupplySection
+from femfit.audit.audit_model import AuditFinding
 from femfit.core.constants import GRAVITY
 
 _MM = 1e-3

@@ -1,12 +1,16 @@
-"""Audits a published parameter set: every check that finds what it needs."""
+"""Audits a published parameter set: every check that finds what it needs.
 
-from femfit.audit.check_coil import check_coil, check_magnet
-from femfit.audit.check_filter import check_noise, check_pid, check_reduction, check_weights
-from femfit.audit.check_force import check_force
-from femfit.audit.check_hall import check_hall
-from femfit.audit.check_motion import check_equations, check_range
-from femfit.audit.finding import AuditFinding
-from femfit.audit.parameters import ParameterSet
+python tests/papers/chowdhury_audit.py data/chowdhury2016.toml
+"""
+
+from papers.parameter_audit.check_coil import check_coil, check_magnet
+from papers.parameter_audit.check_filter import check_noise, check_pid, check_reduction, check_weights
+from papers.parameter_audit.check_force import check_force
+from papers.parameter_audit.check_hall import check_hall
+from papers.parameter_audit.check_motion import check_equations, check_range
+from papers.parameter_audit.parameters import ParameterSet
+
+from femfit.audit.audit_model import AuditFinding
 
 
 def audit_parameters(parameters: ParameterSet) -> list[AuditFinding]:

@@ -5,9 +5,10 @@ Resistance grows with the turns N, force per ampere with N, inductance with N^2:
 
 import math
 
-from femfit.audit.finding import AuditFinding
-from femfit.audit.law import current_slope
-from femfit.audit.parameters import CoilSection, ForceSection, Magnet
+from papers.parameter_audit.law import current_slope
+from papers.parameter_audit.parameters import CoilSection, ForceSection, Magnet
+
+from femfit.audit.audit_model import AuditFinding
 from femfit.device.winding import smallest_winding_area, wire_resistance
 
 _MM = 1e-3

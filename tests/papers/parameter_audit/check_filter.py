@@ -8,10 +8,10 @@ S. J. Julier, The scaled unscented transformation, American Control Conference (
 import math
 
 import numpy as np
+from papers.parameter_audit.check_motion import unstable_rate
+from papers.parameter_audit.parameters import FilterSection, ForceSection, Magnet, PidSection, SupplySection
 
-from femfit.audit.check_motion import unstable_rate
-from femfit.audit.finding import AuditFinding
-from femfit.audit.parameters import FilterSection, ForceSection, Magnet, PidSection, SupplySection
+from femfit.audit.audit_model import AuditFinding
 
 _EPSILON = 2.0**-24
 """Rounding of single precision, IEEE 754."""

@@ -1,12 +1,14 @@
 """The paper's set as printed gives the rows that follow from its numbers; a consistent set passes, a slip does not."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from papers.parameter_audit.audit_parameters import audit_parameters
+from papers.parameter_audit.parameters import ParameterSet, read_parameters
 
-from femfit.audit.audit_parameters import audit_parameters
-from femfit.audit.finding import audit_lines
-from femfit.audit.parameters import ParameterSet, read_parameters
+from femfit.audit.audit_model import Audit
 from femfit.core.errors import TableError
 
 PAPER = Path(__file__).parents[2] / "data" / "chowdhury2016.toml"
@@ -126,7 +128,7 @@ def audited(data):
 def test_a_consistent_set_passes_clean():
     findings = audited(consistent())
     assert [one for one in findings if one.severity == "wrong"] == []
-    assert audit_lines(findings)[-1].startswith("0 wrong")
+    assert str(Audit(tuple(findings))).startswith("0 wrong")
 
 
 @pytest.mark.parametrize(
@@ -165,3 +167,10 @@ def test_a_file_with_unknown_keys_names_every_one(tmp_path):
 def test_an_actuator_file_is_told_apart():
     with pytest.raises(TableError, match="is an actuator file"):
         read_parameters(PAPER.parents[1] / "geometry" / "emaws.toml")
+
+
+def test_one_command_prints_the_findings():
+    script = Path(__file__).with_name("chowdhury_audit.py")
+    done = subprocess.run([sys.executable, script, PAPER], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("20 wrong")

@@ -7,9 +7,9 @@ axis of a cylinder.
 """
 
 import numpy as np
+from papers.parameter_audit.parameters import HallSection, Magnet, SupplySection
 
-from femfit.audit.finding import AuditFinding
-from femfit.audit.parameters import HallSection, Magnet, SupplySection
+from femfit.audit.audit_model import AuditFinding
 from femfit.core.arrays import FloatArray
 
 _FIELD_SHARE = 0.1
