@@ -7,8 +7,8 @@ from femfit.device.parts import Actuator, NonlinearMaterial
 from femfit.field.layout import Layout
 from femfit.field.linear_point import LinearActuator
 from femfit.field.settings import SolverSettings
-from femfit.field.tolerance import check_currents, meet_tolerance, on_rung
-from femfit.field.tolerance_problem import RungChoice, ToleranceProblem
+from femfit.field.tolerance import at_level, check_currents, meet_tolerance
+from femfit.field.tolerance_problem import LevelChoice, ToleranceProblem
 from femfit.field.weak_form import materials
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def prepare(
     group: tuple[float, ...],
     layout: Layout,
     settings: SolverSettings,
-    choice: RungChoice | None = None,
+    choice: LevelChoice | None = None,
 ) -> "FieldProblem":
     """Mesh an actuator for a group of distances.
 
@@ -32,8 +32,8 @@ def prepare(
         Distances that share the mesh, in m, ascending.
     settings : SolverSettings
         Order and element sizes, or the tolerance to meet.
-    choice : RungChoice, optional
-        How it is met, where the climb was made before.
+    choice : LevelChoice, optional
+        How it is met, where the search was made before.
 
     Returns
     -------
@@ -51,8 +51,8 @@ def prepare(
 
     if settings.tolerance is None:
         return build(settings, estimate=True)
-    rung = partial(build, estimate=False)
+    level = partial(build, estimate=False)
     if choice is not None:
-        return on_rung(rung, choice, settings)
+        return at_level(level, choice, settings)
     checked = check_currents(actuator.sweep.currents_A) if saturates else actuator.sweep.currents_A
-    return meet_tolerance(rung, group, checked, settings)
+    return meet_tolerance(level, group, checked, settings)

@@ -16,7 +16,7 @@ from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep_cluster import solve_on_cluster, versions
 from femfit.field.sweep_pool import AGAIN, Done, Result, solve_here, solve_in_processes
 from femfit.field.sweep_rows import sweep_manifest, sweep_rows
-from femfit.field.sweep_task import DistanceTask, MeshGroup, RungTask, SweepTask, solve_task
+from femfit.field.sweep_task import DistanceTask, LevelTask, MeshGroup, SweepTask, solve_task
 from femfit.field.tolerance import shares_checks
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
 
@@ -147,20 +147,20 @@ def _plan(
 def _in_order(
     tasks: Sequence[DistanceTask], finished: Mapping[str, Result], record: Callable[[SweepTask, Result], None]
 ) -> tuple[list[SweepTask], Done[SweepTask]]:
-    """The tasks that can be solved at once, and what is to be done with a result; rungs come before their distances."""
+    """The tasks that can be solved at once, and what follows a result: a level comes before its distances."""
     first: list[SweepTask] = []
-    behind: dict[RungTask, list[DistanceTask]] = {}
+    behind: dict[LevelTask, list[DistanceTask]] = {}
     for task in tasks:
         if task.mesh.settings.tolerance is not None and shares_checks(task.mesh.distances):
-            behind.setdefault(RungTask(task.mesh, task.variant), []).append(task)
+            behind.setdefault(LevelTask(task.mesh, task.variant), []).append(task)
         else:
             first.append(task)
-    for rung, distances in behind.items():
-        known = finished.get(rung.key)
-        first += [rung] if known is None else rung.distances(distances, known)
+    for level, distances in behind.items():
+        known = finished.get(level.key)
+        first += [level] if known is None else level.distances(distances, known)
 
     def done(task: SweepTask, result: Result) -> list[SweepTask]:
-        if not isinstance(task, RungTask):
+        if not isinstance(task, LevelTask):
             record(task, result)
             return []
         if "choice" in result:
@@ -176,7 +176,7 @@ def _in_order(
 def _solve_all(tasks: Sequence[SweepTask], workers: int, scheduler: str | None, done: Done[SweepTask]) -> None:
     if scheduler is not None and tasks:
         solve_on_cluster(tasks, solve_task, done, scheduler)
-    elif workers == 1 or (len(tasks) < 2 and not any(isinstance(task, RungTask) for task in tasks)):
+    elif workers == 1 or (len(tasks) < 2 and not any(isinstance(task, LevelTask) for task in tasks)):
         solve_here(tasks, solve_task, done)
     else:
         solve_in_processes(tasks, solve_task, done, workers)

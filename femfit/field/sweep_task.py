@@ -1,4 +1,4 @@
-"""The tasks of a sweep, as workers solve them: the rung of a group of distances, and each distance."""
+"""The tasks of a sweep, as workers solve them: the level of a group of distances, and each distance."""
 
 import threading
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep_pool import AGAIN
-from femfit.field.tolerance_problem import RungChoice, ToleranceProblem
+from femfit.field.tolerance_problem import LevelChoice, ToleranceProblem
 
 if TYPE_CHECKING:
     from femfit.field.problem import FieldProblem
@@ -29,16 +29,16 @@ class MeshGroup:
         Order and element sizes, or the tolerance.
     distances : tuple of float
         That share the mesh, in m, ascending.
-    choice : RungChoice or None
-        The rung that meets the tolerance, where it is known. It follows from all others, so that it does not tell
-        groups apart: whoever chose the rung goes on with its mesh.
+    choice : LevelChoice or None
+        The level that meets the tolerance, where it is known. It follows from all others, so that it does not tell
+        groups apart: whoever chose the level goes on with its mesh.
     """
 
     actuator: Actuator
     layout: Layout
     settings: SolverSettings
     distances: tuple[float, ...]
-    choice: RungChoice | None = field(default=None, compare=False)
+    choice: LevelChoice | None = field(default=None, compare=False)
 
     def of(self, distance: float) -> "MeshGroup":
         """The group of a distance alone, in m."""
@@ -81,8 +81,8 @@ class DistanceTask:
 
 
 @dataclass(frozen=True)
-class RungTask:
-    """The rung on which a group meets its tolerance; its result has ``choice``, None where the group has no mesh.
+class LevelTask:
+    """The level on which a group meets its tolerance; its result has ``choice``, None where the group has no mesh.
 
     Each worker would else check each group for itself, which takes longer than to solve a short one.
     """
@@ -93,10 +93,10 @@ class RungTask:
     @property
     def key(self) -> str:
         """Name in the journal."""
-        return f"{self.variant}: rung from {self.mesh.distances[0]!r}"
+        return f"{self.variant}: level from {self.mesh.distances[0]!r}"
 
     def result(self) -> dict[str, Any]:
-        """Climb the ladder; the mesh is kept for the group's distances."""
+        """Refine; the mesh is kept for the group's distances."""
         try:
             problem = MESHES.problem(self.mesh)
         except FieldSolverError:
@@ -109,11 +109,11 @@ class RungTask:
         Returns
         -------
         list of DistanceTask
-            On the rung, or each on its own mesh.
+            On the level, or each on its own mesh.
         """
         if result["choice"] is None:
             return [replace(task, mesh=self.mesh.of(task.distance)) for task in tasks]
-        mesh = replace(self.mesh, choice=RungChoice.from_json(result["choice"]))
+        mesh = replace(self.mesh, choice=LevelChoice.from_json(result["choice"]))
         return [replace(task, mesh=mesh) for task in tasks]
 
 

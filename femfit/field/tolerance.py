@@ -1,16 +1,16 @@
-r"""Accuracy on demand: the coarsest rung of a ladder of settings that gives force and flux linkage to a tolerance.
+r"""Accuracy on demand: the coarsest refinement level that gives force and flux linkage to a tolerance.
 
-From rung to rung the polynomial order grows by one and the elements at the corners shrink to a quarter. At the corners
-of iron, where the solution behaves like distance^(2/3), force and flux err by size^(4/3): a factor of six a rung; away
-from them by the order. Measured on eight actuators, errors fall by a factor of 5 to 10 a rung.
+From level to level the polynomial order grows by one and the elements at the corners shrink to a quarter. At the
+corners of iron, where the solution behaves like distance^(2/3), force and flux err by size^(4/3): a factor of six a
+level; away from them by the order. Measured on eight actuators, errors fall by a factor of 5 to 10 a level.
 
-Distances that share a mesh are checked at the group's two ends and its middle, against the next rung: the difference is
-the rung's own error but for a sixth. All of the group is then solved on the one rung, so that the discretisation, and
-with it the error, changes smoothly with the distance. A distance with a mesh of its own is compared with the rung below
-instead, which costs a third of the solution: the difference is five times the error.
+Distances that share a mesh are checked at the group's two ends and its middle, against the next level: the difference
+is the level's own error but for a sixth. All of the group is then solved on the one level, so that the discretisation,
+and with it the error, changes smoothly with the distance. A distance with a mesh of its own is compared with the level
+below instead, which costs a third of the solution: the difference is five times the error.
 
-On the rung that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.other_forces`), and
-a row states the larger of the difference and of their disagreement.
+On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.other_forces`),
+and a row states the larger of the difference and of their disagreement.
 
 References
 ----------
@@ -27,35 +27,35 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.field.settings import SolverSettings
 from femfit.field.superposition import DISAGREEMENT
-from femfit.field.tolerance_problem import RungChoice, RungProblem, ToleranceProblem, scale
+from femfit.field.tolerance_problem import LevelChoice, LevelProblem, ToleranceProblem, scale
 
 FIRST_ORDER = 4
 """Errors of lower orders scatter so much with distance that three checks do not bound them."""
 
 CORNERS = (0.1, 0.03, 0.008, 0.002, 0.0005)
-"""Sizes at the corners, as fractions of the part's smallest extent, from rung to rung."""
+"""Sizes at the corners, as fractions of the part's smallest extent, from level to level."""
 
 CHECK_SAFETY = 2.0
-"""On the difference to the next rung: that rung's own error, and errors between the checked distances."""
+"""On the difference to the next level: that level's own error, and errors between the checked distances."""
 
 OWN_MESH_LIMIT = 3
-"""Groups of up to this many distances are not worth checks on the next rung."""
+"""Groups of up to this many distances are not worth checks on the next level."""
 
 MOST_CHECKED = 4  # currents of a nonlinear actuator
 
 
 def meet_tolerance(
-    build: Callable[[SolverSettings], RungProblem],
+    build: Callable[[SolverSettings], LevelProblem],
     group: tuple[float, ...],
     currents: tuple[float, ...],
     settings: SolverSettings,
 ) -> ToleranceProblem:
-    """Climb the ladder until the tolerance is met, or to its end.
+    """Refine until the tolerance is met, or to its end.
 
     Parameters
     ----------
     build : callable
-        Prepares the group on a rung.
+        Prepares the group on a level.
     group : tuple of float
         Distances that share a mesh, in m, ascending.
     currents : tuple of float
@@ -66,7 +66,7 @@ def meet_tolerance(
     Returns
     -------
     ToleranceProblem
-        Its rows say the error that is left, also where the last rung does not meet the tolerance.
+        Its rows say the error that is left, also where the last level does not meet the tolerance.
     """
     shared = shares_checks(group)
     distances = (group[0], group[len(group) // 2], group[-1]) if shared else group
@@ -74,39 +74,39 @@ def meet_tolerance(
     tolerance = float(settings.tolerance or 0.0)
 
     def solve(number: int) -> _Solved:
-        problem = build(rungs[number])
+        problem = build(levels[number])
         return _Solved(problem, number, [problem.rows(distance, currents) for distance in distances])
 
-    rungs = ladder(settings)
+    levels = refinement_levels(settings)
     above, met = solve(0), False
-    for rung in range(1, len(rungs)):
+    for level in range(1, len(levels)):
         if met:
             break
-        below, above = above, solve(rung)
+        below, above = above, solve(level)
         force = factor * _difference("force_N", below, above, currents)
         flux = factor * _difference("flux_linkage_Wb", below, above, currents)
         chosen = below if shared else above
         met = max(force.max(), flux.max(), _disagreement(chosen, currents)) <= tolerance
-    choice = RungChoice(chosen.rung, currents, tuple(force.tolist()))
-    return ToleranceProblem(chosen.problem, rungs[chosen.rung], choice)
+    choice = LevelChoice(chosen.level, currents, tuple(force.tolist()))
+    return ToleranceProblem(chosen.problem, levels[chosen.level], choice)
 
 
-def on_rung(
-    build: Callable[[SolverSettings], RungProblem], choice: RungChoice, settings: SolverSettings
+def at_level(
+    build: Callable[[SolverSettings], LevelProblem], choice: LevelChoice, settings: SolverSettings
 ) -> ToleranceProblem:
-    """What :func:`meet_tolerance` gave, without the climb.
+    """What :func:`meet_tolerance` gave, without the search.
 
     Parameters
     ----------
     build : callable
-        Prepares the group on a rung.
+        Prepares the group on a level.
     """
-    rung = ladder(settings)[choice.rung]
-    return ToleranceProblem(build(rung), rung, choice)
+    level = refinement_levels(settings)[choice.level]
+    return ToleranceProblem(build(level), level, choice)
 
 
 def shares_checks(group: tuple[float, ...]) -> bool:
-    """Whether a group's rung is chosen by checks at some of its distances, for all of them.
+    """Whether a group's level is chosen by checks at some of its distances, for all of them.
 
     Parameters
     ----------
@@ -116,13 +116,13 @@ def shares_checks(group: tuple[float, ...]) -> bool:
     Returns
     -------
     bool
-        False where every distance is compared with the rung below.
+        False where every distance is compared with the level below.
     """
     return len(group) > OWN_MESH_LIMIT
 
 
-def ladder(settings: SolverSettings) -> list[SolverSettings]:
-    """The rungs, the coarsest first.
+def refinement_levels(settings: SolverSettings) -> list[SolverSettings]:
+    """The levels, the coarsest first.
 
     Parameters
     ----------
@@ -144,8 +144,8 @@ def check_currents(currents: tuple[float, ...]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class _Solved:
-    problem: RungProblem
-    rung: int
+    problem: LevelProblem
+    level: int
     columns: list[dict[str, list[Any]]]
 
 

@@ -1,4 +1,4 @@
-"""A group of distances on the rung of settings that meets a tolerance, and the error that is left there."""
+"""A group of distances on the level of settings that meets a tolerance, and the error that is left there."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -20,8 +20,8 @@ ROUNDING = 1e-10
 """Of the largest value at a distance: below it, a value is 0."""
 
 
-class RungProblem(Protocol):
-    """What one rung solves."""
+class LevelProblem(Protocol):
+    """What one level solves."""
 
     mesh: "Mesh"
 
@@ -37,8 +37,8 @@ class RungProblem(Protocol):
 
 
 @dataclass(frozen=True)
-class RungChoice:
-    """The outcome of a climb: all that a worker needs to solve the group's distances as the one who climbed does.
+class LevelChoice:
+    """The outcome of a search: all that a worker needs to solve the group's distances as the one who searched does.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class RungChoice:
         Of the force at these currents, relative to :func:`scale`, the safety factor included.
     """
 
-    rung: int
+    level: int
     currents_A: tuple[float, ...]
     force_errors: tuple[float, ...]
 
@@ -57,15 +57,15 @@ class RungChoice:
         return asdict(self)
 
     @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> "RungChoice":
+    def from_json(cls, content: Mapping[str, Any]) -> "LevelChoice":
         """From :meth:`as_json`, read again or not."""
-        return cls(content["rung"], tuple(content["currents_A"]), tuple(content["force_errors"]))
+        return cls(content["level"], tuple(content["currents_A"]), tuple(content["force_errors"]))
 
 
 class ToleranceProblem:
-    """A group of distances on the rung that meets the tolerance."""
+    """A group of distances on the level that meets the tolerance."""
 
-    def __init__(self, problem: RungProblem, settings: SolverSettings, choice: RungChoice) -> None:
+    def __init__(self, problem: LevelProblem, settings: SolverSettings, choice: LevelChoice) -> None:
         self._problem = problem
         self.settings = settings
         self.choice = choice
@@ -74,7 +74,7 @@ class ToleranceProblem:
 
     @property
     def mesh(self) -> "Mesh":
-        """Of the rung."""
+        """Of the level."""
         return self._problem.mesh
 
     @property

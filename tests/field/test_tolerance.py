@@ -12,7 +12,7 @@ from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep import run_sweep
-from femfit.field.tolerance import check_currents, ladder
+from femfit.field.tolerance import check_currents, refinement_levels
 from femfit.field.tolerance_problem import scale
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 
@@ -27,7 +27,7 @@ def errors(actuator, tolerance, distances):
         if not chosen:
             continue
         problem = prepare(actuator, group, layout, settings)
-        # Two rungs up: errors forty times smaller, at more than ten times the work, in a domain of its own size.
+        # Two levels up: errors forty times smaller, at more than ten times the work, in a domain of its own size.
         order, corner = problem.settings.order + 2, problem.settings.corner_fraction / 8.0
         finer = SolverSettings(order=order, corner_fraction=corner, grading=0.4, outer_radius_factor=32.0)
         reference = prepare(actuator, group, layout_of(actuator, finer), finer)
@@ -79,7 +79,7 @@ def test_the_passive_force_is_smooth_where_a_new_mesh_begins(tolerance, tmp_path
         assert abs(force[k] - local(d[k])) <= 5e-4 * abs(force[k])
 
 
-def test_a_group_is_solved_on_one_rung_and_a_tighter_tolerance_climbs():
+def test_a_group_is_solved_on_one_level_and_a_tighter_tolerance_refines():
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     layout = layout_of(rig, SolverSettings())
     group = stretch_groups(rig.sweep.distances_m, layout, SolverSettings())[0]
@@ -88,7 +88,7 @@ def test_a_group_is_solved_on_one_rung_and_a_tighter_tolerance_climbs():
     assert orders[-1] > orders[0]
 
 
-def test_a_tolerance_out_of_reach_ends_the_climb_and_the_rows_say_so(monkeypatch):
+def test_a_tolerance_out_of_reach_ends_the_search_and_the_rows_say_so(monkeypatch):
     monkeypatch.setattr("femfit.field.tolerance.CORNERS", (0.4, 0.3))
     body = [magnet(1.45, 0.0055, 0.005, permeability=1.05)]
     iron = dataclasses.replace(body[0], name="iron", material=LinearMaterial("iron", 450.0))
@@ -107,11 +107,11 @@ def test_the_actuator_file_gives_the_tolerance():
     assert settings_for(dataclasses.replace(rig, tolerance=1e-4)).tolerance == 1e-4
 
 
-def test_rungs_refine_in_order_and_at_the_corners():
-    rungs = ladder(SolverSettings(tolerance=1e-3))
-    assert [rung.order for rung in rungs] == list(range(4, 4 + len(rungs)))
-    assert all(b.corner_fraction < a.corner_fraction for a, b in pairwise(rungs))
-    assert {rung.tolerance for rung in rungs} == {None}
+def test_levels_refine_in_order_and_at_the_corners():
+    levels = refinement_levels(SolverSettings(tolerance=1e-3))
+    assert [level.order for level in levels] == list(range(4, 4 + len(levels)))
+    assert all(b.corner_fraction < a.corner_fraction for a, b in pairwise(levels))
+    assert {level.tolerance for level in levels} == {None}
 
 
 def test_the_scale_of_an_error_does_not_vanish_where_the_force_does():
@@ -125,7 +125,7 @@ def test_a_force_that_vanishes_by_symmetry_does_not_end_in_the_finest_mesh():
     coil = rectangle(0.006, 0.009, -0.006, -0.001)
     actuator = assembly(moving=body, distances=(0.002,), coil=coil, turns=100.0)  # no iron: no force without current
     settings = SolverSettings(tolerance=1e-3)
-    assert prepare(actuator, (0.002,), layout_of(actuator, settings), settings).choice.rung <= 1
+    assert prepare(actuator, (0.002,), layout_of(actuator, settings), settings).choice.level <= 1
 
 
 def test_a_nonlinear_actuator_is_checked_at_the_ends_and_the_weakest_current():

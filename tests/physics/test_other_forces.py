@@ -14,7 +14,7 @@ from femfit.field.linear_system import FieldPair
 from femfit.field.settings import SolverSettings
 from femfit.field.stress import AROUND_FIXED, LayerForce
 from femfit.field.superposition import DISAGREEMENT, DistanceSolution, superpose
-from femfit.field.tolerance_problem import RungChoice, ToleranceProblem
+from femfit.field.tolerance_problem import LevelChoice, ToleranceProblem
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import prepared
 from support.saturating import bobbin, problem_at
@@ -93,13 +93,13 @@ def test_the_stated_error_is_the_larger_of_change_and_disagreement(reaction, wor
     np.testing.assert_allclose(rows["force_error_N"], [0.5, 0.9])
 
 
-class _Rung:
+class _Level:
     def rows(self, _distance, _currents):
         return {"force_N": [2.0, 4.0], DISAGREEMENT: [0.5, 0.1]}
 
 
 def test_a_row_solved_to_a_tolerance_states_the_disagreement_where_it_is_larger():
-    problem = ToleranceProblem(_Rung(), SolverSettings(), RungChoice(1, (0.0, 1.0), (0.1, 0.1)))
+    problem = ToleranceProblem(_Level(), SolverSettings(), LevelChoice(1, (0.0, 1.0), (0.1, 0.1)))
     assert problem.rows(0.01, (0.0, 1.0))["force_error_N"] == [0.5, 0.4]
 
 

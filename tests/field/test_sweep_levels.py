@@ -1,4 +1,4 @@
-"""Sweeps to a tolerance: a group's rung is chosen once, by one worker, and kept in the journal."""
+"""Sweeps to a tolerance: a group's level is chosen once, by one worker, and kept in the journal."""
 
 import dataclasses
 import json
@@ -16,7 +16,7 @@ from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_pool import DIED
 from femfit.field.sweep_summary import summarise
-from femfit.field.sweep_task import RungTask
+from femfit.field.sweep_task import LevelTask
 from support.actuators import GEOMETRY
 
 SETTINGS = SolverSettings(tolerance=1e-2)
@@ -45,7 +45,7 @@ def test_two_processes_give_the_numbers_of_one(actuator, whole, tmp_path):
     pd.testing.assert_frame_equal(run(actuator, tmp_path, workers=2).rows, whole[1].rows, check_exact=True)
 
 
-def test_progress_counts_points_and_no_rungs(actuator, tmp_path):
+def test_progress_counts_points_and_no_levels(actuator, tmp_path):
     calls = []
     run(actuator, tmp_path, progress=lambda at: calls.append((at.points_done, at.points)))
     counts = [done for done, _ in calls]
@@ -57,21 +57,21 @@ def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, whole
     directory, expected = whole
     lines = (directory / "journal.jsonl").read_bytes().splitlines(keepends=True)
     assert len(lines) == 1 + 2 + len(DISTANCES)
-    climbs = []
-    climb = tolerance_module.meet_tolerance
-    monkeypatch.setattr("femfit.field.problem.meet_tolerance", lambda *given: climbs.append(given) or climb(*given))
+    searches = []
+    search = tolerance_module.meet_tolerance
+    monkeypatch.setattr("femfit.field.problem.meet_tolerance", lambda *given: searches.append(given) or search(*given))
     for kept in range(1, len(lines)):
         target = tmp_path / str(kept)
         target.mkdir()
         (target / "journal.jsonl").write_bytes(b"".join(lines[:kept]) + lines[kept][:30])
-        rungs = sum("rung" in json.loads(line).get("key", "") for line in lines[:kept])
-        climbs.clear()
+        levels = sum("level" in json.loads(line).get("key", "") for line in lines[:kept])
+        searches.clear()
         resumed = run(actuator, target)
-        assert len(climbs) == 2 - rungs  # what the journal has is not climbed again
+        assert len(searches) == 2 - levels  # what the journal has is not searched again
         pd.testing.assert_frame_equal(resumed.rows, expected.rows, check_exact=True)
 
 
-def test_a_group_whose_mesh_fails_chooses_a_rung_for_each_distance(actuator, whole, tmp_path, monkeypatch):
+def test_a_group_whose_mesh_fails_chooses_a_level_for_each_distance(actuator, whole, tmp_path, monkeypatch):
     build = moving_mesh.build_mesh
 
     def build_or_refuse(given, distance, layout, settings):
@@ -86,13 +86,13 @@ def test_a_group_whose_mesh_fails_chooses_a_rung_for_each_distance(actuator, who
     assert (difference <= rows["force_error_N"] + whole[1].rows["force_error_N"]).all()
 
 
-def test_a_worker_that_dies_at_a_rung_costs_that_group_until_the_command_is_given_again(
+def test_a_worker_that_dies_at_a_level_costs_that_group_until_the_command_is_given_again(
     actuator, whole, tmp_path, monkeypatch
 ):
     solve = sweep_module.solve_task
 
     def die(task):
-        return dict(DIED) if isinstance(task, RungTask) and 0.015 in task.mesh.distances else solve(task)
+        return dict(DIED) if isinstance(task, LevelTask) and 0.015 in task.mesh.distances else solve(task)
 
     monkeypatch.setattr(sweep_module, "solve_task", die)
     summary = summarise(run(actuator, tmp_path))
