@@ -37,6 +37,10 @@ CHANNELS = {
 }
 
 
+PANELS_WIDE = 3
+SMALLEST_SHARE = 1e-6
+
+
 def pages() -> dict[str, str]:
     """Every page and picture by its file name."""
     model = _model()
@@ -95,10 +99,14 @@ def _title(effect: Effect) -> str:
 
 def _picture(signature: Signature) -> str:
     """One panel a channel that changes: the change over distance, a line a current."""
-    shown = [name for name in signature.visible if name in CHANNELS]
-    figure = Figure(figsize=(2.6 * max(len(shown), 1) + 0.3, 2.5), layout="constrained")
+    shown = [name for name in signature.visible if name in CHANNELS and _matters(signature, name)]
+    wide = min(len(shown), PANELS_WIDE)
+    high = -(-len(shown) // wide)
+    figure = Figure(figsize=(2.7 * wide + 0.3, 2.5 * high), layout="constrained")
     FigureCanvasSVG(figure)
-    panels = figure.subplots(1, max(len(shown), 1), squeeze=False)[0]
+    panels = figure.subplots(high, wide, squeeze=False).ravel()
+    for panel in panels[len(shown) :]:
+        panel.set_axis_off()
     lines = range(0, len(signature.current_A), 2)
     for panel, name in zip(panels, shown, strict=False):
         title, unit, factor = CHANNELS[name]
@@ -116,6 +124,12 @@ def _picture(signature: Signature) -> str:
     with rc_context({"svg.hashsalt": signature.effect.name}):  # the same file each time
         figure.savefig(text, format="svg", metadata={"Date": None})
     return text.getvalue()
+
+
+def _matters(signature: Signature, name: str) -> bool:
+    """Whether a change can be seen beside the reading at all."""
+    change, plain = np.abs(signature.change[name]), np.abs(signature.plain[name])
+    return bool(np.nanmax(change) > SMALLEST_SHARE * np.nanmax(plain))
 
 
 _INDEX = """\
