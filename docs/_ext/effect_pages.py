@@ -66,7 +66,7 @@ def _model() -> ActuatorModel:
 def _index() -> str:
     rows = "".join(f"| [{_title(effect)}]({effect.name}.md) | {effect.symptom} |\n" for effect in BUILT_IN)
     names = "\n".join(effect.name for effect in BUILT_IN)
-    return f"{_INDEX}{rows}\n```{{toctree}}\n:hidden:\n{names}\n```\n"
+    return f"{_INDEX}{rows}\n```{{toctree}}\n:hidden:\n{names}\nAll in one table </effects>\n```\n"
 
 
 def _page(signature: Signature) -> str:
