@@ -106,7 +106,9 @@ def _end(*_: object) -> None:
 
 
 def _fail(text: str, code: int = 1) -> None:
-    print(f"femfit: {text}", file=sys.stderr)
+    """Print an error; names from files may hold characters that would steer the terminal."""
+    shown = "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in text)
+    print(f"femfit: {shown}", file=sys.stderr)
     sys.exit(code)
 
 

@@ -196,6 +196,13 @@ def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path
     assert "nobody thought of" in log.read_text()
 
 
+def test_a_name_from_a_file_does_not_steer_the_terminal(tmp_path):
+    result = femfit("export", "\x1b[31mmodel.json", "-o", tmp_path / "out")
+    assert result.returncode == 1
+    assert "\x1b" not in result.stderr
+    assert "[31mmodel.json" in result.stderr
+
+
 def test_too_little_memory_is_no_bug_of_femfit(monkeypatch, tmp_path):
     def greedy(path):
         raise MemoryError
