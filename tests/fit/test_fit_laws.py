@@ -170,7 +170,7 @@ def both_signs():
 def test_a_laws_attracting_bound_leaves_the_coil_free_to_repel_at_negative_currents():
     fit = fit_law(F1E, both_signs())
     assert fit.functions == ("constant", "through-origin")
-    # The data are of the law itself; 1e-6 is what OSQP's tolerance leaves of its coefficients.
+    # The data are of the law itself.
     np.testing.assert_allclose(fit.joint.x, [5.996e-9, 4.509e-6], rtol=1e-6)
     assert fit.limits.active(fit.joint) == ()
     assert fit.stage_one.coefficients[0, 1] < 0
