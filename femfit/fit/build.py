@@ -19,13 +19,12 @@ from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.law_magnetics import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
-from femfit.fit.model_parts import model_parts
+from femfit.fit.model_parts import kind_of, model_parts, number
 from femfit.fit.notes import import_notes, misfit_notes
 from femfit.fit.ranking import MAY_MISS, rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
-from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, ValidityBox
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 from femfit.tables.variant_choice import choose_variant
@@ -96,7 +95,7 @@ def fit_model(
         table = read_sweep_table(Path(table))
     table = choose_variant(table, dict(where or {}))
     entry = _actuator_entry(table, actuator, mass_kg, resistance_ohm, supply_V)
-    rows = rows_of_table(table, entry.get("mass_kg"), GRAVITY)
+    rows = rows_of_table(table, None if entry.get("mass_kg") is None else number(entry, "mass_kg"), GRAVITY)
 
     law_fit, ranking = None, None
     if law == ALL:
@@ -117,10 +116,10 @@ def fit_model(
         circuit=parts.circuit,
         motion=parts.motion,
         sensor=parts.sensor,
-        sample_time_s=float(entry.get("sample_time_s") or 0.5e-3),
+        sample_time_s=number(entry, "sample_time_s") if entry.get("sample_time_s") else 0.5e-3,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         covariance=law_fit.interval.block_covariance if law_fit else None,
-        kind=ActuatorKind(**entry["kind"]) if entry.get("kind") else None,
+        kind=kind_of(entry),
     )
     model = replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, rows, law_fit, coenergy)

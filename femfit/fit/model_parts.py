@@ -1,11 +1,14 @@
 """Circuit, motion and sensor of a model: what the magnetics do not tell."""
 
+import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
+from femfit.core.errors import TableError
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
+from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import Circuit, HallSensor, Motion
 
 
@@ -30,20 +33,7 @@ class ModelParts:
 
 
 def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> ModelParts:
-    """What an actuator's entry makes of a model beside its magnetics.
-
-    Parameters
-    ----------
-    entry : mapping
-        Of the manifest, as in :class:`femfit.tables.sweep_table.SweepTable`.
-    inductance_given : bool
-        Whether an inductance stands in for a missing flux linkage.
-
-    Returns
-    -------
-    ModelParts
-        With a note for each that is missing.
-    """
+    """What a manifest's actuator entry makes of a model beside its magnetics, with a note for each part missing."""
     notes = []
     circuit = None
     keys = ("resistance_ohm", "voltage_min_V", "voltage_max_V")
@@ -52,21 +42,48 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
         missing.append("flux_linkage_Wb or an inductance")
     if missing:
         notes.append(
-            f"No circuit in the model: {', '.join(missing)} unknown. Give --actuator ACTUATOR.toml"
+            f"No circuit in the model: {', '.join(missing)} unknown. Give --actuator ACTUATOR.toml, or "
+            "--resistance-ohm and --supply-V"
             + (", and --inductance-H since the table has no flux linkage." if rows.flux_linkage is None else ".")
         )
     else:
-        circuit = Circuit(*(float(entry[key]) for key in keys))
+        circuit = Circuit(*(number(entry, key) for key in keys))
     motion = None
     if entry.get("mass_kg") is None:
         notes.append("No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
     else:
-        motion = Motion(float(entry["mass_kg"]))
+        motion = Motion(number(entry, "mass_kg"))
     sensor = None
     element = entry.get("hall")
     if hall is None or not element:
         notes.append("No sensor in the model: it needs hall_T in the table and [hall] in the actuator file.")
     else:
-        values = {key: value for key, value in element.items() if key not in {"radius_m", "height_m"}}
-        sensor = HallSensor(field=hall.field, **values)
+        names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
+        values = {name: number(element, name) for name in names}
+        sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)
     return ModelParts(circuit, motion, sensor, tuple(notes))
+
+
+def kind_of(entry: Mapping[str, Any]) -> ActuatorKind | None:
+    """What the drawing is made of; None where the manifest does not say."""
+    given = entry.get("kind")
+    if not given:
+        return None
+    names = {f.name for f in fields(ActuatorKind)}
+    if not isinstance(given, Mapping) or set(given) != names or not all(isinstance(v, bool) for v in given.values()):
+        raise TableError(
+            f"The table's manifest must give the kind of its actuator by {', '.join(sorted(names))}, each true or "
+            "false. Sweep again, or remove the entry."
+        )
+    return ActuatorKind(**given)
+
+
+def number(entry: Mapping[str, Any], key: str) -> float:
+    """A finite number of a manifest, which users edit and which may be damaged."""
+    value = entry.get(key) if isinstance(entry, Mapping) else None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < sys.float_info.max:
+        raise TableError(
+            f"The table's manifest must give {key} of its actuator as a finite number; instead received "
+            f"{str(value)[:60]!r}. Sweep or import again, or give --actuator ACTUATOR.toml."
+        )
+    return float(value)

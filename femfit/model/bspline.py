@@ -19,23 +19,9 @@ from femfit.core.arrays import FloatArray
 
 
 def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int = 0) -> FloatArray:
-    """B-spline basis functions, or their derivatives, at points.
+    """B-spline basis functions, or their derivatives, at points, shape (n, len(knots) - degree - 1).
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Points; outside of the base interval the end polynomials are continued.
-    knots : array, shape (m,)
-        Non-decreasing, with ``degree + 1`` equal knots at both ends.
-    degree : int
-        Polynomial degree.
-    derivative : int
-        Order of the derivative, 0 for the functions themselves.
-
-    Returns
-    -------
-    array, shape (n, m - degree - 1)
-        One column a basis function.
+    Knots are clamped (``degree + 1`` equal ones at both ends); outside of them the end polynomials are continued.
     """
     count = len(knots) - degree - 1
     if derivative > degree:
@@ -67,20 +53,7 @@ def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int 
 
 
 def is_clamped(knots: FloatArray, degree: int) -> bool:
-    """Whether knots carry a spline: ascending, ``degree + 1`` equal ones at both ends, no more than ``degree`` inside.
-
-    Parameters
-    ----------
-    knots : array, shape (m,)
-        Finite.
-    degree : int
-        Polynomial degree.
-
-    Returns
-    -------
-    bool
-        False also where there are fewer than ``2 degree + 2`` knots.
-    """
+    """Whether knots carry a spline: ascending, ``degree + 1`` equal at both ends, no more than ``degree`` inside."""
     if len(knots) < 2 * degree + 2 or np.any(np.diff(knots) < 0.0):
         return False
     _, counts = np.unique(knots, return_counts=True)
@@ -117,20 +90,7 @@ class TensorSpline:
         return x_breaks, y_breaks, cells.reshape(-1, self.x_degree + 1, self.y_degree + 1)
 
     def derivatives(self, x: FloatArray, y: FloatArray, orders: tuple[tuple[int, int], ...]) -> list[FloatArray]:
-        """Partial derivatives at points, several at once.
-
-        Parameters
-        ----------
-        x, y : array, shape (n,)
-            Points; outside of the base rectangle the border cells' polynomials are continued.
-        orders : tuple of (int, int)
-            Order in x and in y of each wanted derivative; (0, 0) is the value.
-
-        Returns
-        -------
-        list of array, each of shape (n,)
-            In the order asked for.
-        """
+        """Partial derivatives of orders (in x, in y) at points (n,); border cells are continued outwards."""
         x_breaks, y_breaks, polynomials = self._cells
         kx = np.searchsorted(x_breaks[1:-1], x, side="right")
         ky = np.searchsorted(y_breaks[1:-1], y, side="right")

@@ -94,13 +94,7 @@ class CoenergyTable:
     hall: bool
 
     def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-        """Taylor coefficients at points.
-
-        Parameters
-        ----------
-        distance, current : array, shape (n,)
-            In m and A.
-        """
+        """Taylor coefficients at points (n,) in m and A."""
         if max(in_distance, in_current) > _DEGREE:
             return self.exact(distance, current, in_distance, in_current)
         cells = self._cells
@@ -109,8 +103,8 @@ class CoenergyTable:
         result[: 1 + self.hall] = cells.series(cell, distance, current, in_distance, in_current)
         good = cells.good[cell]
         if not good.all():
-            rest = ~good
-            result[..., rest] = self.exact(distance[rest], current[rest], in_distance, in_current).coefficients
+            beyond = ~good
+            result[..., beyond] = self.exact(distance[beyond], current[beyond], in_distance, in_current).coefficients
         return TaylorSeries(result)
 
     @cached_property
@@ -150,19 +144,9 @@ class CoenergyTable:
 
 
 def _osculating(series: FloatArray, lengths_d: FloatArray, lengths_i: FloatArray) -> FloatArray:
-    """The cells' polynomials from Taylor coefficients at the corners.
+    """The cells' polynomials P (n, m, channels, 6, 6) from Taylor coefficients at the corners of n x m cells.
 
-    Parameters
-    ----------
-    series : array, shape (channels, 3, 3, n + 1, m + 1)
-        At the corners of n x m cells.
-    lengths_d, lengths_i : array, shape (n,) and (m,)
-        Of the cells, in m and A.
-
-    Returns
-    -------
-    array, shape (n, m, channels, 6, 6)
-        P.
+    ``series`` has the shape (channels, 3, 3, n + 1, m + 1); the cells' lengths are in m and A.
     """
     ends = np.concatenate([series[..., :-1, :], series[..., 1:, :]], axis=1)
     ends = np.concatenate([ends[..., :-1], ends[..., 1:]], axis=2)

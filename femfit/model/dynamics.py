@@ -3,6 +3,11 @@
 State (d, v, i): d' = v, v' = g - F(d, i) / m, and from U = R i + d(flux linkage)/dt with
 d(flux linkage)/dt = L i' - k_m v, i' = (U - R i + k_m v) / L.
 
+In all functions ``state`` has the shape (..., n): distance in m, velocity in m/s (positive: falling away), current in
+A, and after them ``model.memory_names``. ``voltage``, across the winding in V, and ``disturbance``, a further force
+along growing distance in N, have the shape (...) and are held over a step. Jacobians have the shape (..., n, n): row,
+component of the result; column, component of the state.
+
 References
 ----------
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (2) and (3), with 1/m, the sign of the current's force and
@@ -19,22 +24,7 @@ from femfit.model.actuator_model import ActuatorModel
 def state_derivative(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Time derivative of (distance, velocity, current), and of the states that the model's effects add.
-
-    Parameters
-    ----------
-    state : array, shape (..., n)
-        Distance in m, velocity in m/s (positive: falling away), current in A; after them ``model.memory_names``.
-    voltage : array, shape (...)
-        Across the winding, in V.
-    disturbance : array or float
-        Further force along growing distance, in N.
-
-    Returns
-    -------
-    array, shape (..., n)
-        m/s, m/s^2, A/s, and 1/s.
-    """
+    """Time derivative of (distance, velocity, current), and of the states that the model's effects add."""
     circuit, motion = model.require_circuit(), model.require_motion()
     if model.dynamics is not None and model.dynamics.drives:
         return model.dynamics.derivative(state, voltage, disturbance, motion.mass_kg, motion.gravity_m_s2)
@@ -48,20 +38,7 @@ def state_derivative(
 
 
 def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """One explicit Euler step, as the paper's (33).
-
-    Parameters
-    ----------
-    state : array, shape (..., n)
-        As in :func:`state_derivative`.
-    voltage : array, shape (...)
-        Held over the step, in V.
-
-    Returns
-    -------
-    array, shape (..., n)
-        The state one step later.
-    """
+    """One explicit Euler step, as in eq. (33) of the source."""
     return state + step * state_derivative(model, state, voltage)
 
 
@@ -73,24 +50,7 @@ def runge_kutta_step(
     substeps: int = 1,
     disturbance: FloatArray | float = 0.0,
 ) -> FloatArray:
-    """Advance by classical fourth-order Runge-Kutta with equal substeps.
-
-    Parameters
-    ----------
-    state : array, shape (..., n)
-        As in :func:`state_derivative`.
-    voltage : array, shape (...)
-        Held over the step, in V.
-    substeps : int
-        Number of equal parts of the step.
-    disturbance : array or float
-        Held over the step, in N.
-
-    Returns
-    -------
-    array, shape (..., n)
-        The state one step later.
-    """
+    """Advance by classical fourth-order Runge-Kutta with equal substeps."""
     h = step / substeps
     for _ in range(substeps):
         k1 = state_derivative(model, state, voltage, disturbance)
@@ -107,18 +67,6 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
     With F and k_m = dF/di, and dk_m/di = -dL/dd by reciprocity, for i' = N / L and N = U - R i + k_m v:
     di'/dd = (dk_m/dd v - i' dL/dd) / L, di'/dv = k_m / L, di'/di = (-R - dL/dd v - i' dL/di) / L. Central differences
     where effects change these equations.
-
-    Parameters
-    ----------
-    state : array, shape (..., n)
-        As in :func:`state_derivative`.
-    voltage : array, shape (...)
-        Across the winding, in V.
-
-    Returns
-    -------
-    array, shape (..., n, n)
-        Row: component of the derivative; column: component of the state.
     """
     circuit, motion = model.require_circuit(), model.require_motion()
     if model.dynamics is not None and model.dynamics.drives:
@@ -145,20 +93,7 @@ def _difference_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
 
 
 def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | float = 0.0) -> FloatArray:
-    """Output of the Hall element, effects on field, delay and reading included.
-
-    Parameters
-    ----------
-    state : array, shape (..., 3 or more)
-        As in :func:`state_derivative`.
-    time : float
-        Since the start, in s: matters to drifts alone.
-
-    Returns
-    -------
-    array, shape (...)
-        In V, before noise, clipping and rounding.
-    """
+    """Output of the Hall element in V before noise and rounding; the time since the start matters to drifts alone."""
     sensor = model.require_sensor()
     if model.dynamics is None:
         return sensor.voltage(state[..., 0], state[..., 2])
@@ -166,38 +101,12 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
 
 
 def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """Jacobian of :func:`euler_step`.
-
-    Parameters
-    ----------
-    state : array, shape (..., n)
-        As in :func:`state_derivative`.
-    voltage : array, shape (...)
-        Held over the step, in V.
-
-    Returns
-    -------
-    array, shape (..., n, n)
-        Row: component of the next state; column: component of the state.
-    """
+    """Jacobian of :func:`euler_step`."""
     return np.eye(state.shape[-1]) + step * state_jacobian(model, state, voltage)
 
 
 def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """Jacobian of :func:`runge_kutta_step` with one substep, by the chain rule.
-
-    Parameters
-    ----------
-    state : array, shape (..., n)
-        As in :func:`state_derivative`.
-    voltage : array, shape (...)
-        Held over the step, in V.
-
-    Returns
-    -------
-    array, shape (..., n, n)
-        Row: component of the next state; column: component of the state.
-    """
+    """Jacobian of :func:`runge_kutta_step` with one substep, by the chain rule."""
     k1 = state_derivative(model, state, voltage)
     second = state + 0.5 * step * k1
     k2 = state_derivative(model, second, voltage)

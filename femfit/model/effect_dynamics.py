@@ -97,22 +97,7 @@ class EffectDynamics:
         mass: float,
         gravity: float,
     ) -> FloatArray:
-        """Time derivative of (distance, velocity, current, states).
-
-        Parameters
-        ----------
-        state : array, shape (..., 3 + len(names))
-            m, m/s, A, pure numbers.
-        voltage : array, shape (...)
-            As commanded, in V.
-        disturbance : array or float
-            Further force along growing distance, in N.
-
-        Returns
-        -------
-        array, shape (..., 3 + len(names))
-            Per second.
-        """
+        """Time derivative of (distance, velocity, current, states); arguments as in :mod:`femfit.model.dynamics`."""
         flat = state.reshape(-1, state.shape[-1])
         d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         volts = np.broadcast_to(voltage, state.shape[:-1]).ravel()
@@ -126,21 +111,21 @@ class EffectDynamics:
                 force = force + added.effect.force(d, i, at, added.parameters)
             if added.effect.circuit is not None:
                 resistance, volts = added.effect.circuit(resistance, volts, i, at, added.parameters)
-        rest = volts - resistance * i + motional
+        driving = volts - resistance * i + motional
         inductance = magnetic.inductance
         rates = np.zeros((len(self.names), len(flat)))
         if self.names:
             still = self._rates(memory, d, v, i, np.zeros_like(i), at)
-            rest = rest - (slopes * still).sum(axis=0)
-            sign = np.where(rest < 0.0, -1.0, 1.0)
+            driving = driving - (slopes * still).sum(axis=0)
+            sign = np.where(driving < 0.0, -1.0, 1.0)
             slope = sign * (self._rates(memory, d, v, i, sign, at) - still)
             least = _LEAKAGE * inductance
             inductance = np.maximum(inductance + (slopes * slope).sum(axis=0), least)
-            rates = still + slope * (rest / inductance)
+            rates = still + slope * (driving / inductance)
         if np.ndim(disturbance):
             disturbance = np.broadcast_to(disturbance, state.shape[:-1]).ravel()
         acceleration = gravity + (disturbance - force) / mass
-        return np.concatenate([[v, acceleration, rest / inductance], rates]).T.reshape(state.shape)
+        return np.concatenate([[v, acceleration, driving / inductance], rates]).T.reshape(state.shape)
 
     def _rates(
         self,
@@ -196,22 +181,7 @@ class EffectDynamics:
     def hall_voltage(
         self, state: FloatArray, quiescent: float, sensitivity: float, time: FloatArray | float
     ) -> FloatArray:
-        """Output of the Hall element before clipping and rounding.
-
-        Parameters
-        ----------
-        state : array, shape (..., 3 + len(names))
-            As in :meth:`derivative`.
-        quiescent, sensitivity : float
-            Of the base's sensor, in V and V/T.
-        time : float
-            Since the start, in s: for drifts.
-
-        Returns
-        -------
-        array, shape (...)
-            In V.
-        """
+        """Output of the Hall element before clipping and rounding, from the quiescent voltage and V/T of the base's."""
         flat = state.reshape(-1, state.shape[-1])
         d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
@@ -222,20 +192,7 @@ class EffectDynamics:
         return self.read(volts, d, i, at).reshape(state.shape[:-1])
 
     def read(self, volts: FloatArray, distance: FloatArray, current: FloatArray, at: Conditions) -> FloatArray:
-        """A Hall voltage as the sensor's effects change it.
-
-        Parameters
-        ----------
-        volts : array, shape (n,)
-            Without them.
-        distance, current : array, shape (n,)
-            In m and A.
-
-        Returns
-        -------
-        array, shape (n,)
-            In V.
-        """
+        """A Hall voltage (n,) as the sensor's effects change it at distances and currents (n,)."""
         values: Mapping[str, FloatArray] = {"hall_V": volts}
         for added in self.effects:
             if added.effect.readings is not None:
@@ -250,18 +207,7 @@ def _state(series: TaylorSeries) -> MagneticState:
 def seen_point(
     effects: tuple[AddedEffect, ...], distance: FloatArray, current: FloatArray, at: Conditions
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and current that a Hall reading belongs to: of earlier, where it is late.
-
-    Parameters
-    ----------
-    distance, current : array, shape (n,)
-        Now, in m and A.
-
-    Returns
-    -------
-    tuple of two arrays, shape (n,)
-        In m and A.
-    """
+    """Distance and current that a Hall reading belongs to: of earlier, where it is late."""
     for added in effects:
         if added.effect.hall_point is not None:
             distance, current = added.effect.hall_point(distance, current, at, added.parameters)
@@ -275,17 +221,6 @@ def hall_field(
     current: FloatArray,
     at: Conditions,
 ) -> FloatArray:
-    """Field that a Hall reading shows: that of an earlier point, where it is late.
-
-    Parameters
-    ----------
-    distance, current : array, shape (n,)
-        Now, in m and A.
-
-    Returns
-    -------
-    array, shape (n,)
-        In T.
-    """
+    """Field in T that a Hall reading shows: that of an earlier point, where it is late."""
     distance, current = seen_point(effects, distance, current, at)
     return changed_coenergy(coenergy, effects, at)(distance, current, 0, 0).derivative(0, 0, 1)

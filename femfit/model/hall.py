@@ -1,11 +1,7 @@
 """The field at the Hall element: coil part and magnet part, from the sweep.
 
-B(d, i) = sum_n i^n S_n(d_0 / (d + s)): S_0 is the magnet's part (the paper's MH), the higher powers the coil's part
-(the paper's CH), whose slight dependence on distance is the magnet's own permeability. In a linear actuator n <= 1.
-
-References
-----------
-A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure 11.
+B(d, i) = sum_n i^n S_n(d_0 / (d + s)): S_0 is the magnet's part, the higher powers the coil's part, whose slight
+dependence on distance is the magnet's own permeability. In a linear actuator n <= 1.
 """
 
 from abc import ABC, abstractmethod
@@ -30,18 +26,7 @@ class HallField(ABC):
     def partials(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        """Partial derivatives of the field, several at once.
-
-        Parameters
-        ----------
-        orders : tuple of (int, int)
-            Order in distance and in current of each.
-
-        Returns
-        -------
-        list of array
-            In the order asked for, T / m^a / A^b.
-        """
+        """Partial derivatives of the field, of orders (in d, in i), in T / m^a / A^b."""
         distance, current = np.broadcast_arrays(
             np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
         )

@@ -23,24 +23,7 @@ def partial_derivatives(
     current: FloatArray,
     orders: tuple[tuple[int, int], ...],
 ) -> list[FloatArray]:
-    """Partial derivatives in (d, i) of a spline in (d_0 / (d + s), i).
-
-    Parameters
-    ----------
-    reference_distance : float
-        d_0 in m.
-    shifted_distance : array, shape (n,)
-        d + s in m.
-    current : array, shape (n,)
-        In A.
-    orders : tuple of (int, int)
-        Order in d and in i of each.
-
-    Returns
-    -------
-    list of array, each of shape (n,)
-        In the order asked for.
-    """
+    """Partial derivatives, of orders (in d, in i), of a spline in (d_0 / (d + s), i) at flat arrays of d + s and i."""
     u = reference_distance / shifted_distance
     wanted = dict.fromkeys((k, b) for a, b in orders for k in range(min(a, 1), a + 1))
     inner = dict(zip(wanted, spline.derivatives(u, current, tuple(wanted)), strict=True))

@@ -4,6 +4,12 @@ F = -dW'/dd (on the moving part, positive towards the electromagnet), flux linka
 k_m = dF/di = -d(flux linkage)/dd, inductance L = d(flux linkage)/di. Deriving all of them from one function
 makes reciprocity hold to rounding, whatever was fitted.
 
+Derivatives of W' pass through four forms. What is stored is a spline in d_0 / (d + s) and i (``bspline``), or a law;
+``inverse_distance`` turns the spline's derivatives into those in d. ``Magnetics`` gives any of them by order. Effects
+change W' as a function, so they take and give Taylor series about each point (``effects.taylor_series``), from which
+every derivative of the changed W' follows by the product rule. ``coenergy_table`` keeps such series on a grid, because
+filters ask for the same changed W' millions of times.
+
 References
 ----------
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1.
@@ -54,18 +60,7 @@ class Magnetics(ABC):
     def coenergy_derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        """Partial derivatives of the co-energy, several at once.
-
-        Parameters
-        ----------
-        orders : tuple of (int, int)
-            Order in distance and in current of each.
-
-        Returns
-        -------
-        list of array
-            In the order asked for, J / m^a / A^b.
-        """
+        """Partial derivatives of the co-energy, of orders (in d, in i), in J / m^a / A^b."""
         distance, current = np.broadcast_arrays(
             np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
         )

@@ -95,14 +95,20 @@ def read_sweep_table(path: Path) -> SweepTable:
     except (OSError, ValueError) as error:
         raise TableError(f"Sweep table {file} cannot be read: {error}") from error
     _check(rows, file)
-    manifest_file = file.with_name(MANIFEST_NAME)
-    manifest: dict[str, Any] = {}
-    if manifest_file.is_file():
-        try:
-            manifest = json.loads(manifest_file.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise TableError(f"{manifest_file} must be JSON; {error}. Run the sweep or the import again.") from error
-    return SweepTable(rows, manifest)
+    return SweepTable(rows, _read_manifest(file.with_name(MANIFEST_NAME)))
+
+
+def _read_manifest(file: Path) -> dict[str, Any]:
+    if not file.is_file():
+        return {}
+    again = "Run the sweep or the import again."
+    try:
+        manifest = json.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise TableError(f"{file} must be JSON; {error}. {again}") from error
+    if not isinstance(manifest, dict) or not isinstance(manifest.get("actuator") or {}, dict):
+        raise TableError(f"{file} must be a JSON object whose actuator is an object or null; it is not. {again}")
+    return manifest
 
 
 def _table_file(path: Path) -> Path:

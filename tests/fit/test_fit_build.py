@@ -262,6 +262,22 @@ def test_unusable_tables_are_refused_with_place_and_remedy(change, message):
         fit_model(broken(change))
 
 
+@pytest.mark.parametrize(
+    "actuator", [{"mass_kg": "4 g"}, {"resistance_ohm": [2]}, {"sample_time_s": "soon"}, {"hall": 5}, {"kind": {"a": True}}]
+)
+def test_a_damaged_manifest_is_one_clear_error(table, actuator):
+    with pytest.raises(TableError, match="manifest must give"):
+        fit_model(SweepTable(table.rows, {"actuator": {**ACTUATOR, **actuator}}), law="F2e")
+
+
+@pytest.mark.parametrize("text", ["[]", '{"actuator": 5}', "[" * 5000])
+def test_a_manifest_that_is_none_is_one_clear_error(tmp_path, text):
+    full_table().rows.to_csv(tmp_path / "sweep.csv", index=False)
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(TableError, match=r"manifest\.json must be"):
+        fit_model(tmp_path)
+
+
 @pytest.mark.parametrize("law", ["F1e", "all", None])
 def test_one_current_is_refused_by_every_model_with_what_to_do(law):
     with pytest.raises(FitError, match=r"at least 3 currents.*Sweep"):
