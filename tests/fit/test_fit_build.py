@@ -263,7 +263,8 @@ def test_unusable_tables_are_refused_with_place_and_remedy(change, message):
 
 
 @pytest.mark.parametrize(
-    "actuator", [{"mass_kg": "4 g"}, {"resistance_ohm": [2]}, {"sample_time_s": "soon"}, {"hall": 5}, {"kind": {"a": True}}]
+    "actuator",
+    [{"mass_kg": "4 g"}, {"resistance_ohm": [2]}, {"sample_time_s": "soon"}, {"hall": 5}, {"kind": {"a": True}}],
 )
 def test_a_damaged_manifest_is_one_clear_error(table, actuator):
     with pytest.raises(TableError, match="manifest must give"):
