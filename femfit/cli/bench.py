@@ -112,19 +112,18 @@ def bench(
 
 def _read(record: Path) -> "pd.DataFrame":
     """Columns of a bench record in SI."""
-    import pandas as pd
-
     from femfit.core.errors import TableError
-    from femfit.tables.measurement_cells import cell_numbers, read_cells
-    from femfit.tables.measurement_columns import BENCH_COLUMNS, recognise
+    from femfit.core.finding import listing
+    from femfit.tables.measurement_columns import BENCH_COLUMNS, column_values, recognise
+    from femfit.tables.measurement_file import read_raw_table
 
     names = ("time_s", "coil_voltage_V", *(name for name in BENCH_COLUMNS if name != "flux_linkage_Wb"))
-    cells = read_cells(record)
-    used, _ = recognise(map(str, cells.columns), str(record), names)
-    rows = pd.DataFrame({one.name: cell_numbers(cells[one.header], one)[0] for one in used})
+    raw = read_raw_table(record, "bench record")
+    used, _ = recognise(raw.headers, str(record), names)
+    rows, _ = column_values(raw, used)
     missing = [name for name in ("time_s", "coil_voltage_V", "current_A", "distance_m") if name not in rows]
     if missing:
-        raise TableError(f"A bench record needs {', '.join(missing)}; {record} has {', '.join(map(str, cells))}.")
+        raise TableError(f"A bench record needs {', '.join(missing)}; {record} has {listing(raw.headers)}.")
     rows = rows if "run" in rows else rows.assign(run=1.0)
     # A row without one of these is a gap, and said to be one.
     rows = rows.dropna(subset=["time_s", "coil_voltage_V", "current_A", "distance_m"])

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from femfit.identify.decision.diagnose import Examination
-    from femfit.identify.readings.load import Measurement
     from femfit.identify.refit.add_result import AddResult
     from femfit.model.actuator_model import ActuatorModel
+    from femfit.tables.measurement import Measurement
 
 
 def write_report(

@@ -1,7 +1,10 @@
 """A remark about data: a code that programs match, and a sentence that people read."""
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
+
+from femfit.core.quoted import quoted
 
 Severity = Literal["info", "warning", "error"]
 
@@ -45,7 +48,8 @@ class Finding:
         return asdict(self)
 
 
-def listing(items: list[str], limit: int = 8) -> str:
-    """List the first items and say how many more there are."""
-    shown = ", ".join(items[:limit])
+def listing(items: Iterable[object], limit: int = 8) -> str:
+    """List the first items, as they may stand in a message, and say how many more there are."""
+    items = list(items)
+    shown = ", ".join(quoted(item) for item in items[:limit])
     return shown if len(items) <= limit else f"{shown} and {len(items) - limit} more"

@@ -165,7 +165,8 @@ def fit_inductance(
                 "change with the distance, and its force by as much. Take another law, or check the distances."
             ),
         )
-    return InductanceFit(model, rms(error), float(np.abs(error).max()), len(error), notes, table.findings)
+    said = tuple(map(str, table.findings))
+    return InductanceFit(model, rms(error), float(np.abs(error).max()), len(error), notes, said)
 
 
 def _require_falling(table: InductanceTable) -> None:

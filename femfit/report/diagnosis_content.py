@@ -7,10 +7,11 @@ from femfit.core.arrays import FloatArray
 from femfit.identify.decision.diagnose import Examination
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.experiments.suggest import Suggestion
-from femfit.identify.readings.load import Measurement, measurement_observations
+from femfit.identify.readings.load import measurement_observations
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.measurement import Measurement
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,14 +1,22 @@
-"""From a column's header to its words and its unit."""
+"""From a column's header to its words and its unit, and how surely they name a quantity."""
 
 import re
 import unicodedata
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
-from femfit.tables.units import is_unit
+from femfit.core.errors import TableError
+from femfit.core.finding import listing
+from femfit.core.quoted import quoted
+from femfit.tables.column_names import COLUMN_NAMES, FOREIGN_WORDS, NEEDS_UNIT, STEP_NAMES
+from femfit.tables.units import column_unit, is_unit, unit_factor
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
 _TRAILING = re.compile(r"(?:\s*/\s*|\s*,\s*|\s+in\s+|\s+en\s+|\s+v\s+|[_\s]+)([^\s_/,]+)$")
 _WORD = re.compile(r"[A-ZΑ-Ω]?[a-zα-ω]+|[A-ZΑ-Ω]+(?![a-z])|\d+")
+_LONGEST = 200
+"""Characters of a header that are looked at."""
 
 
 @dataclass(frozen=True)
@@ -17,12 +25,10 @@ class Header:
 
     Parameters
     ----------
-    text : str
-        As it stands in the file.
     words : tuple of str
         Lower case, without accents, without the unit.
     unit_known : bool
-        False if something in brackets looks like a unit but is none that we know.
+        False if something in brackets looks like a unit but is not one of ours.
     """
 
     text: str
@@ -30,17 +36,23 @@ class Header:
     unit: str | None
     unit_known: bool = True
 
+    @property
+    def name(self) -> str:
+        """The words without blanks, as in :data:`femfit.tables.column_names.COLUMN_NAMES`."""
+        return "".join(self.words)
+
 
 def plain(text: str) -> str:
-    """Without accents and ligatures, so that ``Induktivität`` and ``entrefer`` are spelled as in the catalogue."""
+    """Remove accents and ligatures, so that ``Induktivität`` is spelled as in the table of names."""
     replaced = text.replace("ß", "ss").replace("ø", "o").replace("Ø", "O").replace("æ", "ae")
     decomposed = unicodedata.normalize("NFKD", replaced)
     return "".join(character for character in decomposed if not unicodedata.combining(character))
 
 
+@lru_cache(maxsize=4096)
 def parse_header(text: str) -> Header:
     """Take a header apart: ``Z(inch)``, ``Distance [mm]``, ``Current_A``, ``I / A``, ``Kraft in mN``."""
-    stripped = text.strip().strip('"').strip()
+    stripped = text[:_LONGEST].strip().strip('"').strip()
     name, unit, known = stripped, None, True
     for match in reversed(list(_BRACKETS.finditer(stripped))):
         inner = match.group(1).strip()
@@ -55,3 +67,74 @@ def parse_header(text: str) -> Header:
             unit, name = trailing.group(1), stripped[: trailing.start()]
     words = tuple(word.casefold() for word in _WORD.findall(plain(name)))
     return Header(stripped, words, unit, known)
+
+
+def same_header(key: str, header: str) -> bool:
+    """Tell whether a user means a header: as it is written, but for case, or without its unit."""
+    return key.strip().casefold() in {header.strip().casefold(), " ".join(parse_header(header).words)}
+
+
+def find_header(key: str, headers: Sequence[str], source: str, option: str) -> str:
+    """Find the header that a user means.
+
+    Raises
+    ------
+    TableError
+        If none or more than one is meant.
+    """
+    found = [header for header in headers if header.strip() == key.strip()]
+    found = found or [header for header in headers if same_header(key, header)]
+    if len(found) != 1:
+        raise TableError(
+            f"{source} has no single column {quoted(key)!r} for {option}; its columns are "
+            f"{listing(headers, 20) or 'without names (give --columns)'}."
+        )
+    return found[0]
+
+
+def names_column(header: Header, column: str) -> bool:
+    """Tell whether a header is a column's name, or another name for it, of a measurement.
+
+    A name of one letter, and one that means several things, counts only beside a unit of the right kind.
+    """
+    stem, si_unit = column_unit(column)
+    if header.name != stem.replace("_", "") and header.name not in COLUMN_NAMES.get(column, ()):
+        return False
+    if len(header.name) > 1 and header.name not in NEEDS_UNIT:
+        return True
+    return header.unit is not None and bool(si_unit) and unit_factor(header.unit, si_unit) is not None
+
+
+def match_score(header: Header, column: str) -> int:
+    """Tell how surely a header of a foreign table names a column.
+
+    Returns
+    -------
+    int
+        0: not; 2: a name stands inside a word; 4: it stands as words; 6: it is the name; one more if the unit fits. A
+        unit of another kind makes it 0.
+    """
+    _, si_unit = column_unit(column)
+    fits = header.unit is not None and unit_factor(header.unit, si_unit) is not None
+    if header.unit is not None and header.unit_known and not fits:
+        return 0
+    names: Collection[str] = COLUMN_NAMES[column]
+    if column == "distance_m":
+        names = (*names, *STEP_NAMES)
+    score = _name_score(header.words, [name for name in names if name not in NEEDS_UNIT])
+    score = score or int(fits and header.name in NEEDS_UNIT and header.name in names)
+    return 2 * score + fits if score else 0
+
+
+def _name_score(words: tuple[str, ...], names: Collection[str]) -> int:
+    compact = "".join(words)
+    if compact in names:
+        return 3
+    if FOREIGN_WORDS.intersection(words) or not words:
+        return 0
+    if words[0] in names and len(words) == 2:
+        return 2
+    phrases = {"".join(words[a:b]) for a in range(len(words)) for b in range(a + 1, len(words) + 1)}
+    if any(name in phrases for name in names if len(name) > 1):
+        return 2
+    return int(any(name in compact for name in names if len(name) >= 5))

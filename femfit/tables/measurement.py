@@ -1,10 +1,13 @@
-"""A bench measurement table: one row a reading, as the contract's CSV gives it."""
+"""Measurements: a bench table with one row a reading, and a time series with one row a sample."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
+
+from femfit.core.finding import Finding, listing
 
 CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 """Columns that a bench reads."""
@@ -25,6 +28,20 @@ A missing ``mount`` is the run's number, a missing ``order`` the row's place in 
 read from the order of the rows where the currents go up and down.
 """
 
+SERIES_CHANNELS = (
+    "voltage_V",
+    "current_A",
+    "distance_m",
+    "hall_V",
+    "force_N",
+    "coil_temperature_C",
+    "magnet_temperature_C",
+)
+"""Columns that a time series may record; ``voltage_V`` is the commanded voltage, held until the next sample."""
+
+SERIES_COLUMNS = ("run", "time_s", *SERIES_CHANNELS)
+"""All columns of a time series."""
+
 
 @dataclass(frozen=True, eq=False)
 class BenchTable:
@@ -38,24 +55,74 @@ class BenchTable:
     given : tuple of str
         The columns that the file has with at least one number.
     declared_noise : mapping of str to float
-        Standard deviation of a channel's reading from the sidecar, in the channel's unit.
-    findings : tuple of str
-        What the checks noticed, one plain sentence each.
-    source : str
-        Name of the file, for messages.
-    test_object, notes : str
-        From the sidecar; empty where it does not say.
+        Standard deviation of a channel's reading, in the channel's unit.
     """
 
     rows: pd.DataFrame
     given: tuple[str, ...]
     declared_noise: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     source: str = "measurement"
     test_object: str = ""
     notes: str = ""
 
+    kind: ClassVar[str] = "readings"
+    known_channels: ClassVar[tuple[str, ...]] = CHANNELS
+
     @property
     def channels(self) -> tuple[str, ...]:
         """The measured channels that the file has."""
-        return tuple(name for name in CHANNELS if name in self.given)
+        return tuple(name for name in self.known_channels if name in self.given)
+
+    def __str__(self) -> str:
+        return "\n".join(measurement_lines(self))
+
+
+@dataclass(frozen=True, eq=False)
+class TimeSeries:
+    """A recorded time series, read and checked.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Every column of :data:`SERIES_COLUMNS` as float64, and ``segment``: rows of one segment follow each other on a
+        clock that runs on without a gap. A reading that is missing, or that a check has set aside, is NaN.
+    given : tuple of str
+        The columns that the file has with at least one number.
+    declared_noise : mapping of str to float
+        Standard deviation of a channel's sample, in the channel's unit.
+    """
+
+    rows: pd.DataFrame
+    given: tuple[str, ...]
+    declared_noise: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    source: str = "time series"
+    test_object: str = ""
+    notes: str = ""
+
+    kind: ClassVar[str] = "samples"
+    known_channels: ClassVar[tuple[str, ...]] = SERIES_CHANNELS
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The recorded channels that the file has."""
+        return tuple(name for name in self.known_channels if name in self.given)
+
+    def __str__(self) -> str:
+        return "\n".join(measurement_lines(self))
+
+
+Measurement = BenchTable | TimeSeries
+
+
+def measurement_lines(data: Measurement) -> list[str]:
+    """Say what a measurement holds, one line a fact, what must be looked at first."""
+    rows = data.rows
+    runs = rows["run"].nunique()
+    lines = [f"{data.source}: {len(rows)} {data.kind} in {runs} run{'s' * (runs != 1)} of {listing(data.channels)}"]
+    placed = [name for name in ("distance_m", "current_A") if rows[name].notna().any()]
+    lines += [f"  {name} {rows[name].min():.4g} to {rows[name].max():.4g}" for name in placed]
+    lines += [f"  declared noise of {name}: {value:.3g}" for name, value in data.declared_noise.items()]
+    first = [f"check first: {one}" for one in data.findings if one.severity != "info"]
+    return [*first, *lines, *(f"note: {one}" for one in data.findings if one.severity == "info")]

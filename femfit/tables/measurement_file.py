@@ -1,29 +1,72 @@
-"""Bench measurement files, CSV or Parquet with an optional sidecar, to checked tables."""
+"""Measured files, CSV or Parquet with an optional sidecar, to checked bench tables and time series."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
-from femfit.tables.measurement_branch import branch_from_order
-from femfit.tables.measurement_cells import cell_numbers, read_cells
+from femfit.core.finding import Finding, listing
+from femfit.tables.measurement import (
+    CHANNELS,
+    SERIES_CHANNELS,
+    SERIES_COLUMNS,
+    SETTINGS,
+    BenchTable,
+    Measurement,
+    TimeSeries,
+)
 from femfit.tables.measurement_checks import checked, without_copies
-from femfit.tables.measurement_columns import recognise
-from femfit.tables.measurement_order import in_measuring_order
+from femfit.tables.measurement_columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, recognise
+from femfit.tables.measurement_order import branch_from_order, in_measuring_order
 from femfit.tables.measurement_sidecar import read_sidecar
+from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
+from femfit.tables.suspected_units import suspected_by_size
+from femfit.tables.text_table import parse_text
+from femfit.tables.time_series_checks import check_clock, check_readings
 
 
-def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
-    """Read and check a bench measurement.
+def read_measurement(
+    path: str | Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> Measurement:
+    """Read a measured file: a time series where it has a column of times, else a bench table.
 
     Parameters
     ----------
-    path : Path
-        ``.csv`` (commas, semicolons or tabs; decimal point or comma; lines that start with # are passed over) or
+    path : str or Path
+        ``.csv`` (commas, semicolons, tabs or blanks; decimal point or comma; title lines are passed over) or
         ``.parquet``; ``NAME.toml`` or ``NAME.csv.toml`` beside it may declare the noise.
+    columns : mapping of str to str, optional
+        Header to the column that it is, where its name does not say it: ``{"Kanal 3": "force_N"}``.
+    units : mapping of str to str, optional
+        Header to its unit, or to a number that multiplies it to SI: ``{"Kraft": "gf"}``.
+
+    Raises
+    ------
+    TableError
+        If there is no such file, or it is not such a table.
+    """
+    path = Path(path)
+    raw = read_raw_table(path)
+    timed = "time_s" in (columns or {}).values() or any(
+        column is not None and column.name == "time_s"
+        for column in (match_column(header, SERIES_COLUMNS) for header in raw.headers)
+    )
+    return _time_series(raw, path, columns, units) if timed else _bench_table(raw, path, columns, units)
+
+
+def read_bench_table(
+    path: str | Path,
+    *,
+    planned: bool = False,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> BenchTable:
+    """Read and check a bench measurement, or a plan of one.
+
+    Parameters
+    ----------
     planned : bool
         Whether it is a plan: a channel counts as given by its column alone, its cells may be empty.
 
@@ -38,25 +81,88 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
         If there is no such file, it is no table, or it lacks a current, a distance or any channel.
     """
     path = Path(path)
-    raw = read_cells(path)
-    used, findings = recognise(map(str, raw.columns), str(path))
-    names = [one.name for one in used]
-    if raw.empty:
+    return _bench_table(read_raw_table(path), path, columns, units, planned)
+
+
+def read_time_series(
+    path: str | Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> TimeSeries:
+    """Read and check a recorded time series.
+
+    Returns
+    -------
+    TimeSeries
+        Rows in the order of the file, run by run. Nothing is sorted, filled or resampled: where the clock jumps or
+        pauses a new segment begins, readings that are stuck or clipped become NaN, and all of it is said.
+
+    Raises
+    ------
+    TableError
+        If there is no such file, it is no table, or it lacks times or any channel.
+    """
+    path = Path(path)
+    return _time_series(read_raw_table(path), path, columns, units)
+
+
+def read_raw_table(path: Path, what: str = "measurement") -> RawTable:
+    """Read the cells of a measured file under their headers.
+
+    Raises
+    ------
+    TableError
+        If there is no such file, or it is no table with one line of column names.
+    """
+    content = file_content(path, what)
+    if content.startswith(PARQUET_MAGIC) or path.suffix == ".parquet":
+        raw = parse_parquet(content, str(path))
+    else:
+        raw = parse_text(content, str(path), open_decimal=",")
+    if not raw.headers:
+        raise TableError(
+            f"{path} must have as many column names as columns; there is no line of {raw.numbers.shape[1]} names above "
+            f"its rows of {raw.numbers.shape[1]} cells. Complete the line of names."
+        )
+    twice = [header for k, header in enumerate(raw.headers) if header and header in raw.headers[:k]]
+    if twice:
+        raise TableError(
+            f"{path} has more than one column named {listing(dict.fromkeys(twice))}. Rename or remove one."
+        )
+    return raw
+
+
+def _read_columns(
+    raw: RawTable,
+    path: Path,
+    names: Sequence[str],
+    columns: Mapping[str, str] | None,
+    units: Mapping[str, str] | None,
+) -> tuple[pd.DataFrame, list[UsedColumn], list[Finding]]:
+    filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts[k])]
+    used, findings = recognise(filled, str(path), names, columns, units)
+    if not len(raw.lines):
         raise TableError(f"{path} has column names and no row below them; it needs one row a reading.")
-    _require(names, path, [str(header) for header in raw.columns if header not in {one.header for one in used}])
-    columns = {}
-    for one in used:
-        columns[one.name], said = cell_numbers(raw[one.header], one)
-        findings += said
-    sidecar = read_sidecar(path)
-    rows = pd.DataFrame(columns)
+    values, said = column_values(raw, used)
+    return values, used, findings + said
+
+
+def _bench_table(
+    raw: RawTable,
+    path: Path,
+    columns: Mapping[str, str] | None,
+    units: Mapping[str, str] | None,
+    planned: bool = False,
+) -> BenchTable:
+    rows, used, findings = _read_columns(raw, path, BENCH_COLUMNS, columns, units)
+    unknown = [header for header in raw.headers if header not in {column.header for column in used}]
+    _require_bench([column.name for column in used], path, unknown)
+    sidecar = read_sidecar(path, CHANNELS)
     given = tuple(
         name
-        for name in (*SETTINGS, *CHANNELS)
+        for name in BENCH_COLUMNS
         if name in rows and (bool(rows[name].notna().any()) or (planned and name in CHANNELS))
     )
-    _require(given, path)
-    full, copies = (_complete(rows), []) if planned else without_copies(_complete(rows), given)
+    _require_bench(given, path)
+    full, copies = (_complete_bench(rows), []) if planned else without_copies(_complete_bench(rows), given)
     ordered, said = in_measuring_order(full, "run" in given)
     if "branch" not in given:
         branch, assumed = branch_from_order(ordered)
@@ -80,7 +186,7 @@ def read_bench_table(path: Path, *, planned: bool = False) -> BenchTable:
     return table
 
 
-def _require(names: Sequence[str], path: Path, unknown: Sequence[str] = ()) -> None:
+def _require_bench(names: Sequence[str], path: Path, unknown: Sequence[str] = ()) -> None:
     missing = [name for name in ("current_A", "distance_m") if name not in names]
     if not any(name in CHANNELS for name in names):
         missing.append(f"one of {', '.join(CHANNELS)}")
@@ -88,14 +194,56 @@ def _require(names: Sequence[str], path: Path, unknown: Sequence[str] = ()) -> N
         raise TableError(
             f"A bench table must have current_A, distance_m and at least one channel, with numbers in them; {path} "
             f"lacks {' and '.join(missing)} (it has {', '.join(names) or 'none of the known columns'}"
-            f"{'; not understood: ' + ', '.join(unknown) if unknown else ''}). Rename the columns or add them."
+            f"{'; not understood: ' + listing(unknown) if unknown else ''}). Rename a column, or say what it is with "
+            f"--column HEADER={missing[0] if '_' in missing[0] and ' ' not in missing[0] else CHANNELS[0]}."
         )
 
 
-def _complete(rows: pd.DataFrame) -> pd.DataFrame:
-    """Every column of the contract, in the order of the file."""
+def _complete_bench(rows: pd.DataFrame) -> pd.DataFrame:
+    """Every column of a bench table, in the order of the file."""
     full = pd.DataFrame({name: rows.get(name, missing) for name, missing in SETTINGS.items()}, index=rows.index)
     full = full.assign(**{name: rows.get(name, np.nan) for name in CHANNELS}).astype(np.float64)
     return full.assign(
         run=full["run"].fillna(full["run"].ffill().fillna(1.0)), branch=np.sign(full["branch"].fillna(0.0))
     )
+
+
+def _time_series(
+    raw: RawTable, path: Path, columns: Mapping[str, str] | None, units: Mapping[str, str] | None
+) -> TimeSeries:
+    values, _, findings = _read_columns(raw, path, SERIES_COLUMNS, columns, units)
+    given = tuple(name for name in SERIES_COLUMNS if name in values and bool(values[name].notna().any()))
+    missing = [] if "time_s" in given else ["time_s"]
+    if not any(name in SERIES_CHANNELS for name in given):
+        missing.append(f"one of {', '.join(SERIES_CHANNELS)}")
+    if missing:
+        raise TableError(
+            f"A time series must have time_s and at least one channel, with numbers in them; {path} lacks "
+            f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). Rename the columns "
+            "or add them."
+        )
+    sidecar = read_sidecar(path, SERIES_CHANNELS)
+    rows, lost = _complete_series(values)
+    if lost:
+        findings.append(Finding("cells", "info", f"{lost} rows without a time were left out.", size=float(lost)))
+    rows["segment"], clock = check_clock(rows)
+    rows, readings = check_readings(rows)
+    return TimeSeries(
+        rows=rows,
+        given=given,
+        declared_noise=sidecar.noise,
+        findings=(*findings, *clock, *readings, *suspected_by_size(rows), *sidecar.findings),
+        source=path.name,
+        test_object=sidecar.test_object,
+        notes=sidecar.notes,
+    )
+
+
+def _complete_series(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
+    """Every column of a time series, rows of one run together; and how many rows had no time."""
+    full = pd.DataFrame({name: rows.get(name, np.nan) for name in SERIES_COLUMNS}, index=rows.index).astype(np.float64)
+    full["run"] = full["run"].ffill().fillna(1.0)
+    timed = full["time_s"].notna()
+    full = full[timed]
+    order = np.argsort(pd.factorize(full["run"])[0], kind="stable")
+    return full.iloc[order].reset_index(drop=True), int((~timed).sum())

@@ -2,7 +2,9 @@
 
 Each reading is predicted by a robust local plane through its nearest readings of the same run, in distance, current,
 branch and time, without itself. What is set aside is alone: its neighbours agree with each other, and no repeat of its
-setting deviates in the same sense. A physical effect is seen by more than one reading and is kept.
+setting deviates in the same sense. A physical effect is seen by more than one reading and is kept. At the end of a
+range the plane extrapolates, and a steep smooth curve leaves it: such a reading is kept if the next one, predicted
+without it, leaves its plane in the same sense.
 
 References
 ----------
@@ -92,7 +94,25 @@ def _is_alone(
         return False
     distance = np.abs(place - place[k]).max(axis=1)
     repeats = np.flatnonzero((distance < 1e-3) & (run != run[k]))
-    return not bool(np.any(np.sign(score[k]) * score[repeats] > _COMPANY))
+    if np.any(np.sign(score[k]) * score[repeats] > _COMPANY):
+        return False
+    return not _continues(k, value, place, run, np.sign(score[k]) / scale[k])
+
+
+def _continues(k: int, value: FloatArray, place: FloatArray, run: IntArray, weight: float) -> bool:
+    """Whether a reading at the end of a coordinate goes on as the readings before it begin to."""
+    others = np.flatnonzero((run == run[k]) & (np.arange(len(run)) != k))
+    for axis in range(place.shape[1]):
+        x = place[others, axis]
+        if place[k, axis] >= x.min() and place[k, axis] <= x.max():
+            continue
+        order = others[np.argsort(np.abs(x - place[k, axis]), kind="stable")]
+        for j, rest in ((order[0], order[1:]), (order[1], order[2:])):
+            near = rest[np.argsort(np.linalg.norm(place[rest] - place[j], axis=1), kind="stable")[:_LEAST]]
+            predicted = _planes(value[near][None], (place[near] - place[j])[None])[0, 0]
+            if weight * (value[j] - predicted) > _COMPANY:
+                return True
+    return False
 
 
 def _nearest(place: FloatArray, run: IntArray) -> IntArray:

@@ -6,6 +6,7 @@ Written by the sweep and by the importer of FEMM tables, read by the fit; both k
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +53,17 @@ class SweepTable:
         if "status" not in self.rows:
             return self.rows
         return self.rows[self.rows["status"] == "ok"].reset_index(drop=True)
+
+    def __str__(self) -> str:
+        rows = self.valid_rows()
+        current, distance = rows["current_A"], 1e3 * rows["distance_m"]
+        return (
+            f"{len(rows)} points: {current.nunique()} currents {current.min():g} to {current.max():g} A, "
+            f"{distance.nunique()} distances {distance.min():g} to {distance.max():g} mm"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>{self.rows.to_html(max_rows=12)}"
 
 
 def write_sweep_table(table: SweepTable, directory: Path) -> Path:

@@ -1,9 +1,10 @@
-"""What may be wrong with a recorded time series: its clock, its sensors, its units. Found and said, never repaired."""
+"""What may be wrong with a recorded time series: its clock and its sensors. Found and said, never repaired."""
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.finding import Finding
 
 _PAUSE = 5.0
 """A step of the clock longer than this many times the usual longest (95 %) one is a gap."""
@@ -17,31 +18,14 @@ _LEAST_STUCK, _MUCH_LONGER = 50, 20
 _LEAST_CLIPPED, _PILED = 20, 5
 """Samples at the end of a range, and how many times those of the next hundredth of the range that must be."""
 
-_LARGEST = {
-    "time_s": (0.5, "step", "milliseconds"),
-    "distance_m": (1.0, "median", "millimetres"),
-    "current_A": (100.0, "median", "milliamperes"),
-    "hall_V": (100.0, "median", "millivolts"),
-    "voltage_V": (1000.0, "median", "millivolts"),
-    "force_N": (1e4, "median", "millinewtons"),
-    "coil_temperature_C": (250.0, "median", "kelvins"),
-    "magnet_temperature_C": (250.0, "median", "kelvins"),
-}
-"""Above this the number is more likely in the unit named last."""
 
-
-def check_clock(rows: pd.DataFrame) -> tuple[IntArray, list[str]]:
-    """Find where a clock jumps back, stands still or pauses.
+def check_clock(rows: pd.DataFrame) -> tuple[IntArray, list[Finding]]:
+    """Find where a clock jumps back, stands still or pauses, and number the segments between.
 
     Parameters
     ----------
     rows : DataFrame
         ``run`` and ``time_s``, run by run.
-
-    Returns
-    -------
-    tuple of array of int, shape (n,), and list of str
-        Number of the segment of each row; sentences.
     """
     time, run = rows["time_s"].to_numpy(), rows["run"].to_numpy()
     step, same = np.diff(time), np.diff(run) == 0.0
@@ -52,22 +36,17 @@ def check_clock(rows: pd.DataFrame) -> tuple[IntArray, list[str]]:
     for where, said in ((back, "does not run on"), (pause, "pauses")):
         if where.any():
             first = int(np.flatnonzero(where)[0])
-            findings.append(
+            text = (
                 f"The clock {said} at {int(where.sum())} place{'s' if where.sum() > 1 else ''}, first from "
                 f"{time[first]:.6g} s to {time[first + 1]:.6g} s in run {run[first]:g}; no stretch across it is used."
             )
+            findings.append(Finding("clock", "info", text, size=float(where.sum()), column="time_s"))
     breaks = np.concatenate([[False], back | pause | ~same])
     return np.cumsum(breaks), findings
 
 
-def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Set aside readings that are stuck or clipped.
-
-    Returns
-    -------
-    tuple of DataFrame and list of str
-        The rows with these readings as NaN; sentences, of missing readings too.
-    """
+def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
+    """Set aside readings that are stuck or clipped; they become NaN."""
     findings, rows, time = [], rows.copy(), rows["time_s"].to_numpy()
     for name in _SENSORS:
         values = rows[name].to_numpy(copy=True)
@@ -75,15 +54,19 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
         if not known.any():
             continue
         if not known.all():
-            findings.append(f"{int((~known).sum())} samples of {name} are missing.")
+            count = int((~known).sum())
+            findings.append(
+                Finding("cells", "info", f"{count} samples of {name} are missing.", size=count, column=name)
+            )
         for found, word in ((_stuck(values), "stuck at"), (_clipped(values), "clipped at")):
             if found.any():
                 levels = np.unique(values[found])
-                told = " and ".join(f"{level:.4g}" for level in levels[:2]) + (" and others" if len(levels) > 2 else "")
-                findings.append(
-                    f"{int(found.sum())} samples of {name} look {word} {told}, first at "
+                at = " and ".join(f"{level:.4g}" for level in levels[:2]) + (" and others" if len(levels) > 2 else "")
+                text = (
+                    f"{int(found.sum())} samples of {name} look {word} {at}, first at "
                     f"{time[np.flatnonzero(found)[0]]:.6g} s; they count as missing."
                 )
+                findings.append(Finding(word.split()[0], "info", text, size=float(found.sum()), column=name))
                 values[found] = np.nan
         rows[name] = values
     return rows, findings
@@ -118,18 +101,3 @@ def _clipped(values: FloatArray) -> BoolArray:
         if high > low and end != 0.0 and lasting and count >= _LEAST_CLIPPED and count > _PILED * near:
             result |= at_end
     return result
-
-
-def check_units(rows: pd.DataFrame) -> list[str]:
-    """Suspect units from sizes alone."""
-    findings = []
-    for name, (largest, kind, unit) in _LARGEST.items():
-        values = rows[name].to_numpy()
-        values = np.diff(values) if kind == "step" else values
-        values = np.abs(values[np.isfinite(values)])
-        if len(values) and float(np.median(values)) > largest:
-            findings.append(
-                f"{name} has a {kind} of {np.median(values):.4g}: is it in {unit}? It was taken as it stands; put the "
-                "unit into the header to have it converted."
-            )
-    return findings

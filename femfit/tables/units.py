@@ -5,9 +5,12 @@ References
 The international inch (0.0254 m), pound (0.45359237 kg) and standard gravity (9.80665 m/s^2) are exact.
 """
 
+import math
 import unicodedata
 
 from femfit.core.constants import GRAVITY
+from femfit.core.errors import TableError
+from femfit.core.quoted import quoted
 
 _POUND_KG = 0.45359237
 _PREFIX = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
@@ -27,6 +30,7 @@ UNITS: dict[str, dict[str, float]] = {
         **_with_prefixes("m", "cmun"),
         **_words("meter metre meters metres metri metros", 1.0),
         **_words("millimeter millimetre millimeters millimetres", 1e-3),
+        **_words("centimeter centimetre centimeters centimetres", 1e-2),
         **_words("micron microns", 1e-6),
         **_words("in inch inches zoll pouce pouces pulgada pollice \" ''", 0.0254),
         **_words("mil thou", 2.54e-5),
@@ -42,8 +46,9 @@ UNITS: dict[str, dict[str, float]] = {
         **_words("newton newtons", 1.0),
         **_words("lbf lb lbs", _POUND_KG * GRAVITY),
         **_words("ozf oz", _POUND_KG * GRAVITY / 16),
-        **_words("kgf kp", GRAVITY),
-        **_words("gf pond", GRAVITY * 1e-3),
+        **_words("kgf kp kg kilogram kilograms kilogramm", GRAVITY),
+        **_words("gf pond g gr gram grams gramme grammes gramm", GRAVITY * 1e-3),  # a kitchen scale shows force so
+        **_words("mgf mg", GRAVITY * 1e-6),
         **_words("dyn dyne", 1e-5),
     },
     "Wb": {
@@ -62,30 +67,62 @@ UNITS: dict[str, dict[str, float]] = {
 
 
 def unit_factor(unit: str, si_unit: str) -> float | None:
-    """Factor that turns a number in ``unit`` into ``si_unit``.
+    """Return the factor that turns a number in ``unit`` into ``si_unit``; None if it is not a unit of that kind.
 
-    Parameters
-    ----------
-    unit : str
-        As written: ``mm``, ``µH``, ``Wb-turns``, ``V.s``; case is ignored only where no other unit differs by it.
+    Case is ignored only where no other unit differs by it: mega is not milli.
 
-    Returns
-    -------
-    float or None
-        None if it is no unit of that kind.
+    Examples
+    --------
+    >>> unit_factor("mm", "m"), unit_factor("Wb-turns", "Wb"), unit_factor("MN", "N")
+    (0.001, 1.0, None)
     """
     text = unicodedata.normalize("NFKC", unit).strip()
     text = text.replace("μ", "u").replace("µ", "u")
     text = "".join(character for character in text if character not in " .-*·⋅_")
-    spellings = UNITS[si_unit]
+    spellings = UNITS.get(si_unit, {})
     if text in spellings:
         return spellings[text]
-    if len(text) > 1 and text[0] in "MGP":  # mega is not milli
+    if len(text) > 1 and text[0] in "MGP":
         return spellings.get(text.lower()) if len(text) > 2 else None
     folded = {factor for name, factor in spellings.items() if name.casefold() == text.casefold()}
     return folded.pop() if len(folded) == 1 else None
 
 
+def given_factor(unit: str, si_unit: str, header: str, source: str) -> float:
+    """Return the factor to SI of a unit that a user gives by its name, or as the number that multiplies a column.
+
+    Raises
+    ------
+    TableError
+        If it is neither.
+    """
+    factor = unit_factor(unit, si_unit) if si_unit else None
+    if factor is None:
+        try:
+            factor = float(unit)
+        except ValueError:
+            factor = math.nan
+    if not math.isfinite(factor) or factor == 0.0:
+        known = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
+        raise TableError(
+            f"{source}: {quoted(unit)!r} is not a unit of column {quoted(header)!r}. Give {known}a number that "
+            f"multiplies it{' to ' + si_unit if si_unit else ''}."
+        )
+    return factor
+
+
 def is_unit(unit: str) -> bool:
-    """Whether the text is a unit of any kind that a table can hold."""
+    """Tell whether the text is a unit of any kind that a table can hold."""
     return any(unit_factor(unit, si_unit) is not None for si_unit in UNITS)
+
+
+def column_unit(column: str) -> tuple[str, str]:
+    """Split a column's name into its quantity and its SI unit; ``run``, ``mount``, ``order``, ``branch`` have none.
+
+    Examples
+    --------
+    >>> column_unit("flux_linkage_Wb"), column_unit("run")
+    (('flux_linkage', 'Wb'), ('run', ''))
+    """
+    stem, _, unit = column.rpartition("_")
+    return (stem, "degC" if unit == "C" else unit) if stem else (column, "")

@@ -10,12 +10,12 @@ import pandas as pd
 
 from femfit.core.errors import FemfitError
 from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose
-from femfit.identify.readings.load import Measurement, measurement_observations, read_measurement
+from femfit.identify.readings.load import measurement_observations, read_measurement
 from femfit.identify.readings.observations import Observations, bench_observations
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
-from femfit.tables.measurement import BenchTable
+from femfit.tables.measurement import BenchTable, Measurement
 
 
 @dataclass(frozen=True, eq=False)

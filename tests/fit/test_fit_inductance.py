@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError, TableError
+from femfit.core.finding import Finding
 from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model
 from femfit.tables.inductance_table import InductanceTable, is_inductance_table, read_inductance_table
@@ -43,7 +44,8 @@ def test_the_force_of_an_exact_table_is_found_without_any_force():
 
 
 def test_what_the_table_needed_is_said():
-    fit = fit_inductance(dataclasses.replace(table(), findings=("current_mA was read as current_A.",)), **OPTIONS)
+    said = (Finding("column", "info", "current_mA was read as current_A."),)
+    fit = fit_inductance(dataclasses.replace(table(), findings=said), **OPTIONS)
     assert "note: current_mA was read as current_A." in str(fit)
     assert fit.to_dict()["notes"] == ["current_mA was read as current_A."]
 

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.core.finding import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare_bench
 from femfit.identify.comparison.compare_text import comparison_lines
 from femfit.model.actuator_model import Misfit
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.tables.suspected_units import suspicion
 from support.campaign import NOISE, campaign
 
 HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
@@ -89,7 +91,7 @@ def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model)
     assert (comparison.verdict, comparison.where.channel) == ("compare_only", "hall_V")
     assert comparison.structure is None
     assert all(one.noise_floor is None and one.lack_of_fit is None for one in comparison.channels)
-    assert "declare the noise" in comparison.findings[-1]
+    assert comparison.findings[-1].code == "no-noise-floor"
     declared = compare_bench(levitation_model, replace(rising, declared_noise=NOISE))
     assert declared.verdict == "fails"
     assert by_channel(declared)["hall_V"].noise_source == "declared"
@@ -119,8 +121,9 @@ def test_a_channel_of_which_nothing_is_left_is_passed_over(levitation_model):
 
 
 def test_a_suspected_unit_comes_before_all_numbers(levitation_model):
-    finding = "force_N seems to be in mN: it would then fit the model. Convert the column."
-    table = replace(campaign(levitation_model, 19), findings=("1 row was left out.", finding))
+    finding = suspicion("force_N", "mN", "it would then fit the model")
+    left_out = Finding("copies", "info", "1 row was left out.")
+    table = replace(campaign(levitation_model, 19), findings=(left_out, finding))
     lines = comparison_lines(compare_bench(levitation_model, table))
     assert lines[0] == f"check first: {finding}"
     assert lines[-1] == "note: 1 row was left out."

@@ -95,7 +95,7 @@ def test_without_repeats_or_declared_noise_the_data_are_compared_only(levitation
     rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
     result = diagnose_bench(levitation_model, rising, QUICK)
     assert result.verdict == "compare_only"
-    assert "Measure some settings twice" in result.findings[-1]
+    assert result.findings[-1].code == "no-noise-floor"
     declared = diagnose_bench(levitation_model, replace(rising, declared_noise=NOISE), QUICK)
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
 

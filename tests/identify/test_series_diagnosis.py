@@ -15,7 +15,7 @@ from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.series.diagnose import diagnose_series
 from femfit.identify.series.observations import series_observations
 from femfit.model.with_effects import with_effects
-from femfit.tables.time_series_file import read_time_series
+from femfit.tables.measurement_file import read_time_series
 from support.closed_loop import closed_loop, recorded
 
 QUICK = DiagnosisOptions(bootstrap=0)

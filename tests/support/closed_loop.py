@@ -11,7 +11,7 @@ from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import reference_steps, stack_references
 from femfit.simulation.sensor import SensorErrors
-from femfit.tables.time_series import SERIES_COLUMNS, TimeSeries
+from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries
 from femfit.tables.time_series_checks import check_clock
 
 

@@ -44,9 +44,9 @@ def test_a_cell_that_is_no_number_is_named_by_its_line(tmp_path, table, cell):
     with pytest.raises(TableError, match=r"line 11.*\[cells\]"):
         read_foreign_table([path])
     imported = read_foreign_table([path], ImportOptions(accept=("cells",)))
-    assert len(imported.table.valid_rows()) == len(table) - 1
-    assert (imported.table.rows["status"] != "ok").sum() == 1
-    write_sweep_table(imported.table, tmp_path / "out")
+    assert len(imported.valid_rows()) == len(table) - 1
+    assert (imported.rows["status"] != "ok").sum() == 1
+    write_sweep_table(imported, tmp_path / "out")
     assert len(read_sweep_table(tmp_path / "out").valid_rows()) == len(table) - 1
 
 
@@ -62,14 +62,14 @@ def test_a_line_with_a_field_too_many_is_not_shifted_into_other_columns(tmp_path
 def test_an_optional_column_with_gaps_is_left_out_and_said(tmp_path, table):
     table.loc[3, "flux_linkage"] = np.nan
     imported = read_foreign_table([write(tmp_path / "t.csv", table)])
-    assert "flux_linkage_Wb" not in imported.table.rows
+    assert "flux_linkage_Wb" not in imported.rows
     assert "line 5" in finding(imported, "gaps").text
 
 
 def test_identical_rows_are_dropped_and_said(tmp_path, table):
     doubled = table.iloc[[*range(len(table)), 4, 9]]
     imported = read_foreign_table([write(tmp_path / "t.csv", doubled)])
-    assert len(imported.table.rows) == len(table)
+    assert len(imported.rows) == len(table)
     assert finding(imported, "duplicates").size == 2
 
 
@@ -79,7 +79,7 @@ def test_contradictory_rows_are_an_error_that_names_them(tmp_path, table):
     path = write(tmp_path / "t.csv", doubled)
     with pytest.raises(TableError, match=rf"line 6, {len(table) + 2}"):
         read_foreign_table([path])
-    rows = read_foreign_table([path], ImportOptions(accept=("contradictions",))).table.rows
+    rows = read_foreign_table([path], ImportOptions(accept=("contradictions",))).rows
     assert len(rows) == len(table)
     assert rows["force_N"][4] == pytest.approx(1.005 * table["force"][4])
 
@@ -100,7 +100,7 @@ def test_scattered_points_are_called_scattered(tmp_path, law):
 
 def test_rows_in_disorder_are_sorted_and_said(tmp_path, table):
     imported = read_foreign_table([write(tmp_path / "t.csv", table.sample(frac=1, random_state=1))])
-    np.testing.assert_allclose(imported.table.rows["force_N"], table["force"], rtol=1e-9)
+    np.testing.assert_allclose(imported.rows["force_N"], table["force"], rtol=1e-9)
     assert finding(imported, "order").severity == "info"
 
 
@@ -114,7 +114,7 @@ def test_loops_in_either_order_are_no_disorder(tmp_path, table, keys, rising):
 def test_currents_that_differ_by_rounding_are_one_level(tmp_path, table):
     table["current"] += np.random.default_rng(1).uniform(-1e-9, 1e-9, len(table))
     imported = read_foreign_table([write(tmp_path / "t.csv", table)])
-    assert imported.table.rows["current_A"].nunique() == 4
+    assert imported.rows["current_A"].nunique() == 4
 
 
 @pytest.mark.parametrize(("axis", "code"), [("current", "one-current"), ("distance", "one-distance")])
@@ -152,7 +152,7 @@ def test_metres_read_as_millimetres_are_an_error(tmp_path, table):
 def test_a_reversed_polarity_is_turned_with_its_flux(tmp_path, table):
     reversed_table = table.assign(current=-table["current"], flux_linkage=-table["flux_linkage"])
     path = write(tmp_path / "t.csv", reversed_table)
-    rows = read_foreign_table([path], ImportOptions(flip_current=True)).table.rows
+    rows = read_foreign_table([path], ImportOptions(flip_current=True)).rows
     np.testing.assert_allclose(rows["force_N"], table["force"], rtol=1e-9)
     np.testing.assert_allclose(rows["flux_linkage_Wb"], table["flux_linkage"], rtol=1e-9)
 

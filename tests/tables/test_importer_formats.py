@@ -22,7 +22,7 @@ def write(path, header, rows, delimiter=";", decimal=".", before=(), encoding="u
 
 def assert_same(imported, table, columns=("force", "flux_linkage")):
     """The imported rows are the law's, in SI and in order."""
-    rows = imported.table.rows
+    rows = imported.rows
     expected = table.sort_values(["current", "distance"]).reset_index(drop=True)
     assert len(rows) == len(expected)
     names = {"current": "current_A", "distance": "distance_m", "force": "force_N", "flux_linkage": "flux_linkage_Wb"}
@@ -120,7 +120,7 @@ def test_a_header_behind_a_comment_mark_is_the_header(tmp_path, law):
 def test_thousands_marks_do_not_change_the_numbers(tmp_path):
     rows = [f"{current};{d};{force}" for current, force in (("0", "0,5"), ("1.400,0", "2,5")) for d in ("5,0", "9,5")]
     (tmp_path / "t.csv").write_text("\n".join(["current_mA;distance_mm;force_N", *rows]))
-    table = read_foreign_table([tmp_path / "t.csv"]).table.rows
+    table = read_foreign_table([tmp_path / "t.csv"]).rows
     assert table["current_A"].tolist() == [0, 0, 1.4, 1.4]
     assert table["distance_m"].tolist() == [5e-3, 9.5e-3, 5e-3, 9.5e-3]
     assert table["force_N"].tolist() == [0.5, 0.5, 2.5, 2.5]
@@ -191,7 +191,7 @@ def test_one_file_a_current_named_after_it(tmp_path, law):
         write(tmp_path / name, ["z_mm", "Fz_N", "psi_Wb"], body, delimiter=",")
     imported = read_foreign_table([tmp_path])
     assert_same(imported, table)
-    assert len(imported.table.manifest["sources"]) == 4
+    assert len(imported.manifest["sources"]) == 4
 
 
 def test_one_file_a_current_with_the_currents_given(tmp_path, law):
@@ -255,9 +255,9 @@ def test_the_sweep_table_that_was_imported_can_be_imported_again(tmp_path, law):
     table = law.table()
     body = rows_of(table, ("current", 1), ("distance", 1e3), ("force", 1), ("flux_linkage", 1))
     first = read_foreign_table([write(tmp_path / "t.csv", ["i_A", "d_mm", "F_N", "psi_Wb"], body)])
-    write_sweep_table(first.table, tmp_path / "out")
+    write_sweep_table(first, tmp_path / "out")
     again = read_foreign_table([tmp_path / "out" / "sweep.csv"])
-    pd.testing.assert_frame_equal(again.table.rows, first.table.rows, rtol=1e-12)
+    pd.testing.assert_frame_equal(again.rows, first.rows, rtol=1e-12)
     assert read_sweep_table(tmp_path / "out").manifest["kind"] == "import"
 
 
@@ -267,15 +267,15 @@ def test_two_columns_for_one_quantity_are_left_to_the_user(tmp_path, law):
     path = write(tmp_path / "t.csv", ["z", "ni_scale", "Fz", "flux_lo", "flux_hi"], body, ",")
     with pytest.raises(TableError, match="--current-column"):
         read_foreign_table([path])
-    imported = read_foreign_table([path], ImportOptions(columns={"current": "ni_scale"}, units={"current": "1.0"}))
-    assert "flux_linkage_Wb" not in imported.table.rows
+    imported = read_foreign_table([path], ImportOptions(columns={"ni_scale": "current"}, units={"current": "1.0"}))
+    assert "flux_linkage_Wb" not in imported.rows
     assert any(finding.code == "choice" and "flux_hi" in finding.text for finding in imported.findings)
-    chosen = ImportOptions(columns={"current": "ni_scale", "flux_linkage": "flux_lo"})
+    chosen = ImportOptions(columns={"ni_scale": "current", "flux_lo": "flux_linkage"})
     decided = read_foreign_table([path], chosen)
     assert_same(decided, table)
     assert not any(finding.code == "choice" for finding in decided.findings)
     assert any(finding.text == "Not used: flux_hi." for finding in decided.findings)
-    wrong = ImportOptions(columns={"current": "ni_scale", "flux_linkage": "flux_hi"})
+    wrong = ImportOptions(columns={"ni_scale": "current", "flux_hi": "flux_linkage"})
     with pytest.raises(TableError, match="reciprocity"):
         read_foreign_table([path], wrong)
 
@@ -291,7 +291,7 @@ def test_an_unknown_unit_names_the_option(tmp_path, law):
 def test_the_manifest_says_how_the_table_was_read(tmp_path, law):
     body = rows_of(law.table(), ("current", 1), ("distance", 1e3), ("force", 1))
     path = write(tmp_path / "t.csv", ["i_A", "d_mm", "F_N"], body)
-    manifest = read_foreign_table([path]).table.manifest
+    manifest = read_foreign_table([path]).manifest
     assert manifest["kind"] == "import"
     assert len(manifest["sources"][0]["sha256"]) == 64
     assert {entry["header"]: entry["factor_to_SI"] for entry in manifest["mapping"]} == {

@@ -6,11 +6,11 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from femfit.core.errors import TableError
-from femfit.tables.foreign.number_text import parse_number
-from femfit.tables.foreign.options import ImportOptions
-from femfit.tables.foreign.quantities import QUANTITIES
+from femfit.tables.column_names import COLUMN_NAMES
+from femfit.tables.foreign.options import QUANTITIES, ImportOptions, si_unit
 from femfit.tables.foreign.read import read_foreign_table
 from femfit.tables.header import parse_header
+from femfit.tables.number_text import parse_number
 from femfit.tables.units import UNITS, unit_factor
 
 QUICK = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -30,7 +30,7 @@ def outcome(tmp_path, content, options):
         imported = read_foreign_table([path], options)
     except TableError:
         return None
-    rows = imported.table.valid_rows()
+    rows = imported.valid_rows()
     assert len(rows) > 0
     numbers = rows.drop(columns="status").to_numpy(dtype=float)
     assert np.isfinite(numbers).all()
@@ -118,12 +118,12 @@ def test_a_printed_float_is_read_back(value):
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_every_unit_of_a_quantity_is_recognised_in_a_header(quantity):
-    name = QUANTITIES[quantity].names[-1]
-    for unit, factor in UNITS[QUANTITIES[quantity].si_unit].items():
+    name = COLUMN_NAMES[QUANTITIES[quantity]][-1]
+    for unit, factor in UNITS[si_unit(quantity)].items():
         for text in (f"{name} [{unit}]", f"{name}({unit})"):
             found = parse_header(text).unit
             assert found is not None
-            assert unit_factor(found, QUANTITIES[quantity].si_unit) == factor
+            assert unit_factor(found, si_unit(quantity)) == factor
 
 
 def test_mega_is_not_read_as_milli():

@@ -20,7 +20,7 @@ CONVERGED = {
 
 
 def read(column):
-    return read_foreign_table([SWEEP], ImportOptions(columns={"force": column, "hall": "Bz_axis_face_T"}))
+    return read_foreign_table([SWEEP], ImportOptions(columns={column: "force", "Bz_axis_face_T": "hall"}))
 
 
 def codes(imported, severity):
@@ -55,13 +55,13 @@ def test_the_core_reaction_is_less_rough_than_it_is_wrong():
 
 
 def test_the_self_subtracted_force_is_known_to_a_per_cent():
-    rows = read("force_selfsub_N").table.rows
+    rows = read("force_selfsub_N").rows
     assert (rows["force_error_N"] < 0.01 * rows["force_N"]).all()
 
 
 @pytest.mark.parametrize("column", ["force_N", "force_core_reaction_N", "force_selfsub_N"])
 def test_the_error_of_each_row_is_true(column):
-    rows = read(column).table.rows
+    rows = read(column).rows
     deviations = [
         (row.force_N - CONVERGED[d][0] - CONVERGED[d][1] * row.current_A) / row.force_error_N
         for row in rows.itertuples()
@@ -81,7 +81,7 @@ def test_flux_linkage_and_force_are_reciprocal():
 
 
 def test_hall_field_and_grid_come_through():
-    rows = read("force_selfsub_N").table.rows
+    rows = read("force_selfsub_N").rows
     assert (rows["current_A"].nunique(), rows["distance_m"].nunique(), len(rows)) == (8, 61, 488)
     at = rows[(rows["current_A"] == 0) & np.isclose(rows["distance_m"], 0.02)]
     assert at["hall_T"].iloc[0] == pytest.approx(8.6864e-3, rel=0.05)  # constant B in each first-order element

@@ -5,7 +5,8 @@ import json
 import pytest
 from benchmarks.hidden_effect_trial import series_kind
 
-from femfit.tables.time_series_file import is_time_series
+from femfit.tables.measurement import TimeSeries
+from femfit.tables.measurement_file import read_measurement
 from femfit.trial.judge import judge
 from femfit.trial.run import TrialOptions, make_trial, run_trial
 
@@ -30,8 +31,8 @@ def test_every_record_is_answered_and_its_key_names_the_balance_that_shows_it(ju
     assert "error" not in {one.verdict for one in judged}
     for one in judged:
         case = directory / "cases" / f"{one.case:04d}"
-        assert is_time_series(case / "data.csv")
-        assert is_time_series(case / "unseen.csv")
+        assert isinstance(read_measurement(case / "data.csv"), TimeSeries)
+        assert isinstance(read_measurement(case / "unseen.csv"), TimeSeries)
         if one.effects:
             assert one.right_channel is not None
 

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from femfit.core.finding import Finding
 from femfit.identify.comparison.compare_shape import ShapeMisfit, shape_misfit
 from femfit.identify.comparison.gate import pattern_space
 from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
@@ -22,9 +23,11 @@ from femfit.tables.measurement import BenchTable
 LEVEL = 0.01
 """Probability of calling a model that holds a failing one."""
 
-NO_FLOOR = (
-    "Neither repeated settings nor a sidecar tell the noise, so the misfit cannot be judged. Measure some settings "
-    "twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4)."
+NO_FLOOR = Finding(
+    "no-noise-floor",
+    "info",
+    "Neither repeated settings nor a declared noise say how large the noise is, so the misfit cannot be judged.",
+    "Measure some settings twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4).",
 )
 
 CompareVerdict = Literal["agrees", "fails", "wrong_shape", "compare_only"]
@@ -110,7 +113,7 @@ class Comparison:
     mount_m: float | None
     shape: ShapeMisfit | None
     maps: tuple[MisfitMap, ...]
-    findings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     placed_by: str = "from run to run"
 
     def to_dict(self) -> dict[str, Any]:

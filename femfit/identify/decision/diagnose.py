@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.where import where_it_fails
@@ -21,9 +22,11 @@ from femfit.identify.signatures.candidate import Candidate
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import BenchTable
 
-_NO_FLOOR = (
-    "Neither repeated settings nor a sidecar tell the noise of a channel, so nothing can be named. Measure some "
-    "settings twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4)."
+_NO_FLOOR = Finding(
+    "no-noise-floor",
+    "info",
+    "Neither repeated settings nor a declared noise say how large the noise of a channel is, so nothing can be named.",
+    "Measure some settings twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4).",
 )
 
 Progress = Callable[[str], None]

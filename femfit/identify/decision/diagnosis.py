@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from femfit.core.finding import Finding
+
 Verdict = Literal["nothing_missing", "named", "form_insufficient", "unexplained", "compare_only"]
 
 
@@ -132,7 +134,7 @@ class Diagnosis:
     gate_after: Gate | None = None
     look_alikes: tuple[str, ...] = ()
     confident: bool = False
-    findings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data; ``members`` is called ``class``."""

@@ -8,7 +8,7 @@ import pandas as pd
 from femfit.core.arrays import FloatArray
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.tables.measurement_branch import STILL_CURRENT
+from femfit.tables.measurement_order import STILL_CURRENT
 
 _IN_ORDER = 0.75
 """Part of the current's steps that must agree with the branches where the rows stand in the order of measuring."""

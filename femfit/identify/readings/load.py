@@ -1,20 +1,23 @@
 """A measured file of either kind, bench table or time series, and its place beside a model."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from femfit.identify.readings.observations import Observations, bench_observations
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.series.observations import series_observations
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import BenchTable
-from femfit.tables.measurement_file import read_bench_table
-from femfit.tables.time_series import TimeSeries
-from femfit.tables.time_series_file import is_time_series, read_time_series
-
-Measurement = BenchTable | TimeSeries
+from femfit.tables import measurement_file
+from femfit.tables.measurement import Measurement, TimeSeries
 
 
-def read_measurement(path: Path, model: ActuatorModel) -> Measurement:
+def read_measurement(
+    path: str | Path,
+    model: ActuatorModel,
+    *,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Measurement:
     """Read a measured file of either kind.
 
     Parameters
@@ -29,9 +32,8 @@ def read_measurement(path: Path, model: ActuatorModel) -> Measurement:
     TableError
         If there is no such file, or it is no table of either kind.
     """
-    if is_time_series(path):
-        return read_time_series(path)
-    return plausible_table(model, read_bench_table(path))
+    data = measurement_file.read_measurement(path, columns=columns, units=units)
+    return data if isinstance(data, TimeSeries) else plausible_table(model, data)
 
 
 def measurement_observations(model: ActuatorModel, data: Measurement) -> Observations:

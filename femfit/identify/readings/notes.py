@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 
-from femfit.identify.readings.plausible import SUSPECTED
+from femfit.core.finding import Finding
 
 
-def first_notes(findings: Sequence[str]) -> list[str]:
-    """What a reader must know before any number: units and signs that are suspected."""
-    return [f"check first: {finding}" for finding in findings if SUSPECTED in finding]
+def first_notes(findings: Sequence[Finding]) -> list[str]:
+    """Say what a reader must know before any number: units that are suspected, sensors that were stuck."""
+    return [f"check first: {finding}" for finding in findings if finding.severity != "info"]
 
 
-def last_notes(findings: Sequence[str]) -> list[str]:
-    """The other findings."""
-    return [f"note: {finding}" for finding in findings if SUSPECTED not in finding]
+def last_notes(findings: Sequence[Finding]) -> list[str]:
+    """Say the other findings."""
+    return [f"note: {finding}" for finding in findings if finding.severity == "info"]

@@ -13,6 +13,7 @@ import pandas as pd
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
+from femfit.core.finding import Finding
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.bench_conditions import conditions_of
@@ -70,7 +71,7 @@ class Observations:
     nominal: Nominal
     declared_noise: Mapping[str, float]
     tolerance: FloatArray
-    findings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     present: tuple[str, ...] = ()
     noise_source: str = "declared"
 
@@ -143,10 +144,14 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     known = np.isfinite(d) & np.isfinite(i)
     reach = known & within_reach(model, d, i)
     if not known.all():
-        findings.append(f"{_rows(~known, 'without distance or current')} left out.")
+        text = f"{_rows(~known, 'without distance or current')} left out."
+        findings.append(Finding("unplaced", "info", text, size=float((~known).sum())))
     if (known & ~reach).any():
-        outside = _rows(known & ~reach, "outside of the model's box of distances and currents")
-        findings.append(f"{outside} left out; sweep and fit a wider range to use them.")
+        outside = _rows(known & ~reach, "outside of the model's validity domain")
+        remedy = "Sweep and fit a wider range to use them."
+        findings.append(
+            Finding("outside-domain", "info", f"{outside} left out.", remedy, float((known & ~reach).sum()))
+        )
     if not reach.any():
         raise TableError(nothing_in_reach(model, table))
     covariates = _covariates(rows[reach].reset_index(drop=True))

@@ -7,76 +7,47 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.constants import GRAVITY
+from femfit.core.finding import Finding
 from femfit.effects.conditions import Conditions
 from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import without_outliers
+from femfit.tables.suspected_units import common_factors, suspicion
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
-
-SUSPECTED = " seems to be "
-"""In every sentence that suspects a unit or a sign, and in no other: what a reader must know first."""
 
 _LEAST_READINGS = 8
 _CLEARLY, _WELL = 0.2, 0.3
 """A suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
 
-_MM, _INCH = 1e-3, 25.4e-3
+_LEAST_SHARE = 0.05
+"""Part of the model's largest distance or current that a converted column must reach: almost nothing always fits."""
 
-_FACTORS: dict[str, dict[float, str]] = {
-    "force_N": {
-        1e3: "in mN",
-        1e6: "in uN",
-        1.0 / GRAVITY: "in kgf",
-        1e3 / GRAVITY: "in gf (gram-force)",
-        1.0 / 4.4482216: "in lbf",
-        16.0 / 4.4482216: "in ozf",
-    },
-    "flux_linkage_Wb": {1e3: "in mWb", 1e6: "in uWb", 1e8: "in maxwell"},
-    "hall_V": {1e3: "in mV"},
-    "voltage_V": {1e3: "in mV"},
-}
-_SETTINGS: dict[str, dict[float, str]] = {
-    "distance_m": {_MM: "in mm", 1e-2: "in cm", 1e-6: "in um", _INCH: "in inches"},
-    "current_A": {1e-3: "in mA", -1.0: "of the other sign (positive current attracts)"},
-}
+_OTHER_SIGN = "of the other sign"
 
 
 def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
-    """A table with what contradicts the model's sensors or all neighbours set aside, and wrong units suspected.
-
-    Returns
-    -------
-    BenchTable
-        With a sentence for everything that was set aside or is suspected.
-    """
-    rows, findings = table.rows, suspect_units(model, table)
+    """Set aside what contradicts the model's sensors or all neighbours, and suspect wrong units and signs."""
+    known = {finding.column for finding in table.findings if finding.code == "suspected-unit"}
+    suspected = [finding for finding in suspect_units(model, table) if finding.column not in known]
+    rows, clipped = table.rows, list[Finding]()
     if model.sensor is not None and "hall_V" in table.channels:
-        rows, said = _within_rails(rows, model.sensor)
-        findings += said
-    if findings:
-        return replace(table, rows=rows, findings=(*table.findings, *findings))
+        rows, clipped = _within_rails(rows, model.sensor)
+    table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
+    if suspected or known:
+        return table
     placed = (rows["distance_m"].notna() & rows["current_A"].notna()).to_numpy()
     predicted = _predictor(model)(rows["distance_m"].to_numpy()[placed], rows["current_A"].to_numpy()[placed])
-    for name in (name for name in table.channels if name in predicted):
-        residual = np.full(len(rows), np.nan)
-        residual[placed] = rows[name].to_numpy()[placed] - predicted[name]
-        values, said = without_outliers(rows, name, residual)
-        rows, findings = rows.assign(**{name: values}), findings + said
-    return replace(table, rows=rows, findings=(*table.findings, *findings))
+    full = {name: np.full(len(rows), np.nan) for name in predicted}
+    for name, values in predicted.items():
+        full[name][placed] = values
+    return without_outliers(table, full)
 
 
-def suspect_units(model: ActuatorModel, table: BenchTable) -> list[str]:
-    """Units and signs of columns that would make the table fit the model far better.
-
-    Returns
-    -------
-    list of str
-        One plain sentence a column; none where all are as they should be.
-    """
+def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
+    """Find units and signs of columns that would make the table fit the model far better, one finding a column."""
     rows = table.rows
     d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
     placed = np.isfinite(d) & np.isfinite(i)
@@ -91,14 +62,26 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[str]:
     names = [name for name in table.channels if name in usual]
     turning = [name for name in names if _changes(rows[name].to_numpy(), usual[name], turned[name])]
     if turning and all(_explains(rows[name].to_numpy(), usual[name], turned[name]) for name in turning):
-        return [f"current_A{SUSPECTED}{_SETTINGS['current_A'][-1.0]}: {', '.join(turning)} would then fit the model."]
+        return [_other_sign(f"{', '.join(turning)} would then fit the model")]
     findings = []
     for name in names:
         for words, candidate in _candidates(name, usual[name], model.sensor).items():
             if _explains(rows[name].to_numpy(), usual[name], candidate):
-                findings.append(f"{name}{SUSPECTED}{words}: it would then fit the model. Convert the column.")
+                findings.append(_suspected(name, words, "it would then fit the model"))
                 break
     return findings
+
+
+def _suspected(name: str, words: str, why: str) -> Finding:
+    text, remedy = f"{name} seems to be {words}: {why}.", "Convert the column."
+    if words.startswith("in ") and " " not in words[3:]:
+        return suspicion(name, words[3:], why)
+    return Finding("suspected-unit", "warning", text, remedy, column=name)
+
+
+def _other_sign(why: str) -> Finding:
+    text = f"current_A seems to be {_OTHER_SIGN} (positive current attracts): {why}."
+    return Finding("suspected-sign", "warning", text, "Convert the column.", column="current_A")
 
 
 def _predictor(model: ActuatorModel) -> Predict:
@@ -107,7 +90,7 @@ def _predictor(model: ActuatorModel) -> Predict:
     return lambda d, i: predict_readings(base, d, i, at, ())
 
 
-def _outside(model: ActuatorModel, values: FloatArray, name: str) -> list[str]:
+def _outside(model: ActuatorModel, values: FloatArray, name: str) -> list[Finding]:
     """A setting that lies outside of the model's range, and inside once its unit is taken for another."""
     box = model.without_effects.validity
     ends = {
@@ -120,13 +103,18 @@ def _outside(model: ActuatorModel, values: FloatArray, name: str) -> list[str]:
     def inside(x: FloatArray) -> BoolArray:
         return np.asarray((x >= low - slack) & (x <= high + slack))
 
-    for factor, words in _SETTINGS[name].items():
-        now, then = inside(values), inside(factor * values)
+    readings = {f"in {unit}": factor for unit, factor in common_factors(name).items()}
+    if name == "current_A":
+        readings[_OTHER_SIGN] = -1.0
+    for words, factor in readings.items():
+        converted = factor * values
+        now, then = inside(values), inside(converted)
         either = now & then  # no current is none in any unit
-        if now[~either].sum() < 0.2 * len(values) and then.mean() > 0.8 and (then & ~now).sum() >= _LEAST_READINGS:
-            return [
-                f"{name}{SUSPECTED}{words}: few rows lie in the model's range, but then they would. Convert the column."
-            ]
+        reaches = float(np.nanmax(np.abs(converted))) >= _LEAST_SHARE * max(abs(low), abs(high))
+        few = now[~either].sum() < 0.2 * len(values) and (then & ~now).sum() >= _LEAST_READINGS
+        if reaches and few and then.mean() > 0.8:
+            why = "few rows lie in the model's range, but then they would"
+            return [_other_sign(why) if words == _OTHER_SIGN else _suspected(name, words, why)]
     return []
 
 
@@ -144,9 +132,9 @@ def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> 
             "a field in mT": 1e3 * field,
             "a field in gauss": 1e4 * field,
         }
-    for factor, words in _FACTORS[name].items():
-        result[words] = factor * predicted
-        result[f"{words} and of the other sign"] = -factor * predicted
+    for unit, factor in common_factors(name).items():
+        result[f"in {unit}"] = predicted / factor
+        result[f"in {unit} and {_OTHER_SIGN}"] = -predicted / factor
     return result
 
 
@@ -169,7 +157,7 @@ def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
     return float(np.std((turned - usual)[here])) > _WELL * float(np.std(read[here]))
 
 
-def _within_rails(rows: pd.DataFrame, sensor: HallSensor) -> tuple[pd.DataFrame, list[str]]:
+def _within_rails(rows: pd.DataFrame, sensor: HallSensor) -> tuple[pd.DataFrame, list[Finding]]:
     """The Hall output without readings at the ends of its range, where it was clipped."""
     step = sensor.quantisation_step or 1e-3 * (sensor.output_max_V - sensor.output_min_V)
     values = rows["hall_V"].to_numpy()
@@ -181,4 +169,5 @@ def _within_rails(rows: pd.DataFrame, sensor: HallSensor) -> tuple[pd.DataFrame,
         f"{count} reading{'s' * (count > 1)} of hall_V at the ends of the output's range ({sensor.output_min_V:g} to "
     )
     text += f"{sensor.output_max_V:g} V) {'were' if count > 1 else 'was'} set aside: there it is clipped."
-    return rows.assign(hall_V=np.where(clipped, np.nan, values)), [text]
+    finding = Finding("clipped", "info", text, size=float(count), column="hall_V")
+    return rows.assign(hall_V=np.where(clipped, np.nan, values)), [finding]

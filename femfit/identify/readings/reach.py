@@ -50,5 +50,6 @@ def nothing_in_reach(model: ActuatorModel, table: BenchTable) -> str:
         f"{box.current_min_A:g} to {box.current_max_A:g} A; its distances are {d.min():g} to {d.max():g} m and its "
         f"currents {i.min():g} to {i.max():g} A."
     )
-    remedy = "Convert the columns, or sweep and fit a wider range."
-    return " ".join([where, *suspect_units(model, table), remedy])
+    suspected = suspect_units(model, table)
+    remedy = [str(one) for one in suspected] or ["Convert the columns, or sweep and fit a wider range."]
+    return " ".join([where, *remedy])

@@ -18,7 +18,7 @@ from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.comparison.gate import pattern_space
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.readings.load import Measurement, measurement_observations
+from femfit.identify.readings.load import measurement_observations
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import AddResult, Step
 from femfit.identify.refit.add_size import effect_sizes, suspicious_values
@@ -28,6 +28,7 @@ from femfit.identify.refit.unseen import UnseenError, beside_random, channel_rms
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
+from femfit.tables.measurement import Measurement
 
 _HELPS = 9.0
 """Fall of the weighted error on runs left out from which the base's amplitudes are used: three standard deviations."""

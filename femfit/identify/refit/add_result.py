@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.finding import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnosis import Gate
 from femfit.model.actuator_model import ActuatorModel
@@ -94,7 +95,7 @@ class AddResult:
     gate_after: Gate
     readings: int
     runs: int
-    findings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def unseen_ratio(self) -> float:
@@ -119,7 +120,7 @@ class AddResult:
             "runs": self.runs,
             "coil_temperature_C": self.model.coil_temperature_C,
             "magnet_temperature_C": self.model.magnet_temperature_C,
-            "findings": list(self.findings),
+            "findings": [finding.as_dict() for finding in self.findings],
         }
 
 

@@ -4,7 +4,7 @@ from femfit.identify.decision.diagnose import DiagnosisOptions, Progress, diagno
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.series.observations import series_observations
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.time_series import TimeSeries
+from femfit.tables.measurement import TimeSeries
 
 
 def diagnose_series(

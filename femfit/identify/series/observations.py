@@ -16,6 +16,7 @@ import pandas as pd
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
+from femfit.core.finding import Finding
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.patterns import smooth_patterns
@@ -32,7 +33,7 @@ from femfit.identify.series.weights import window_weights
 from femfit.identify.series.windows import lay_windows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
-from femfit.tables.time_series import TimeSeries
+from femfit.tables.measurement import TimeSeries
 
 _RESTLESS = 1.25
 """Successive windows that scatter this many times more than the sensors' noise tells have another noise."""
@@ -96,7 +97,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
 def _assembled(
     model: ActuatorModel,
     series: TimeSeries,
-    findings: tuple[str, ...],
+    findings: tuple[Finding, ...],
     views: tuple[View, View],
     channels: list[tuple[View, MeasuredChannel]],
     nominal: Nominal,
@@ -191,8 +192,9 @@ def _with_scatter(observations: Observations) -> Observations:
         if np.isfinite(seen) and not seen <= max(_RESTLESS, 1.0 + _CHANCE / np.sqrt(len(follows))) * told:
             noise[name] = seen
             more = f"{seen / told:.1f} times" if np.isfinite(told) else "and nothing else tells"
-            findings.append(
+            text = (
                 f"Successive windows of {name} scatter by {seen:.2g}, {more} what the sensors' noise makes; this was "
-                "taken as their noise."
             )
+            text += "taken as their noise."
+            findings.append(Finding("window-scatter", "info", text, size=float(seen), column=name))
     return replace(observations, declared_noise=noise, findings=(*observations.findings, *findings))

@@ -7,9 +7,10 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
+from femfit.core.finding import Finding
 from femfit.identify.readings.reach import within_reach
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.time_series import TimeSeries
+from femfit.tables.measurement import TimeSeries
 
 _LARGE = 30.0
 """A factor by which a median must miss the box for a wrong unit to be suspected."""
@@ -34,7 +35,7 @@ class Samples:
     segment: IntArray
     columns: Mapping[str, FloatArray]
     usable: BoolArray
-    findings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
@@ -70,22 +71,23 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         raise TableError(_nowhere(model, series, distance[known], current[known]))
     outside = int((known & ~usable).sum())
     if outside:
-        findings.append(
-            f"{outside} samples lie outside of the model's box of distances and currents; no stretch over them is used."
-        )
+        text = f"{outside} samples lie outside of the model's validity domain; no stretch over them is used."
+        findings.append(Finding("outside-domain", "info", text, size=float(outside)))
     if model.circuit is not None:
         clamp = model.circuit.voltage_min_V, model.circuit.voltage_max_V
         beyond = int(np.count_nonzero((columns["voltage_V"] < clamp[0]) | (columns["voltage_V"] > clamp[1])))
         if beyond:
-            findings.append(
+            text = (
                 f"{beyond} commands lie beyond the driver's {clamp[0]:g} to {clamp[1]:g} V and were taken as clamped."
             )
+            findings.append(Finding("clamped-commands", "warning", text, size=float(beyond), column="voltage_V"))
             columns["voltage_V"] = np.clip(columns["voltage_V"], *clamp)
     if model.sensor is not None:
         ends = model.sensor.output_min_V, model.sensor.output_max_V - model.sensor.quantisation_step
         ended = (columns["hall_V"] <= ends[0]) | (columns["hall_V"] >= ends[1])
         if ended.any():
-            findings.append(f"{int(ended.sum())} Hall voltages stand at an end of the range and count as missing.")
+            text = f"{int(ended.sum())} Hall voltages stand at an end of the range and count as missing."
+            findings.append(Finding("clipped", "info", text, size=float(ended.sum()), column="hall_V"))
             columns["hall_V"][ended] = np.nan
     return Samples(
         time=rows["time_s"].to_numpy(),

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.finding import Finding, listing
-from femfit.tables.foreign.quantities import QUANTITIES, REQUIRED
+from femfit.tables.foreign.options import QUANTITIES, REQUIRED
 
 LARGEST = 1e100
 """A cell beyond it is no measured quantity, and its square would overflow."""

@@ -7,17 +7,15 @@ import pandas as pd
 
 from femfit.core.finding import Finding
 from femfit.tables.foreign.check_cells import rows_of
-from femfit.tables.foreign.quantities import QUANTITIES
+from femfit.tables.foreign.options import QUANTITIES, si_unit
+from femfit.tables.suspected_units import LIMITS
 
-# Largest plausible magnitude in SI and what the number usually is when it is larger. 0.5 m: no reluctance or magnet
-# actuator works over more; 3 T: above iron's saturation.
-_LARGEST: dict[str, tuple[float, str]] = {
-    "distance": (0.5, "millimetres (--distance-unit mm) or inches"),
-    "current": (2e3, "milliamperes (--current-unit mA) or ampere-turns (give --current-unit 1/turns as a number)"),
-    "force": (1e5, "millinewtons (--force-unit mN) or grams"),
-    "flux_linkage": (1e2, "milliwebers (--flux-linkage-unit mWb)"),
-    "inductance": (1e2, "millihenries (--inductance-unit mH) or microhenries"),
-    "hall": (3.0, "millitesla or gauss (--hall-unit mT, --hall-unit G)"),
+_HINTS = {
+    "distance": " or inches",
+    "current": ", or ampere-turns (then give one over the number of turns as a number)",
+    "force": " or grams",
+    "inductance": " or microhenries",
+    "hall": " or gauss",
 }
 _LARGEST_DISTANCE_AT_LEAST_M = 5e-5
 
@@ -32,22 +30,18 @@ def check_units(points: pd.DataFrame) -> list[Finding]:
         (error: not all > 0).
     """
     findings = []
-    for quantity, (limit, hint) in _LARGEST.items():
-        if quantity not in points:
+    for quantity, column in QUANTITIES.items():
+        if quantity not in points or column not in LIMITS:
             continue
         largest = float(np.nanmax(np.abs(points[quantity].to_numpy(dtype=float)), initial=0.0))
+        limit, unit = LIMITS[column].possible, LIMITS[column].unit
         if largest > limit:
             severity: Literal["error", "warning"] = "error" if quantity in {"distance", "current"} else "warning"
-            si_unit = QUANTITIES[quantity].si_unit
-            findings.append(
-                Finding(
-                    "units",
-                    severity,
-                    f"The {quantity.replace('_', ' ')} goes up to {largest:g} {si_unit}, beyond {limit:g} {si_unit}.",
-                    f"If the numbers are {hint}, say so.",
-                    largest,
-                )
-            )
+            name = quantity.replace("_", " ")
+            text = f"The {name} goes up to {largest:g} {si_unit(quantity)}, beyond {limit:g} {si_unit(quantity)}."
+            option = f"--{quantity.replace('_', '-')}-unit {unit}"
+            remedy = f"If the numbers are in {unit} give {option}{_HINTS.get(quantity, '')}."
+            findings.append(Finding("units", severity, text, remedy, largest, column))
     distance = points["distance"].to_numpy(dtype=float)
     if 0 < float(np.max(distance)) < _LARGEST_DISTANCE_AT_LEAST_M:
         findings.append(

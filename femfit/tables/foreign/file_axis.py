@@ -3,7 +3,8 @@
 import re
 from pathlib import Path
 
-from femfit.tables.foreign.quantities import QUANTITIES
+from femfit.tables.column_names import COLUMN_NAMES, STEP_NAMES
+from femfit.tables.foreign.options import QUANTITIES, si_unit
 from femfit.tables.units import unit_factor
 
 _NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
@@ -24,14 +25,14 @@ def value_in_name(path: Path, quantity: str) -> float | None:
     float or None
         SI; None unless the name holds exactly one such number, with its unit or after the quantity's name.
     """
-    entry = QUANTITIES[quantity]
+    known = (*COLUMN_NAMES[QUANTITIES[quantity]], *(STEP_NAMES if quantity == "distance" else ()))
     with_unit = [
         (match.group("number"), match.group("unit"))
         for match in re.finditer(rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[quantity]}(?![A-Za-z0-9])", path.stem)
     ]
-    names = "|".join(sorted((name for name in entry.names if name.isascii()), key=len, reverse=True))
+    names = "|".join(sorted((name for name in known if name.isascii()), key=len, reverse=True))
     named = [
-        (match.group("number"), entry.si_unit)
+        (match.group("number"), si_unit(quantity))
         for match in re.finditer(rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?![A-Za-z0-9])", path.stem)
     ]
     bare = re.fullmatch(_NUMBER, path.stem) if quantity == "current" else None
@@ -39,5 +40,5 @@ def value_in_name(path: Path, quantity: str) -> float | None:
     if len(found) != 1:
         return None
     number, unit = found[0]
-    factor = unit_factor(unit, entry.si_unit)
+    factor = unit_factor(unit, si_unit(quantity))
     return None if factor is None else float(number.replace(",", ".").replace("p", ".")) * factor

@@ -1,16 +1,19 @@
 """The sign of the force: positive towards the electromagnet, growing with the current."""
 
+from typing import Literal
+
 import numpy as np
 import pandas as pd
 
 from femfit.core.finding import Finding
 from femfit.tables.foreign.check_grid import complete_grid
-from femfit.tables.foreign.options import ForceSign
 
 _AGREEMENT = 0.95  # of the force change that must have one sign before it is called obvious
 
 
-def settle_force_sign(points: pd.DataFrame, wish: ForceSign) -> tuple[pd.DataFrame, list[Finding]]:
+def settle_force_sign(
+    points: pd.DataFrame, wish: Literal["auto", "keep", "flip"]
+) -> tuple[pd.DataFrame, list[Finding]]:
     """Negate the force where it obviously counts away from the electromagnet, and say what was concluded.
 
     A current of growing magnitude attracts more: sum over d of F(d, i_large) - F(d, i_small) is positive. Where all

@@ -7,73 +7,73 @@ import pandas as pd
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.tables.foreign.mapping import ColumnUse, unit_use
-from femfit.tables.foreign.number_text import looks_numeric, parse_number
-from femfit.tables.foreign.options import ImportOptions
-from femfit.tables.foreign.quantities import QUANTITIES
-from femfit.tables.foreign.raw_table import RawTable
+from femfit.core.finding import Finding
+from femfit.core.quoted import quoted
+from femfit.tables.column_names import COLUMN_NAMES
+from femfit.tables.foreign.columns import ColumnUse, unit_use
+from femfit.tables.foreign.options import QUANTITIES, ImportOptions, si_unit
 from femfit.tables.header import parse_header
+from femfit.tables.number_text import looks_numeric, parse_number
+from femfit.tables.raw_table import RawTable
 from femfit.tables.units import unit_factor
 
 _LABEL = re.compile(
-    r"(?P<name>[^\d+\-.,=@]*)[=@_\s]*(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)\s*\[?\(?(?P<unit>[^\d\W]*)\]?\)?$"
+    r"(?P<name>[^\d+\-.,=@]{0,80})[=@_\s]{0,9}(?P<number>[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)\s{0,9}"
+    r"\[?\(?(?P<unit>[^\d\W]*)\]?\)?$"
 )
+_LONGEST_CORNER = 200
+_LABEL_WORDS = frozenset(name for axis in ("current", "distance", "force") for name in COLUMN_NAMES[QUANTITIES[axis]])
+_EVEN = 0.02
+"""Spread of an axis' steps over their mean up to which it is even."""
 
 
 def axis_labels(cells: tuple[str, ...], decimal: str) -> tuple[FloatArray, str | None] | None:
-    """Numbers of column headers such as ``0.2``, ``0,2 A``, ``I=0.2``, ``F @ 0.2 A``.
+    """Read the numbers of column headers such as ``0.2``, ``0,2 A``, ``I=0.2``, ``F @ 0.2 A``, and their unit.
 
     Returns
     -------
-    (ndarray, str or None) or None
-        The axis and its unit; None unless every cell is such a label and they go strictly up or down.
+    (array, str or None) or None
+        None unless every cell is such a label and they go strictly up or down.
     """
-    found = [_LABEL.match(cell.strip()) for cell in cells]
     values, units = [], set()
-    for cell, match in zip(cells, found, strict=True):
+    for cell in cells:
+        match = _LABEL.match(cell.strip())
         if match is None:
             return None
-        words = parse_header(match.group("name")).words
-        allowed = {*QUANTITIES["current"].names, *QUANTITIES["distance"].names, *QUANTITIES["force"].names}
         unit = match.group("unit") or None
-        if any(word not in allowed for word in words) or (unit and not _axis_of(unit)):
+        words = parse_header(match.group("name")).words
+        if any(word not in _LABEL_WORDS for word in words) or (unit and not _axis_of(unit)):
             return None
         values.append(parse_number(cell if looks_numeric(cell) else match.group("number"), decimal))
         units.add(unit)
     axis = np.array(values)
-    if len(axis) < 2 or len(units) != 1 or not _monotone(axis):
-        return None
-    return axis, units.pop()
+    return (axis, units.pop()) if len(axis) > 1 and len(units) == 1 and _monotone(axis) else None
 
 
 def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
-    """Whether a table is a matrix with axes.
+    """Tell whether a table is a matrix with axes.
 
-    Parameters
-    ----------
-    options : ImportOptions
-        ``form`` decides if it is given.
-
-    Returns
-    -------
-    bool
-        True if the header row holds an axis, or if a table without header has both axes and a corner that is empty,
-        text or zero (otherwise it might as well be distance, current, force at one current).
+    It is one if the header row holds an axis, or, without headers, if it has both axes and a corner that is empty or
+    text. A zero in the corner is one only where the first row cannot be a row of data: a list of positions 0, 1, 2 ...
+    with forces beside them looks alike.
     """
     if options.form != "auto":
         return options.form == "matrix"
-    if options.column_names or raw.numbers.shape[1] < 3:
+    headers, values = options.column_names or raw.headers, raw.numbers
+    if values.shape[1] < 3:
         return False
-    if raw.headers:
-        return axis_labels(raw.headers[1:], raw.decimal) is not None
-    values = raw.numbers
-    if values.shape[0] < 3 or not (np.isnan(values[0, 0]) or values[0, 0] == 0):
+    if headers:
+        return axis_labels(headers[1:], raw.decimal) is not None
+    if values.shape[0] < 3 or not (_monotone(values[0, 1:]) and _monotone(values[1:, 0])):
         return False
-    return _monotone(values[0, 1:]) and _monotone(values[1:, 0])
+    if np.isnan(values[0, 0]):
+        return True
+    goes_on = _monotone(values[:, 0]) and np.ptp(np.diff(values[:, 0])) <= _EVEN * abs(np.diff(values[:, 0]).mean())
+    return bool(values[0, 0] == 0 and not goes_on and _is_axis(values[0, 1:]))
 
 
-def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[str]]:
-    """One row a point from a matrix.
+def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[Finding]]:
+    """Read one row a point from a matrix.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
     TableError
         If an axis is no axis.
     """
-    across, label_unit, corner, body, lines = _parts(raw)
+    across, label_unit, corner, body, lines, named = _parts(raw, options)
     down = body[:, 0]
     if not _monotone(down) or not _monotone(across):
         raise TableError(
@@ -93,17 +93,18 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
             "For one row a point give --form long."
         )
     rows, why = _first_column(options, across, down, label_unit, corner)
-    corner_unit = parse_header(corner).unit
-    units: dict[str, str | None] = {"current": None, "distance": None}
-    units[rows] = corner_unit if corner_unit and _axis_of(corner_unit) == rows else None
     columns = "current" if rows == "distance" else "distance"
-    units[columns] = label_unit if label_unit and _axis_of(label_unit) == columns else None
+    corner_unit = parse_header(corner).unit
+    units: dict[str, str | None] = {
+        rows: corner_unit if corner_unit and _axis_of(corner_unit) == rows else None,
+        columns: label_unit if label_unit and _axis_of(label_unit) == columns else None,
+    }
     force_unit = None
     for word in re.findall(r"[\[(]([^\])]*)[\])]", corner):
         axis = _axis_of(word)
         if axis and units[axis] is None:
             units[axis] = word
-        elif unit_factor(word, QUANTITIES["force"].si_unit) is not None:
+        elif unit_factor(word, si_unit("force")) is not None:
             force_unit = word
     uses = {
         rows: unit_use(rows, "first column", units[rows], raw.source, options),
@@ -120,19 +121,38 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
             "line": np.repeat(lines, len(across)),
         }
     )
-    return points, uses, [f"{raw.source} read as a matrix: {rows} down, {columns} across ({why})"]
+    text = f"{raw.source} was read as a matrix: {rows} down, {columns} across ({why})."
+    findings = [Finding("matrix", "info", text)]
+    if not named and not _is_axis(across):
+        findings.append(_uneven(across, columns))
+    return points, uses, findings
 
 
-def _parts(raw: RawTable) -> tuple[FloatArray, str | None, str, FloatArray, list[int]]:
-    if raw.headers:
-        labels = axis_labels(raw.headers[1:], raw.decimal)
+def _uneven(across: FloatArray, columns: str) -> Finding:
+    shown = ", ".join(f"{value:g}" for value in across[:3])
+    return Finding(
+        "matrix-axis",
+        "error",
+        f"The first row ({shown}, ...), which was taken for the {columns}s, is neither even nor round: it looks like a "
+        "row of forces.",
+        "If it is, name the axis: --columns 'd [mm],0 A,0.5 A,1 A'; if it is not, give --accept matrix-axis.",
+    )
+
+
+def _parts(raw: RawTable, options: ImportOptions) -> tuple[FloatArray, str | None, str, FloatArray, list[int], bool]:
+    """Axis across, its unit, the corner, the rest with its line numbers, and whether the axis stands in a header."""
+    headers = options.column_names or raw.headers
+    if headers and len(headers) == raw.numbers.shape[1]:
+        labels = axis_labels(headers[1:], raw.decimal)
         if labels is not None:
-            return labels[0], labels[1], raw.headers[0], raw.numbers, list(raw.lines)
+            return labels[0], labels[1], headers[0][:_LONGEST_CORNER], raw.numbers, list(raw.lines), True
     if raw.numbers.shape[0] < 2 or raw.numbers.shape[1] < 2:
         raise TableError(
             f"{raw.source} as a matrix needs at least two rows and two columns; it is {raw.numbers.shape}."
         )
-    return raw.numbers[0, 1:], None, raw.cells[0][0], raw.numbers[1:], list(raw.lines[1:])
+    corner = raw.texts[0][0]
+    named = bool(corner) and not looks_numeric(corner)
+    return raw.numbers[0, 1:], None, corner[:_LONGEST_CORNER], raw.numbers[1:], list(raw.lines[1:]), named
 
 
 def _first_column(
@@ -143,24 +163,28 @@ def _first_column(
     if label_unit:
         return ("distance" if _axis_of(label_unit) == "current" else "current"), f"the first row is in {label_unit}"
     first = parse_header(re.split(r"[\\/|]", corner)[0]) if corner else None
+    said = f"the corner says {quoted(corner)}"
     if first is not None and first.unit and _axis_of(first.unit):
-        return str(_axis_of(first.unit)), f"the corner says {corner}"
-    if first is not None and first.words:
-        for axis in ("distance", "current"):
-            if "".join(first.words) in QUANTITIES[axis].names:
-                return axis, f"the corner says {corner}"
+        return str(_axis_of(first.unit)), said
+    for axis in ("distance", "current"):
+        if first is not None and first.name in COLUMN_NAMES[QUANTITIES[axis]]:
+            return axis, said
     if (down == 0).any() and not (across == 0).any() and options.distance_start_m is None:
         return "current", "a distance cannot be zero, the first column is; --matrix-rows distance if not"
     return "distance", "the usual order; --matrix-rows current if not"
 
 
 def _axis_of(unit: str) -> str | None:
-    for axis in ("current", "distance"):
-        if unit_factor(unit, QUANTITIES[axis].si_unit) is not None:
-            return axis
-    return None
+    return next((axis for axis in ("current", "distance") if unit_factor(unit, si_unit(axis)) is not None), None)
 
 
 def _monotone(axis: FloatArray) -> bool:
     steps = np.diff(axis)
     return bool(len(axis) > 1 and np.isfinite(axis).all() and ((steps > 0).all() or (steps < 0).all()))
+
+
+def _is_axis(axis: FloatArray) -> bool:
+    """Whether numbers are such as people set: evenly spaced, or of at most three digits."""
+    steps = np.diff(axis)
+    even = float(np.ptp(steps)) <= _EVEN * abs(float(steps.mean()))
+    return even or all(float(f"{value:.3g}") == float(f"{value:.9g}") for value in axis)

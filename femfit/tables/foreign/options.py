@@ -4,8 +4,45 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-Form = Literal["auto", "long", "matrix"]
-ForceSign = Literal["auto", "keep", "flip"]
+from femfit.core.errors import TableError
+from femfit.core.quoted import quoted
+from femfit.tables.header import same_header
+from femfit.tables.units import column_unit
+
+QUANTITIES: dict[str, str] = {
+    "current": "current_A",
+    "distance": "distance_m",
+    "force": "force_N",
+    "flux_linkage": "flux_linkage_Wb",
+    "inductance": "inductance_H",
+    "hall": "hall_T",
+    "coenergy": "coenergy_J",
+    "force_error": "force_error_N",
+}
+"""What a sweep table can hold, and its column there."""
+
+REQUIRED = ("current", "distance", "force")
+
+
+def si_unit(quantity: str) -> str:
+    """Return the SI unit of a quantity."""
+    return column_unit(QUANTITIES[quantity])[1]
+
+
+def quantity_of(name: str) -> str:
+    """Return the quantity that ``force`` or ``force_N`` means.
+
+    Raises
+    ------
+    TableError
+        If it is none that a sweep table holds.
+    """
+    for quantity, column in QUANTITIES.items():
+        if name.strip().replace("-", "_") in {quantity, column}:
+            return quantity
+    raise TableError(
+        f"{quoted(name)!r} is not a column of a sweep table; give one of {', '.join(QUANTITIES.values())}."
+    )
 
 
 @dataclass(frozen=True)
@@ -15,19 +52,17 @@ class ImportOptions:
     Parameters
     ----------
     columns : mapping of str to str
-        Quantity (a key of :data:`femfit.tables.foreign.quantities.QUANTITIES`) to the header that holds it.
+        Header to the column of the sweep table that it is (``force_N``, or ``force``).
     units : mapping of str to str
-        Quantity to its unit in the file, or to a number that multiplies it to SI.
+        Header, or column of the sweep table, to its unit in the file, or to a number that multiplies it to SI.
     column_names : tuple of str
-        Names of the columns of a table without a header line, in order.
+        Names of the columns of a table without a header line, in order; of a matrix, its first row.
     form : {"auto", "long", "matrix"}
         One row a point, or force(distance, current) with the axes in the first row and column.
     matrix_rows : {"auto", "distance", "current"}
         What the first column of a matrix holds.
     delimiter : str or None
-        One character, or a blank for any run of blanks; found out by default.
-    encoding : str or None
-        Python's name of it; found out by default.
+        One character, or a blank for any run of blanks.
     file_currents_A, file_distances_m : tuple of float
         Current (distance) of each file, in the order of the files, where no column holds it.
     distance_step_m, distance_start_m : float or None
@@ -36,6 +71,8 @@ class ImportOptions:
         distance = start - column, for positions that count towards the electromagnet.
     flip_current : bool
         Negate current and flux linkage (co-energy and force stay what they are).
+    without : tuple of str
+        Quantities to leave out.
     accept : tuple of str
         Codes of error findings that shall not stop the import.
     """
@@ -43,7 +80,7 @@ class ImportOptions:
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     column_names: tuple[str, ...] = ()
-    form: Form = "auto"
+    form: Literal["auto", "long", "matrix"] = "auto"
     matrix_rows: Literal["auto", "distance", "current"] = "auto"
     decimal: str | None = None
     delimiter: str | None = None
@@ -54,6 +91,11 @@ class ImportOptions:
     distance_start_m: float | None = None
     flip_distance: bool = False
     flip_current: bool = False
-    force_sign: ForceSign = "auto"
+    force_sign: Literal["auto", "keep", "flip"] = "auto"
     without: tuple[str, ...] = ()
     accept: tuple[str, ...] = ()
+
+    def unit_of(self, quantity: str, header: str) -> str | None:
+        """Return the unit that the user gives to a quantity, or to the column that holds it."""
+        names = {quantity, QUANTITIES[quantity], quantity.replace("_", "-")}
+        return next((unit for key, unit in self.units.items() if key in names or same_header(key, header)), None)

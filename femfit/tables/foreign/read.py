@@ -11,25 +11,25 @@ import pandas as pd
 
 from femfit import __version__
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
+from femfit.core.finding import Finding, listing
+from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import COLUMNS
+from femfit.device.load import read_actuator
+from femfit.device.summary import sweep_manifest_entry
 from femfit.tables.foreign.check_cells import check_cells, drop_incomplete
 from femfit.tables.foreign.check_grid import tidy_grid
 from femfit.tables.foreign.check_noise import check_noise
 from femfit.tables.foreign.check_reciprocity import check_reciprocity, flux_from_inductance
 from femfit.tables.foreign.check_units import check_units
+from femfit.tables.foreign.columns import ColumnUse, long_points
 from femfit.tables.foreign.file_axis import value_in_name
 from femfit.tables.foreign.force_sign import settle_force_sign
-from femfit.tables.foreign.long_form import long_points
-from femfit.tables.foreign.mapping import ColumnUse
 from femfit.tables.foreign.matrix_form import is_matrix, matrix_points
-from femfit.tables.foreign.options import ImportOptions
-from femfit.tables.foreign.parquet_table import MAGIC, parse_parquet_table
-from femfit.tables.foreign.quantities import QUANTITIES, REQUIRED
-from femfit.tables.foreign.raw_table import RawTable
+from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions
 from femfit.tables.foreign.rival_forces import compare_forces
-from femfit.tables.foreign.text_table import parse_text_table
+from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
 from femfit.tables.sweep_table import SweepTable
+from femfit.tables.text_table import parse_text
 
 _SUFFIXES = frozenset((".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet"))
 _FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less
@@ -37,13 +37,11 @@ _NOT_A_NUMBER = "no number in the imported table"
 
 
 @dataclass(frozen=True)
-class ImportedTable:
-    """An imported table and what was concluded about it.
+class ImportedTable(SweepTable):
+    """A sweep table that was imported, and what was concluded about it.
 
     Parameters
     ----------
-    table : SweepTable
-        SI columns of the contract; manifest of kind ``import``.
     findings : tuple of Finding
         In the order in which they were made; no error that was not accepted.
     mapping : tuple of ColumnUse
@@ -52,19 +50,49 @@ class ImportedTable:
         File name to encoding, delimiter and decimal mark.
     """
 
-    table: SweepTable
-    findings: tuple[Finding, ...]
-    mapping: tuple[ColumnUse, ...]
+    findings: tuple[Finding, ...] = ()
+    mapping: tuple[ColumnUse, ...] = ()
     dialects: Mapping[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        lines = [super().__str__()]
+        lines += [f"{name}: read as {dialect}" for name, dialect in list(self.dialects.items())[:3]]
+        if len(self.dialects) > 3:
+            lines.append(f"... and {len(self.dialects) - 3} more files")
+        for use in self.mapping:
+            unit = f"{quoted(use.unit)}{' (assumed)' if use.assumed else ''}"
+            lines.append(f"  {QUANTITIES[use.quantity]} from {quoted(use.header)}, in {unit}, times {use.factor:g}")
+        marks = {"info": "", "warning": "warning: ", "error": "error: "}
+        return "\n".join([*lines, *(f"- {marks[finding.severity]}{finding}" for finding in self.findings)])
+
+
+def import_table(
+    paths: str | Path | Sequence[str | Path], *, actuator: str | Path | None = None, **options: Any
+) -> ImportedTable:
+    """Bring in a table of FEMM or another program: recognise it, convert it to SI and check it.
+
+    Parameters
+    ----------
+    paths : str, Path or sequence of them
+        Text or Parquet files, or directories of them (one file a current, named as in ``force_0.4A.csv``).
+    actuator : str or Path, optional
+        Actuator file whose circuit, motion and sensor go with the table.
+    **options
+        Fields of :class:`femfit.tables.foreign.options.ImportOptions`, for example ``units={"distance": "mm"}``.
+
+    Raises
+    ------
+    TableError
+        If the files cannot be understood, or a check finds an error that ``accept`` does not name.
+    """
+    entry = sweep_manifest_entry(read_actuator(Path(actuator))) if actuator else None
+    sources = [paths] if isinstance(paths, str | Path) else paths
+    imported = read_foreign_table([Path(path) for path in sources], ImportOptions(**options))
+    return imported if entry is None else replace(imported, manifest={**imported.manifest, "actuator": dict(entry)})
 
 
 def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = None) -> ImportedTable:
     """Read, convert to SI, put in order and check a table from one or more files.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        Text or Parquet files, or directories of them.
 
     Raises
     ------
@@ -73,13 +101,13 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
     """
     options = options or ImportOptions()
     files = _files(paths)
-    contents = {file: file.read_bytes() for file in files}
+    contents = {file: file_content(file, "table") for file in files}
     points, mapping, findings, dialects = _gather(contents, options)
     good, bad, found = check_cells(points)
     findings += found
     if good.empty:
         raise TableError(
-            f"{', '.join(file.name for file in files[:4])}: no row has numbers for current, distance and force; "
+            f"{listing((file.name for file in files), 4)}: no row has numbers for current, distance and force; "
             f"{found[0].text if found else 'there is no row below the header.'}"
         )
     good = _place(good, options)
@@ -89,7 +117,7 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
     findings = _stop_at_errors(findings, options)
     rows = _rows(good, _place(bad, options))
     manifest = _manifest(files, contents, mapping, dialects, findings, rows)
-    return ImportedTable(SweepTable(rows, manifest), tuple(findings), tuple(mapping.values()), dialects)
+    return ImportedTable(rows, manifest, tuple(findings), tuple(mapping.values()), dialects)
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:
@@ -130,15 +158,16 @@ def _gather(
 
 
 def _parse(content: bytes, name: str, options: ImportOptions) -> RawTable:
-    return parse_parquet_table(content, name) if content.startswith(MAGIC) else parse_text_table(content, name, options)
+    if content.startswith(PARQUET_MAGIC):
+        return parse_parquet(content, name)
+    return parse_text(content, name, encoding=options.encoding, delimiter=options.delimiter, decimal=options.decimal)
 
 
 def _points(
     raw: RawTable, constants: dict[str, float], options: ImportOptions
 ) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[Finding]]:
     if is_matrix(raw, options):
-        frame, uses, notes = matrix_points(raw, options)
-        return frame, uses, [Finding("matrix", "info", f"{note}.") for note in notes]
+        return matrix_points(raw, options)
     return long_points(raw, constants, options)
 
 
@@ -193,7 +222,7 @@ def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Fin
     ]
     errors = [finding for finding in settled if finding.severity == "error"]
     if errors:
-        lines = [f"  - {finding.text} {finding.remedy} [{finding.code}]" for finding in errors]
+        lines = [f"  - {finding} [{finding.code}]" for finding in errors]
         raise TableError(
             "\n".join(
                 [
@@ -208,7 +237,7 @@ def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Fin
 
 def _rows(good: pd.DataFrame, bad: pd.DataFrame) -> pd.DataFrame:
     """Columns of the contract, in their order."""
-    columns = {quantity.column: name for name, quantity in QUANTITIES.items()}
+    columns = {column: name for name, column in QUANTITIES.items()}
     rows = pd.DataFrame({column: good[columns[column]] for column in COLUMNS if columns.get(column) in good})
     rows["status"] = "ok"
     known = bad[np.isfinite(bad[["current", "distance"]].to_numpy(dtype=float)).all(axis=1)]
@@ -238,15 +267,3 @@ def _manifest(
         "rows": len(rows),
         "versions": {"femfit": __version__, "numpy": np.__version__, "pandas": pd.__version__},
     }
-
-
-def with_actuator(imported: ImportedTable, entry: Mapping[str, Any]) -> ImportedTable:
-    """The same table with an actuator's circuit, motion and sensor in its manifest.
-
-    Parameters
-    ----------
-    entry : mapping
-        From :func:`femfit.device.summary.sweep_manifest_entry`.
-    """
-    manifest = {**imported.table.manifest, "actuator": dict(entry)}
-    return replace(imported, table=SweepTable(imported.table.rows, manifest))

@@ -1,0 +1,110 @@
+"""What tables call their columns: one row a column and language; a further language is a row here, not code.
+
+Written without accents, blanks and punctuation. A name of one letter, and one behind ``?``, counts in a measurement
+only beside a unit of the right kind: a column ``mass`` or ``scale`` is a force where it is in grams or newtons.
+"""
+
+_ROWS = """
+run                   en run runno runnumber
+run                   de runnr lauf laufnr durchlauf messlauf messreihe
+mount                 en mount mounting mountno remount
+mount                 de aufspannung aufspannungnr einbau
+order                 en order seq sequence
+order                 de reihenfolge lfdnr
+branch                en branch direction
+branch                de richtung ast zweig
+time_s                en t time timestamp
+time_s                de zeit
+current_A             en i current currents curr amp amps ampere amperes coilcurrent icoil
+current_A             de strom stromstarke spulenstrom
+current_A             nl stroom stroomsterkte spoelstroom
+current_A             fr courant intensite intensitecourant
+current_A             it corrente intensita
+current_A             es corriente intensidad
+current_A             sl tok tokovi
+distance_m            en d x z s y gap airgap distance distances dist position positions pos displacement disp stroke
+distance_m            en travel separation clearance zpos xpos
+distance_m            de abstand luftspalt spalt weg hub verschiebung auslenkung lage
+distance_m            nl afstand positie luchtspleet verplaatsing slag
+distance_m            fr entrefer deplacement course ecart
+distance_m            it distanza posizione traferro spostamento corsa
+distance_m            es distancia posicion entrehierro desplazamiento carrera
+distance_m            pt posicao entreferro deslocamento
+distance_m            sl razdalja polozaj zracnareza reza pomik odmik hod
+distance_m            no avstand
+force_N               en f fz fx fy fem fmag force forces pull pullforce thrust attraction ?mass ?scale ?balance ?weight
+force_N               en ?loadcell ?load
+force_N               de kraft krafte magnetkraft zugkraft haltekraft ?masse ?waage ?gewicht ?kraftmessdose
+force_N               nl kracht trekkracht
+force_N               it forza
+force_N               es fuerza
+force_N               pt forca
+force_N               sl sila
+flux_linkage_Wb       en psi lambda λ ψ phi fluxlinkage linkage linkedflux flux
+flux_linkage_Wb       de verketteterfluss flussverkettung spulenfluss fluss
+flux_linkage_Wb       nl gekoppeldeflux fluxkoppeling spoelflux
+flux_linkage_Wb       fr fluxembrasse fluxtotalise fluxtotal fluxbobine
+flux_linkage_Wb       it flussoconcatenato flusso
+flux_linkage_Wb       es flujoconcatenado flujoenlazado flujo
+flux_linkage_Wb       pt fluxoconcatenado fluxo
+flux_linkage_Wb       sl magnetnisklep sklep
+flux_linkage_Wb       no fluks flode
+inductance_H          en l inductance selfinductance
+inductance_H          de induktivitat induktivitaet
+inductance_H          nl inductiviteit zelfinductie inductantie
+inductance_H          it induttanza
+inductance_H          es inductancia
+inductance_H          pt indutancia
+inductance_H          sl induktivnost
+inductance_H          no induktans
+hall_T                en b bz hall hallfield bhall fluxdensity magneticfluxdensity magneticfield
+hall_T                de flussdichte hallfeld
+hall_T                nl fluxdichtheid
+hall_T                fr inductionmagnetique densitedeflux
+hall_T                it densitadiflusso induzione
+hall_T                es densidaddeflujo induccion
+hall_T                sl gostotapretoka
+hall_V                en hall vhall uhall hallvoltage halloutput hallsensor
+hall_V                de hallspannung
+voltage_V             en u v voltage ucoil vcoil coilvoltage
+voltage_V             de spannung spulenspannung
+coil_voltage_V        en coilvoltage
+coil_temperature_C    en coiltemperature coiltemp tcoil windingtemperature
+coil_temperature_C    de spulentemperatur tspule wicklungstemperatur
+magnet_temperature_C  en magnettemperature magnettemp tmagnet
+magnet_temperature_C  de magnettemperatur
+coenergy_J            en wc wco coenergy magneticcoenergy
+coenergy_J            de koenergie
+coenergy_J            fr coenergie
+coenergy_J            it coenergia
+coenergy_J            sl koenergija
+coenergy_J            no koenergi
+force_error_N         en forceerror
+"""
+
+
+def _rows() -> list[tuple[str, list[str]]]:
+    return [(fields[0], fields[2:]) for fields in map(str.split, _ROWS.strip().splitlines())]
+
+
+COLUMN_NAMES: dict[str, tuple[str, ...]] = {
+    column: tuple(name.lstrip("?") for other, names in _rows() for name in names if other == column)
+    for column in dict.fromkeys(column for column, _ in _rows())
+}
+"""Column to its names in all languages."""
+
+NEEDS_UNIT = frozenset(name[1:] for _, names in _rows() for name in names if name.startswith("?"))
+"""Names that mean the column only beside a unit of its kind."""
+
+_STEPS = "step steps schritt schritte stap stappen pas passo passi paso pasos korak koraki"
+_FOREIGN = """
+resistance widerstand weerstand resistencia resistenza upor voltage spannung spanning tension tensione napetost power
+leistung puissance potenza time zeit temps tempo cas loss losses nodes elements error density energy velocity speed
+temperature torque moment
+"""
+
+STEP_NAMES = frozenset(_STEPS.split())
+"""Names of a distance that counts steps: it needs the step's size."""
+
+FOREIGN_WORDS = frozenset(_FOREIGN.split())
+"""Words that make a header something else: *current density*, *force error*, *coil resistance*."""

@@ -1,0 +1,124 @@
+"""Numbers as text: decimal points and commas, thousands, exponents of Fortran."""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.quoted import quoted
+
+_NUMBER_LIKE = re.compile(r"[-+]?(?:\d[\d.,'\s]*|[.,]\d+)(?:[eEdD][-+]?\d{1,3})?$")
+_PARSED = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d{1,3})?$")
+_INFINITE = frozenset(("inf", "-inf", "+inf"))
+EMPTY = frozenset(("", "-", "--", "nan", "-nan", "na", "n/a", "#n/a", "null", "none", "<na>", "1.#qnan", "-1.#ind"))
+"""What programs write into a cell without a number."""
+
+_THOUSANDS = ("'", "’", "\u00a0", "\u202f", "\u2009")
+_LONGEST = 400
+"""Digits of a cell; a longer one is not a number that anybody measured."""
+
+
+def normalise(text: str) -> str:
+    """Remove thousands marks that are no point or comma, and write a plain minus."""
+    cleaned = text.strip().strip('"').strip()
+    for mark in _THOUSANDS:
+        if mark in cleaned:
+            cleaned = cleaned.replace(mark, "")
+    return cleaned.replace("\u2212", "-")
+
+
+def looks_numeric(text: str) -> bool:
+    """Tell whether a cell is a number in some notation (``1.234,5``, ``2.0D-03``), or a usual mark of a missing one."""
+    if len(text) > _LONGEST:
+        return False
+    cleaned = normalise(text)
+    folded = cleaned.casefold()
+    return folded in EMPTY or folded in _INFINITE or (" " not in cleaned and bool(_NUMBER_LIKE.match(cleaned)))
+
+
+def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
+    """Convert a column of cells; NaN where a cell is no finite number."""
+    other = "," if decimal == "." else "."
+    if not any(other in cell or "_" in cell for cell in cells):
+        try:
+            values = np.array([cell.replace(",", ".") if decimal == "," else cell for cell in cells], dtype=np.float64)
+        except ValueError:
+            pass
+        else:
+            return np.where(np.isfinite(values), values, np.nan)
+    return np.array([parse_number(cell, decimal) for cell in cells], dtype=np.float64)
+
+
+def parse_number(text: str, decimal: str) -> float:
+    """Convert a cell; the mark that is not ``decimal`` groups thousands. NaN where it is no finite number."""
+    if len(text) > _LONGEST:
+        return math.nan
+    cleaned = normalise(text)
+    other = "," if decimal == "." else "."
+    if other in cleaned:
+        whole = cleaned.split(decimal, maxsplit=1)[0]
+        tail = cleaned.split(decimal, maxsplit=1)[1] if decimal in cleaned else ""
+        if other in tail or not _grouped(whole.lstrip("+-").split(other)):
+            return math.nan
+        cleaned = cleaned.replace(other, "")
+    cleaned = cleaned.replace(decimal, ".").replace("D", "e").replace("d", "e").replace("E", "e")
+    if not _PARSED.match(cleaned):
+        return math.nan
+    value = float(cleaned)
+    return value if math.isfinite(value) else math.nan
+
+
+def _grouped(groups: list[str]) -> bool:
+    return 1 <= len(groups[0]) <= 3 and all(len(group) == 3 for group in groups[1:])
+
+
+def find_decimal(cells: Iterable[str], source: str, otherwise: str | None = None) -> str:
+    """Find out whether a table writes decimal points or commas.
+
+    A mark decides where it cannot mark thousands: ``0,015``, ``12,5``, ``1.234,5``, ``1,5e-3``. ``1,234`` alone decides
+    nothing; a table of such cells only is refused rather than read wrongly by a factor of 1000, unless ``otherwise``
+    says what it means.
+
+    Raises
+    ------
+    TableError
+        If the cells contradict each other or leave it open.
+    """
+    certain: dict[str, str] = {}
+    open_marks: dict[str, str] = {}
+    for text in map(normalise, cells):
+        if "," in text or "." in text:
+            mark, sure = _decimal_of(text)
+            if mark:
+                (certain if sure else open_marks).setdefault(mark, text)
+    if len(certain) == 2:
+        raise TableError(
+            f"{source} writes numbers both as {quoted(certain['.'])} and as {quoted(certain[','])}; say which mark is "
+            "the decimal one with --decimal '.' or --decimal ','."
+        )
+    if certain:
+        return next(iter(certain))
+    if "," in open_marks and otherwise is None:
+        raise TableError(
+            f"{source} holds {quoted(open_marks[','])}, which may mean a decimal comma or thousands; say which with "
+            "--decimal ',' or --decimal '.'."
+        )
+    return (otherwise or ".") if "," in open_marks else "."
+
+
+def _decimal_of(text: str) -> tuple[str, bool]:
+    """Decimal mark that a cell suggests (empty: none, it is a date), and whether it is certain."""
+    mantissa = re.split("[eEdD]", text)[0].lstrip("+-")
+    if "," in mantissa and "." in mantissa:
+        return (",", True) if mantissa.rfind(",") > mantissa.rfind(".") else (".", True)
+    mark = "," if "," in mantissa else "."
+    if mantissa.count(mark) > 1:
+        return ("." if mark == "," else ",", True) if _grouped(mantissa.split(mark)) else ("", False)
+    head, _, tail = mantissa.partition(mark)
+    thousands_possible = (
+        len(tail) == 3 and 1 <= len(head) <= 3 and not head.startswith("0") and mantissa == text.lstrip("+-")
+    )
+    return mark, not thousands_possible

@@ -1,0 +1,132 @@
+"""A table as it stands in its file, text or Parquet: headers, cells, and where each row came from."""
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.quoted import quoted
+
+PARQUET_MAGIC = b"PAR1"
+MOST_COLUMNS = 2000
+"""A table that is wider was read with the wrong delimiter, or is no table of measurements."""
+
+
+@dataclass(frozen=True, eq=False)
+class RawTable:
+    """Cells of one file, not yet interpreted.
+
+    Parameters
+    ----------
+    headers : tuple of str
+        One a column; empty if the file has none.
+    numbers : array, shape (n, m)
+        NaN where the cell is no finite number.
+    texts : sequence of sequence of str
+        The text of each cell, column by column.
+    lines : array of int, shape (n,)
+        Line (text) or row (Parquet) of each row in the file, from 1.
+    ragged : tuple of int
+        Lines with more or fewer cells than the table has columns: their cells may stand in wrong columns.
+    dialect : str
+        Encoding, delimiter and decimal mark in one phrase.
+    notes : tuple of str
+        What was passed over: comment lines, repeated headers.
+    """
+
+    source: str
+    headers: tuple[str, ...]
+    numbers: FloatArray
+    texts: Sequence[Sequence[str]]
+    lines: Sequence[int]
+    dialect: str
+    decimal: str = "."
+    ragged: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def column(self, header: str) -> FloatArray:
+        """Return the numbers of a column, shape (n,)."""
+        return np.array(self.numbers[:, self.headers.index(header)])
+
+    def text(self, header: str) -> Sequence[str]:
+        """Return the cells of a column."""
+        return self.texts[self.headers.index(header)]
+
+
+def file_content(path: str | Path, what: str) -> bytes:
+    """Read a file whole.
+
+    Raises
+    ------
+    TableError
+        If it does not exist or cannot be read; ``what`` says what should be there.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise TableError(f"There is no {what} {path}. Give a .csv or .parquet file.")
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise TableError(f"{path} cannot be read: {error.strerror or error}.") from error
+
+
+def parse_parquet(content: bytes, source: str) -> RawTable:
+    """Read a Parquet table.
+
+    Raises
+    ------
+    TableError
+        If it is damaged, or wider than any table of measurements.
+    """
+    try:
+        frame = pd.read_parquet(io.BytesIO(content))
+    except (OSError, ValueError, TypeError, pa.ArrowException) as error:
+        raise TableError(f"{source} cannot be read as Parquet: {quoted(error, 300)}.") from error
+    if any(level is not None for level in frame.index.names):
+        frame = frame.reset_index()
+    check_width(frame.shape[1], source)
+    columns = [typed_numbers(frame.iloc[:, k]) for k in range(frame.shape[1])]
+    return RawTable(
+        source=source,
+        headers=tuple(str(name) for name in frame.columns),
+        numbers=np.array(columns, dtype=np.float64).reshape(frame.shape[1], len(frame)).T,
+        texts=[_cells(frame.iloc[:, k]) for k in range(frame.shape[1])],
+        lines=range(1, len(frame) + 1),
+        dialect="Parquet",
+    )
+
+
+def _cells(column: "pd.Series[Any]") -> list[str]:
+    return ["" if missing else str(cell) for cell, missing in zip(column, column.isna(), strict=True)]
+
+
+def typed_numbers(column: "pd.Series[Any]") -> FloatArray:
+    """Convert a typed column; moments of a clock become seconds from the first one. NaN where there is no number."""
+    kind = column.dtype
+    if pd.api.types.is_datetime64_any_dtype(kind) or pd.api.types.is_timedelta64_dtype(kind):
+        elapsed = pd.to_timedelta(column - column.dropna().iloc[0]) if column.notna().any() else column
+        return np.asarray(elapsed.dt.total_seconds().to_numpy(dtype=np.float64, na_value=np.nan))
+    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def check_width(columns: int, source: str) -> None:
+    """Refuse a table with an absurd number of columns.
+
+    Raises
+    ------
+    TableError
+        If there are more than 2000.
+    """
+    if columns > MOST_COLUMNS:
+        raise TableError(
+            f"{source} has {columns} columns, where at most {MOST_COLUMNS} are read. Check its delimiter, or leave out "
+            "what is not needed."
+        )

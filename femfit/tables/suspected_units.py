@@ -1,0 +1,90 @@
+"""Numbers that no actuator has: the usual sign of a unit that was not named.
+
+The largest values are conventional: 0.5 m, because no reluctance or magnet actuator works over more; 3 T, above iron's
+saturation; the others far above what benches record.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import FloatArray
+from femfit.core.finding import Finding
+from femfit.tables.units import UNITS, column_unit
+
+_KELVIN = (200.0, 400.0)
+"""Temperatures between these are more likely kelvins than degrees."""
+
+_LARGEST_STEP_S = 0.5
+"""A usual step of a record's clock above it is more likely milliseconds."""
+
+
+class Limit(NamedTuple):
+    """Median above which a column is suspected, size above which it is impossible, and the unit it is likelier in."""
+
+    usual: float
+    possible: float
+    unit: str
+
+
+LIMITS: dict[str, Limit] = {
+    "distance_m": Limit(0.5, 0.5, "mm"),
+    "current_A": Limit(1e2, 2e3, "mA"),
+    "force_N": Limit(1e4, 1e5, "mN"),
+    "flux_linkage_Wb": Limit(1e2, 1e2, "mWb"),
+    "inductance_H": Limit(1e2, 1e2, "mH"),
+    "hall_T": Limit(3.0, 3.0, "mT"),
+    "hall_V": Limit(1e2, 1e3, "mV"),
+    "voltage_V": Limit(1e3, 1e4, "mV"),
+}
+
+COMMON_UNITS: dict[str, tuple[str, ...]] = {
+    "distance_m": ("mm", "cm", "um", "inch"),
+    "current_A": ("mA",),
+    "force_N": ("mN", "uN", "kgf", "gf", "lbf", "ozf"),
+    "flux_linkage_Wb": ("mWb", "uWb", "Mx"),
+    "hall_V": ("mV",),
+    "voltage_V": ("mV",),
+}
+"""Units that columns are often in without saying so."""
+
+
+def common_factors(column: str) -> dict[str, float]:
+    """Units that a column is often in, each with the factor to SI; nothing for a column that has none."""
+    _, si_unit = column_unit(column)
+    return {unit: UNITS[si_unit][unit] for unit in COMMON_UNITS.get(column, ())}
+
+
+def suspicion(column: str, unit: str, why: str, remedy: str = "") -> Finding:
+    """Say that a column seems to be in another unit than its name says: what a reader must know before any number."""
+    remedy = remedy or f"Name the unit in the header, or give --unit {column}={unit}."
+    return Finding("suspected-unit", "warning", f"{column} seems to be in {unit}: {why}.", remedy, column=column)
+
+
+def too_large(column: str, values: FloatArray) -> bool:
+    """Tell whether the median size of a column's numbers is beyond what an actuator has."""
+    known = np.abs(values[np.isfinite(values)])
+    return column in LIMITS and bool(len(known)) and float(np.median(known)) > LIMITS[column].usual
+
+
+def suspected_by_size(rows: pd.DataFrame) -> list[Finding]:
+    """Suspect the units of a measurement from the sizes of its numbers alone."""
+    findings = []
+    for name in (str(name) for name in rows if name in LIMITS):
+        values = rows[name].to_numpy(dtype=np.float64)
+        if too_large(name, values):
+            findings.append(
+                suspicion(name, LIMITS[name].unit, f"it is {np.nanmedian(np.abs(values)):.3g} in the median")
+            )
+    for name in (name for name in ("coil_temperature_C", "magnet_temperature_C") if name in rows):
+        temperature = rows[name].dropna()
+        if len(temperature) and _KELVIN[0] < temperature.min() and temperature.max() < _KELVIN[1]:
+            why = f"it lies between {temperature.min():.4g} and {temperature.max():.4g}"
+            findings.append(suspicion(name, "K", why, "Subtract 273.15."))
+    if "time_s" in rows:
+        steps = np.abs(np.diff(rows["time_s"].to_numpy(dtype=np.float64)))
+        steps = steps[np.isfinite(steps)]
+        if len(steps) and float(np.median(steps)) > _LARGEST_STEP_S:
+            findings.append(suspicion("time_s", "ms", f"its usual step is {np.median(steps):.4g}"))
+    return findings

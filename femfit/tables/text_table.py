@@ -1,0 +1,320 @@
+"""Text tables of any program: title lines, header, line of units, delimiter and decimal mark are found out."""
+
+import csv
+import itertools
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from femfit.core.errors import TableError
+from femfit.core.finding import listing
+from femfit.tables.column_names import COLUMN_NAMES
+from femfit.tables.decode import decode
+from femfit.tables.header import match_score, parse_header
+from femfit.tables.number_text import find_decimal, looks_numeric, numbers_of
+from femfit.tables.raw_table import RawTable, check_width
+from femfit.tables.units import is_unit
+
+_DELIMITERS = (";", "\t", "|", ",", " ")
+_DELIMITER_NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
+_COMMENT = re.compile(r"\s*(#|%|//|!|--(?=\s))+\s?")
+_SAMPLE = 500
+"""Lines by which delimiter and width are found."""
+
+_MOST_WORDS = 60
+"""Words of a line that may be a header whose names hold blanks."""
+
+_LONGEST_LINE = 2**17
+
+
+class Line(NamedTuple):
+    """A line that is not empty, without its comment mark."""
+
+    number: int
+    text: str
+    comment: bool
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text table is laid out.
+
+    Parameters
+    ----------
+    headers : tuple of str
+        One a column; empty if there are none.
+    first : int
+        Number of the first line of data.
+    used : frozenset of int
+        Numbers of the lines that the headers were made of.
+    """
+
+    delimiter: str
+    width: int
+    headers: tuple[str, ...]
+    first: int
+    used: frozenset[int] = frozenset()
+    notes: tuple[str, ...] = field(default=())
+
+
+def parse_text(
+    content: bytes,
+    source: str,
+    *,
+    encoding: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+    open_decimal: str | None = None,
+) -> RawTable:
+    """Read a text table; each argument overrides what is found out.
+
+    Parameters
+    ----------
+    open_decimal : str or None
+        Decimal mark where numbers such as ``1,234`` leave it open; refused without it.
+
+    Raises
+    ------
+    TableError
+        If the text holds no table of at least two columns, or its decimal mark is open.
+    """
+    text, encoding = decode(content, source, encoding)
+    lines = text_lines(text, source)
+    if all(line.comment for line in lines):
+        raise TableError(f"{source} is empty; it needs a header line and rows of numbers.")
+    lines, layout = find_layout(lines, source, delimiter)
+    body = [line for line in lines if line.number >= layout.first and not line.comment]
+    rows = [split(line.text, layout.delimiter) for line in body]
+    header_cells = [split(line.text, layout.delimiter) for line in lines if line.number in layout.used]
+    repeated = [k for k, row in enumerate(rows) if row in header_cells] if header_cells else []
+    notes = layout.notes
+    if repeated:
+        notes = (*notes, f"repeated header at line {listing(body[k].number for k in repeated)} passed over")
+        skipped = set(repeated)
+        body = [line for k, line in enumerate(body) if k not in skipped]
+        rows = [row for k, row in enumerate(rows) if k not in skipped]
+    ragged = tuple(line.number for line, row in zip(body, rows, strict=True) if len(row) != layout.width)
+    if ragged:  # shifted cells would stand in wrong columns
+        rows = [row if len(row) == layout.width else [""] * layout.width for row in rows]
+    decimal = decimal or find_decimal(_deciding(rows, layout), source, open_decimal)
+    texts = list(zip(*rows, strict=True)) if rows else [()] * layout.width
+    return RawTable(
+        source=source,
+        headers=layout.headers,
+        numbers=np.column_stack([numbers_of(column, decimal) for column in texts]),
+        texts=texts,
+        lines=[line.number for line in body],
+        dialect=f"{encoding}, {_DELIMITER_NAMES.get(layout.delimiter, repr(layout.delimiter))}, decimal {decimal}",
+        decimal=decimal,
+        ragged=ragged,
+        notes=notes,
+    )
+
+
+def _deciding(rows: Sequence[Sequence[str]], layout: Layout) -> set[str]:
+    """Cells that may say which mark is the decimal one."""
+    cells = set(itertools.chain(layout.headers, *rows))
+    if any("," in cell for cell in cells):
+        return {cell for cell in cells if ("," in cell or "." in cell) and looks_numeric(cell)}
+    return {cell for cell in cells if cell.count(".") > 1 and looks_numeric(cell)}
+
+
+def text_lines(text: str, source: str) -> list[Line]:
+    """Split a text into its lines, without the empty ones.
+
+    Raises
+    ------
+    TableError
+        If a line is longer than any table's.
+    """
+    lines = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > _LONGEST_LINE:
+            raise TableError(
+                f"Line {number} of {source} has {len(line)} characters; a table's line has at most {_LONGEST_LINE}. "
+                "Check that the file is a text table."
+            )
+        if line.strip():
+            mark = _COMMENT.match(line) if line.lstrip()[0] in "#%/!-" else None
+            lines.append(Line(number, line[mark.end() :] if mark else line, mark is not None))
+    return lines
+
+
+def split(text: str, delimiter: str) -> list[str]:
+    """Split a line into cells; a delimiter inside double quotes does not count, a blank stands for any run of them."""
+    if '"' not in text:
+        return text.split() if delimiter == " " else [cell.strip() for cell in text.split(delimiter)]
+    if delimiter == " ":
+        return [cell for cell in re.split(r'\s+|"([^"]*)"', text) if cell]
+    return [cell.strip() for cell in next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))]
+
+
+def find_layout(lines: list[Line], source: str, delimiter: str | None = None) -> tuple[list[Line], Layout]:
+    """Find delimiter, width, headers and first row of data.
+
+    Returns
+    -------
+    list of Line
+        The lines, without a delimiter that stands at the end of each.
+
+    Raises
+    ------
+    TableError
+        If no line has two numbers beside each other.
+    """
+    sample = [line.text for line in lines if not line.comment][:_SAMPLE]
+    delimiter = delimiter or _find_delimiter(sample)
+    if _ends_each_line(sample, delimiter):
+        lines = [line._replace(text=line.text.rstrip(" ").removesuffix(delimiter)) for line in lines]
+        sample = [line.text for line in lines if not line.comment][:_SAMPLE]
+    rows = [split(text, delimiter) for text in sample]
+    check_width(max(map(len, rows)), source)
+    widths = Counter(len(cells) for cells in rows if _is_data(cells))
+    if not widths:
+        return lines, _only_names(lines, source, delimiter)
+    width = widths.most_common(1)[0][0]
+    return lines, _find_header(lines, width, delimiter)
+
+
+def _only_names(lines: list[Line], source: str, delimiter: str) -> Layout:
+    """The layout of a table whose line of names has no rows below it."""
+    candidates = [(split(line.text, mark), mark) for line in lines for mark in dict.fromkeys((delimiter, *_DELIMITERS))]
+    names, mark = max(candidates[:_SAMPLE], key=lambda candidate: sum(map(_is_known, candidate[0])))
+    if sum(map(_is_known, names)) < 2:
+        raise TableError(
+            f"{source} holds no rows of at least two numbers (read with {_DELIMITER_NAMES.get(delimiter, delimiter)}); "
+            "it needs one row a reading below one line of column names. Check the file and its delimiter."
+        )
+    return Layout(mark, len(names), tuple(names), lines[-1].number + 1)
+
+
+def _ends_each_line(sample: list[str], delimiter: str) -> bool:
+    """Whether most lines end with a delimiter that closes the line, and does not stand before an empty last cell."""
+    ended = [text.rstrip(" ").endswith(delimiter) for text in sample]
+    if 2 * sum(ended) <= len(sample):
+        return False
+    usual = Counter(len(split(text, delimiter)) for text, end in zip(sample, ended, strict=True) if end)
+    width = usual.most_common(1)[0][0]
+    return not any(len(split(text, delimiter)) == width for text, end in zip(sample, ended, strict=True) if not end)
+
+
+def _find_delimiter(sample: list[str]) -> str:
+    """The delimiter under which most lines have the same number of cells, all numeric."""
+    scores = []
+    for delimiter in _DELIMITERS:
+        rows = [split(text, delimiter) for text in sample]
+        widths = Counter(len(cells) for cells in rows if len(cells) > 1 and all(map(looks_numeric, cells)))
+        partly = Counter(len(cells) for cells in rows if _is_data(cells))
+        scores.append((max(widths.values(), default=0), max(partly.values(), default=0)))
+    return _DELIMITERS[scores.index(max(scores))]
+
+
+def _is_data(cells: list[str]) -> bool:
+    """Whether at least half of the cells that are not empty are numbers."""
+    filled = [cell for cell in cells if cell]
+    return len(cells) > 1 and 0 < len(filled) <= 2 * sum(map(looks_numeric, filled))
+
+
+def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
+    """Headers above the first row of data, and notes on the lines that were passed over.
+
+    Of several lines of words that one is taken in which most cells name a quantity, of equal ones the last.
+    """
+    start = _first_row(lines, width, delimiter)
+    above = [line for line in lines if line.number < start][-_SAMPLE:]
+    best: tuple[int, tuple[str, ...], int] | None = None
+    for line in reversed(above):
+        cells = _header_cells(line.text, delimiter, width)
+        if cells is None or all(map(looks_numeric, cells)) or _is_units_line(cells):
+            continue
+        known = sum(map(_is_known, cells))
+        if best is None or known > best[0]:
+            best = (known, cells, line.number)
+    if best is None:
+        headers, used = _axis_line(above, width, delimiter)
+        return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
+    _, headers, number = best
+    used = frozenset((number,))
+    for line in above:
+        units = _header_cells(line.text, delimiter, width)
+        if line.number > number and units is not None and _is_units_line(units):
+            headers = tuple(
+                name if parse_header(name).unit or unit in {"", "-"} else f"{name} [{unit.strip('[]() ')}]"
+                for name, unit in zip(headers, units, strict=True)
+            )
+            used |= {line.number}
+    return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
+
+
+def _first_row(lines: list[Line], width: int, delimiter: str) -> int:
+    """Number of the first line of data; lines with numbers above a line of known names are title lines."""
+    first, rows = None, 0
+    for line in lines[: 2 * _SAMPLE]:
+        cells = split(line.text, delimiter)
+        if line.comment or len(cells) != width:
+            continue
+        if _is_data(cells):
+            first = first or line.number
+            rows += all(map(looks_numeric, cells))
+        elif first is not None and rows < 2 and sum(map(_is_known, cells)) >= 2:
+            first = None
+    return first or lines[-1].number + 1
+
+
+def _axis_line(above: list[Line], width: int, delimiter: str) -> tuple[tuple[str, ...], frozenset[int]]:
+    """A matrix whose upper left corner is blank has a first line with one number less."""
+    for line in reversed(above):
+        cells = split(line.text, delimiter)
+        if not line.comment and len(cells) == width - 1 and all(map(looks_numeric, cells)):
+            return ("", *cells), frozenset((line.number,))
+    return (), frozenset()
+
+
+def _passed_over(above: list[Line], used: frozenset[int]) -> tuple[str, ...]:
+    numbers = [line.number for line in above if line.number not in used]
+    return (f"free text at line {listing(numbers)} passed over",) if numbers else ()
+
+
+def _is_units_line(cells: tuple[str, ...]) -> bool:
+    texts = [cell.strip("[]() ") for cell in cells]
+    return any(texts) and all(text in {"", "-", "1"} or is_unit(text) for text in texts)
+
+
+def _header_cells(text: str, delimiter: str, width: int) -> tuple[str, ...] | None:
+    """Cells of a line that may be the header of so many columns; with blanks, words that belong together are joined."""
+    cells = split(text, delimiter)
+    if len(cells) == width:
+        return tuple(cells)
+    words = text.split()
+    if delimiter not in {" ", "\t"} or len(words) > _MOST_WORDS:
+        return None
+    for wide in (r"\t+", r"\s{2,}", r"\s*[,;]\s*"):
+        parts = [part.strip().strip('"') for part in re.split(wide, text.strip())]
+        if len(parts) == width:
+            return tuple(parts)
+    joined: list[str] = []
+    for word in words:
+        if joined and word[0] in "[(/":
+            joined[-1] += f" {word}"
+        else:
+            joined.append(word)
+    while len(joined) > width:
+        pairs = [_known(f"{a} {b}") - max(_known(a), _known(b)) for a, b in itertools.pairwise(joined)]
+        if max(pairs) <= 0:
+            return None
+        index = pairs.index(max(pairs))
+        joined[index : index + 2] = [f"{joined[index]} {joined[index + 1]}"]
+    return tuple(joined) if len(joined) == width else None
+
+
+def _known(text: str) -> int:
+    header = parse_header(text)
+    return max(match_score(header, column) for column in COLUMN_NAMES)
+
+
+def _is_known(cell: str) -> bool:
+    return bool(cell) and _known(cell) > 0
