@@ -180,10 +180,10 @@ def test_a_reader_that_has_seen_enough_is_no_error():
 
 
 def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path):
-    def broken(path):
+    def broken(*arguments, **options):
         raise TypeError("something that nobody thought of\nand more")
 
-    monkeypatch.setattr("femfit.model.json_file.read_model", broken)
+    monkeypatch.setattr("femfit.targets.targets.export", broken)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
     result = femfit("export", "model.json", "-o", tmp_path / "out")
@@ -204,10 +204,10 @@ def test_a_name_from_a_file_does_not_steer_the_terminal(tmp_path):
 
 
 def test_too_little_memory_is_no_bug_of_femfit(monkeypatch, tmp_path):
-    def greedy(path):
+    def greedy(*arguments, **options):
         raise MemoryError
 
-    monkeypatch.setattr("femfit.model.json_file.read_model", greedy)
+    monkeypatch.setattr("femfit.targets.targets.export", greedy)
     result = femfit("export", "model.json", "-o", tmp_path / "out")
     assert result.returncode == 1
     assert "memory" in result.stderr
