@@ -48,6 +48,7 @@ def run(
     from femfit.cli.sweep_progress import sweep_progress
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
+    from femfit.device.summary import remarks
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_summary import summarise
 
@@ -60,6 +61,8 @@ def run(
     ]
     require_outputs([actuator], *results, (json, RESULT))
     steps = _Steps()
+    for remark in remarks(parts):
+        print(remark)
     with steps.timed("sweep"), sweep_progress(parts.name) as progress:
         table = run_sweep(parts, directory, workers=workers or len(os.sched_getaffinity(0)), progress=progress)
     summary = summarise(table)

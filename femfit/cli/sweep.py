@@ -40,6 +40,7 @@ def sweep(
     from femfit.cli.sweep_progress import sweep_progress
     from femfit.core.errors import FieldSolverError
     from femfit.core.outputs import RESULT, require_outputs
+    from femfit.device.summary import remarks
     from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_summary import summarise
@@ -61,6 +62,8 @@ def sweep(
     write_json(json, summary)
     points = f"{summary['rows']} points" + (f" of {len(variants.variants)} variants" if variants.columns else "")
     print(f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}")
+    for remark in remarks(variants.actuator):
+        print(f"  {remark}")
     for reason, count in summary["failures"].items():
         print(f"  {count} points {reason}")
     if summary.get("points_beyond_bh_curve"):

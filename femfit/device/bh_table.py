@@ -18,6 +18,10 @@ MAX_RELATIVE_PERMEABILITY = 2e6
 SLOPE_TOLERANCE = 0.01
 """dB/dH may fall below mu_0 by so much: tables are rounded."""
 
+LITTLE_BELOW = 0.5
+"""Least dB/dH over mu_0 of a flux density that was measured a little too small in saturation; the polarisation, which
+is often tabulated in its place, rises with less and less there."""
+
 Points = tuple[tuple[float, ...], tuple[float, ...]]
 
 
@@ -52,6 +56,27 @@ def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
     if problems:
         return None, problems[:5]
     return (tuple(b for b, _ in values), tuple(h for _, h in values)), []
+
+
+def without_flat_end(b: Sequence[float], h: Sequence[float]) -> tuple[Points, str]:
+    """The curve without last points between which B rises a little less than mu_0 H, and a remark if there are any.
+
+    Published tables end so, where the field of the measuring coil was taken away a little too much. Above the last
+    point that is kept the material takes up field like air, as it does above any curve's last point.
+    """
+    slopes = [
+        (b1 - b0) / (h1 - h0) / MU_0 if h1 > h0 else 0.0 for (b0, h0), (b1, h1) in pairwise(zip(b, h, strict=True))
+    ]
+    kept = len(b)
+    while kept > MIN_POINTS and LITTLE_BELOW <= slopes[kept - 2] < 1.0 - SLOPE_TOLERANCE:
+        kept -= 1
+    points = tuple(b[:kept]), tuple(h[:kept])
+    if kept == len(b):
+        return points, ""
+    return points, (
+        f"the B-H curve is cut at {b[kept - 1]:g} T: above, it rises with less than mu_0 (down to "
+        f"{min(slopes[kept - 1 :]):.2g} mu_0), as no material does"
+    )
 
 
 def curve_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:

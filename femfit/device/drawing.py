@@ -8,7 +8,7 @@ from typing import Any
 
 from shapely import Polygon
 
-from femfit.device.bh_table import Points, curve_problems, read_bh_csv
+from femfit.device.bh_table import Points, curve_problems, read_bh_csv, without_flat_end
 from femfit.device.checks import DrawnPart
 from femfit.device.complaints import did_you_mean, joined, read_part, read_table
 from femfit.device.materials import LIBRARY
@@ -119,10 +119,13 @@ def _saturating(
         return None
     else:
         points, found = (tuple(entry.B_T), tuple(entry.H_A_per_m)), []
+    remark = ""
     if points is not None:
+        if len(points[0]) == len(points[1]):
+            points, remark = without_flat_end(*points)
         found = curve_problems(*points)
     problems += [f"{path} {problem}" for problem in found]
-    return None if points is None or found else NonlinearMaterial(name, *points)
+    return None if points is None or found else NonlinearMaterial(name, *points, remark=remark)
 
 
 def _regions(

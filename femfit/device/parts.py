@@ -58,11 +58,14 @@ class NonlinearMaterial:
         B of the curve's points, ascending from 0.
     field_A_per_m : tuple of float
         H of the curve's points, ascending from 0.
+    remark : str
+        What was left out of the curve as it was given; empty for nothing.
     """
 
     name: str
     flux_density_T: tuple[float, ...]
     field_A_per_m: tuple[float, ...]
+    remark: str = ""
 
     @property
     def relative_permeability(self) -> float:

@@ -42,6 +42,16 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
     }
 
 
+def remarks(actuator: Actuator) -> list[str]:
+    """What was left out of the drawing's materials, a sentence each."""
+    materials = {region.material for region in (*actuator.fixed, *actuator.moving.regions)}
+    return sorted(
+        f"Material {material.name}: {material.remark}."
+        for material in materials
+        if isinstance(material, NonlinearMaterial) and material.remark
+    )
+
+
 def is_magnet(region: Region) -> bool:
     """Whether a region has a remanence."""
     return region.material.remanence_T != 0.0

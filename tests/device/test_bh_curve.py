@@ -6,10 +6,11 @@ import pytest
 from femfit.core.constants import MU_0
 from femfit.core.errors import ActuatorFileError
 from femfit.device.bh_curve import BHCurve
-from femfit.device.bh_table import curve_problems, read_bh_csv
+from femfit.device.bh_table import curve_problems, read_bh_csv, without_flat_end
 from femfit.device.load import actuator_from_toml, read_actuator
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import NonlinearMaterial
+from femfit.device.summary import remarks
 
 SATURATING = [entry.material for entry in LIBRARY.values() if isinstance(entry.material, NonlinearMaterial)]
 S_SHAPED = NonlinearMaterial("s-shaped", (0.0, 0.05, 0.6, 1.2, 1.5), (0.0, 100.0, 200.0, 800.0, 5000.0))
@@ -92,6 +93,23 @@ def test_points_that_are_no_curve_are_refused(b, h, message):
     problems = curve_problems(b, h)
     assert len(problems) == 1
     assert message in problems[0]
+
+
+def test_a_published_curve_that_ends_a_little_below_mu_0_is_cut_and_it_is_said():
+    b, h = (0.0, 1.5, 1.9, 2.1), (0.0, 1e3, 2e4, 1e5)
+    beyond = tuple(2.1 + k * 0.9 * MU_0 * 1e5 for k in (1, 2)), (2e5, 3e5)
+    points, remark = without_flat_end(b + beyond[0], h + beyond[1])
+    assert points == (b, h)
+    assert curve_problems(*points) == []
+    assert "cut at 2.1 T" in remark
+    assert "0.9 mu_0" in remark
+    assert without_flat_end(b, h) == ((b, h), "")
+
+
+def test_a_cut_curve_is_said_of_the_actuator():
+    steel = "B_T = [0, 1.5, 1.9, 2.1, 2.21]\nH_A_per_m = [0, 1e3, 2e4, 1e5, 2e5]"
+    (remark,) = remarks(actuator_from_toml(RIG.replace("MATERIAL", steel)))
+    assert remark.startswith("Material steel: the B-H curve is cut at 2.1 T")
 
 
 @pytest.mark.parametrize("material", SATURATING, ids=lambda m: m.name)
