@@ -1,9 +1,9 @@
 """The catalogue of effects: one tuple; third parties add theirs by the entry point ``femfit.effects``."""
 
+from collections.abc import Iterable
 from importlib.metadata import entry_points
 
 from femfit.core.entry_catalogue import EntryCatalogue
-from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.effects.coil_temperature import COIL_TEMPERATURE
 from femfit.effects.constant_force import CONSTANT_FORCE
 from femfit.effects.core_saturation import CORE_SATURATION
@@ -33,46 +33,60 @@ from femfit.effects.magnet_temperature import MAGNET_TEMPERATURE
 from femfit.effects.mass_error import MASS_ERROR
 from femfit.effects.motional_emf import MOTIONAL_EMF
 from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
+from femfit.effects.remanence import REMANENCE
+from femfit.effects.resistance import RESISTANCE
 from femfit.effects.sensor_delay import SENSOR_DELAY
+from femfit.effects.turns import TURNS
 from femfit.effects.viscous_friction import VISCOUS_FRICTION
 
 BUILT_IN: tuple[Effect, ...] = (
+    DISTANCE_OFFSET,
+    REMANENCE,
+    TURNS,
+    RESISTANCE,
+    FORCE_OFFSET,
+    FORCE_GAIN,
+    CURRENT_OFFSET,
+    CURRENT_GAIN,
+    HALL_OFFSET,
+    MASS_ERROR,
+    DISTANCE_SCALE,
+    COIL_TEMPERATURE,
+    MAGNET_TEMPERATURE,
     CORE_SATURATION,
     HYSTERESIS,
     EDDY_CURRENT_LAG,
-    MAGNET_TEMPERATURE,
-    MAGNET_DEMAGNETISATION,
-    COIL_TEMPERATURE,
-    POSITION_DEPENDENT_INDUCTANCE,
-    MOTIONAL_EMF,
     LATERAL_MISALIGNMENT,
+    COULOMB_FRICTION,
     END_STOP_CONTACT,
     CONSTANT_FORCE,
     VISCOUS_FRICTION,
-    COULOMB_FRICTION,
-    MASS_ERROR,
-    DISTANCE_OFFSET,
-    DISTANCE_SCALE,
-    FORCE_GAIN,
-    FORCE_OFFSET,
-    CURRENT_GAIN,
-    CURRENT_OFFSET,
-    HALL_OFFSET,
-    HALL_DRIFT,
-    HALL_TEMPERATURE,
-    HALL_SATURATION,
-    HALL_COIL_PICKUP,
-    EXTERNAL_FIELD,
-    DRIVER_DEAD_ZONE,
+    POSITION_DEPENDENT_INDUCTANCE,
+    MAGNET_DEMAGNETISATION,
     DRIVER_GAIN,
+    DRIVER_DEAD_ZONE,
     SENSOR_DELAY,
+    HALL_TEMPERATURE,
+    HALL_COIL_PICKUP,
+    HALL_DRIFT,
+    HALL_SATURATION,
     FLUX_INTEGRATOR_DRIFT,
+    EXTERNAL_FIELD,
+    MOTIONAL_EMF,
 )
+"""The commonest cause first: where readings fit several equally well, that is the order in which they are named.
+
+Conventional, from what workshops and benches get wrong: zeros and tolerances before scales, these before physics that a
+drawing leaves out.
+"""
+
+_EARLIER_NAMES = {"base_magnet_strength": "remanence", "base_turns": "turns", "base_resistance": "resistance"}
+"""As model files of earlier versions call them."""
 
 GROUP = "femfit.effects"
 """Entry points of other packages' effects, each named as its effect."""
 
-_CATALOGUE = EntryCatalogue(Effect, "Effect", BUILT_IN, BASE_AMPLITUDES)
+_CATALOGUE = EntryCatalogue(Effect, "Effect", BUILT_IN)
 
 
 def all_effects() -> dict[str, Effect]:
@@ -98,7 +112,7 @@ def all_effects() -> dict[str, Effect]:
 
 
 def effect_by_name(name: str) -> Effect:
-    """Look up an effect, or an amplitude of the base; only the package that gives it is loaded.
+    """Look up an effect; only the package that gives it is loaded.
 
     Parameters
     ----------
@@ -110,4 +124,21 @@ def effect_by_name(name: str) -> Effect:
     ModelFileError
         If no effect has this name, or its package cannot be loaded.
     """
-    return _CATALOGUE.find(name, lambda: entry_points(group=GROUP))
+    return _CATALOGUE.find(_EARLIER_NAMES.get(name, name), lambda: entry_points(group=GROUP))
+
+
+def list_effects() -> list[Effect]:
+    """Every effect that femfit knows, the commonest cause first.
+
+    Examples
+    --------
+    >>> [effect.name for effect in list_effects()][:3]
+    ['distance_offset', 'remanence', 'turns']
+    """
+    return list(all_effects().values())
+
+
+def catalogue_order(names: Iterable[str]) -> tuple[str, ...]:
+    """Names in the catalogue's order, unknown ones last."""
+    places = {name: k for k, name in enumerate(all_effects())}
+    return tuple(sorted(dict.fromkeys(names), key=lambda name: places.get(name, len(places))))

@@ -1,9 +1,4 @@
-"""The winding's resistance grows with its temperature.
-
-References
-----------
-IEC 60028 (1925): copper, 0.00393 per kelvin at 20 degC.
-"""
+"""The winding's resistance grows with its temperature: R -> (1 + coefficient (T - 20 °C)) R."""
 
 import numpy as np
 
@@ -12,7 +7,7 @@ from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 COPPER = 0.00393
-"""Relative change of resistance per kelvin at 20 degC, by which an unrecorded warming is counted (IEC 60028)."""
+"""Relative change of resistance per kelvin at 20 °C, by which an unrecorded warming is counted (IEC 60028)."""
 
 
 def _circuit(
@@ -33,34 +28,33 @@ COIL_TEMPERATURE = Effect(
     acts_on=("circuit",),
     parameters=(
         EffectParameter(
-            name="coefficient_per_K",
-            unit="1/K",
-            lower=-0.01,
-            upper=0.02,
+            "coefficient_per_K",
+            "1/K",
+            bounds=(-0.01, 0.02),
             plausible=(2e-3, 6e-3),
-            description="Relative change of the resistance per kelvin of the recorded temperature over 20 degC.",
+            description="Relative change of the resistance per kelvin of the recorded temperature over 20 °C.",
+            words="the resistance {grows|falls} by {size} of the recorded temperature",
         ),
         EffectParameter(
-            name="warmer_K",
-            unit="K",
-            lower=-60.0,
-            upper=250.0,
+            "warmer_K",
+            "K",
+            bounds=(-60.0, 250.0),
             plausible=(-10.0, 100.0),
-            description="Where its temperature was not recorded: the coil's over 20 degC, by 0.393 % a kelvin.",
+            description="Where its temperature was not recorded: the coil's over 20 °C, by 0.393 % a kelvin.",
+            words="the winding is {size} {warmer|colder} than 20 °C",
         ),
         EffectParameter(
-            name="warming_K",
-            unit="K",
-            lower=-60.0,
-            upper=250.0,
+            "warming_K",
+            "K",
+            bounds=(-60.0, 250.0),
             plausible=(-10.0, 100.0),
             description="Where its temperature was not recorded: final warming since the start of the run.",
+            words="the winding {warms|cools} by {size} in a run",
         ),
         EffectParameter(
-            name="warming_time",
-            unit="",
-            lower=1.0,
-            upper=1e4,
+            "warming_time",
+            "",
+            bounds=(1.0, 1e4),
             plausible=(20.0, 500.0),
             description="Readings (or seconds) after which 63 % of the warming are over.",
             null=100.0,
@@ -69,7 +63,7 @@ COIL_TEMPERATURE = Effect(
     ),
     needs=("~current_A", "voltage_V"),
     experiment="Read voltage and current of the coil cold, and again after ten minutes at its largest current.",
-    reference="IEC 60028 (1925)",
+    reference="IEC 60028 (1925): copper, 0.00393 per kelvin at 20 °C",
     circuit=_circuit,
     calibrations=(
         Calibration(
@@ -84,4 +78,3 @@ COIL_TEMPERATURE = Effect(
         ),
     ),
 )
-"""Resistance = (1 + coefficient (T - 20 degC)) of the model's."""

@@ -23,7 +23,9 @@ class Nominal:
         The larger of force and flux linkage without current, over their largest; next to 0 without a magnet.
     resistance_ohm, mass_kg : float
         NaN where the model has no circuit or no motion.
-    hall_sensitivity_V_per_T, hall_quiescent_V, hall_min_V, hall_max_V : float
+    magnet_drawn : bool
+        Whether a drawing says if there is a magnet; otherwise force and flux linkage without current decide.
+    hall_quiescent_V : float
         NaN where the model has no Hall element.
     inductance_H, hall_T_per_A : float
         Of the winding, and field that its current makes at the Hall element (NaN without one), in the box's middle.
@@ -40,13 +42,11 @@ class Nominal:
     force_N: float
     flux_linkage_Wb: float
     magnet_share: float
+    magnet_drawn: bool
     resistance_ohm: float
     mass_kg: float
     gravity_m_s2: float
-    hall_sensitivity_V_per_T: float
     hall_quiescent_V: float
-    hall_min_V: float
-    hall_max_V: float
     inductance_H: float
     hall_T_per_A: float
     hall_swing_V: float
@@ -62,6 +62,16 @@ class Nominal:
     def current_scale(self) -> float:
         """The largest magnitude of the current in A."""
         return max(abs(self.current_min_A), abs(self.current_max_A))
+
+    @property
+    def travel_m(self) -> float:
+        """Width of the range of distances."""
+        return self.distance_max_m - self.distance_min_m
+
+    @property
+    def weight_N(self) -> float:  # noqa: N802 - the unit
+        """Weight of the moving part; NaN where the model has no motion."""
+        return self.mass_kg * abs(self.gravity_m_s2)
 
 
 @dataclass(frozen=True)

@@ -1,23 +1,11 @@
 """A force on the moving part that the model does not know: a cable's pull, a tilted guide, a fan.
 
-Its potential joins the co-energy, whose slope is the force: W' -> W' - pull d.
-
-References
-----------
-H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1.
+Its potential joins the co-energy, whose slope is the force: W' -> W' - pull d. A bench sees it as an offset of the
+force sensor, a motion as a lighter or heavier body.
 """
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
-
-
-def _coenergy(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
-    return base(d, i, n_d, n_i) - (p["pull"] * conditions.nominal.force_N) * distance_series(d, n_d, n_i)
-
+from femfit.effects.effect import Calibration, Effect, EffectParameter
+from femfit.effects.taylor_series import distance_series
 
 CONSTANT_FORCE = Effect(
     name="constant_force",
@@ -25,25 +13,34 @@ CONSTANT_FORCE = Effect(
     acts_on=("force",),
     parameters=(
         EffectParameter(
-            name="pull",
-            unit="",
-            lower=-1.0,
-            upper=1.0,
+            "pull",
+            "",
+            bounds=(-1.0, 1.0),
             plausible=(-0.05, 0.05),
             description="Further force towards the electromagnet, as a part of the largest force.",
+            words="a further force of {size} {pulls the body towards|pushes the body away from} the electromagnet",
             scale="force_N",
         ),
     ),
     needs=("force_N|time_s",),
-    experiment="Take the magnet out of the moving part, or turn the bench by 180 degrees, and read the force again.",
+    experiment="Turn the bench by 180 degrees, or couple the body to a spring balance with everything switched off, "
+    "and read the force again.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
-    coenergy=_coenergy,
+    coenergy=lambda base, d, i, n_d, n_i, conditions, p: (
+        base(d, i, n_d, n_i) - (p["pull"] * conditions.nominal.force_N) * distance_series(d, n_d, n_i)
+    ),
     calibrations=(
         Calibration(
             {"pull": 1e-3},
             30.0,
             "Put a piece of brass of the same weight in the magnet's place and read the force.",
+            magnet=True,
+        ),
+        Calibration(
+            {"pull": 1e-3},
+            30.0,
+            "Switch the current off and read a spring balance that holds the body in its guide.",
+            magnet=False,
         ),
     ),
 )
-"""Force = magnetic force + pull: on a bench as an offset of the sensor, in motion as a lighter or heavier body."""

@@ -20,8 +20,9 @@ from math import perm
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import Effect, EffectParameter, Parameters
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
@@ -43,9 +44,13 @@ def _coenergy(
     linkage[0, :, 0] += (p["magnet_share"] - 1.0) * base(d, np.zeros_like(i), n_d, 1).coefficients[0, :, 1]
     linkage[1] *= p["hall_share"]
     flux = (1.0 / conditions.nominal.flux_linkage_Wb) * TaylorSeries(linkage)
-    own = conditions.nominal.inductance_H * conditions.nominal.current_scale / conditions.nominal.flux_linkage_Wb
-    lost = flux.compose(_envelope(flux.value, amplitudes, own, n_d + n_i + 1))
+    lost = flux.compose(_envelope(flux.value, amplitudes, _own_inductance(conditions.nominal), n_d + n_i + 1))
     return result - conditions.nominal.flux_linkage_Wb * conditions.nominal.current_scale * lost
+
+
+def _own_inductance(nominal: Nominal) -> float:
+    """The saturating part's self-inductance, relative to the largest flux over the largest current."""
+    return nominal.inductance_H * nominal.current_scale / nominal.flux_linkage_Wb
 
 
 def _envelope(x: FloatArray, amplitudes: dict[int, float], own: float, order: int) -> list[FloatArray]:
@@ -92,6 +97,13 @@ def _kept(x: FloatArray, amplitudes: dict[int, float], own: float) -> FloatArray
     return y
 
 
+def _words(p: Parameters, nominal: Nominal) -> list[str]:
+    """The slope of the envelope at the largest flux is the part of the largest ampere-turns that is lost there."""
+    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if p[f"mmf_loss_{n}"]}
+    lost = _envelope(np.ones(1), amplitudes, _own_inductance(nominal), 1)[1]
+    return [f"the core loses {amount(float(lost[0]), '')} of its ampere-turns at the largest flux"]
+
+
 CORE_SATURATION = Effect(
     name="core_saturation",
     symptom="Force, flux linkage and inductance fall behind the model where the flux is largest.",
@@ -101,8 +113,7 @@ CORE_SATURATION = Effect(
             EffectParameter(
                 name=f"mmf_loss_{n}",
                 unit="",
-                lower=0.0,
-                upper=upper,
+                bounds=(0.0, upper),
                 plausible=(0.0, usual),
                 description="Part of the largest ampere turns that the core takes at the largest flux, growing with "
                 f"its power {n - 1}.",
@@ -112,8 +123,7 @@ CORE_SATURATION = Effect(
         EffectParameter(
             name="magnet_share",
             unit="",
-            lower=0.0,
-            upper=2.0,
+            bounds=(0.0, 2.0),
             plausible=(0.65, 1.25),
             description="How far the magnet's flux passes the saturating part, against the coil's.",
             null=0.85,
@@ -122,8 +132,7 @@ CORE_SATURATION = Effect(
         EffectParameter(
             name="hall_share",
             unit="",
-            lower=-2.0,
-            upper=4.0,
+            bounds=(-2.0, 4.0),
             plausible=(-0.5, 1.5),
             description="Loss of field at the Hall element over the loss of flux linkage, both relative.",
             null=0.5,
@@ -135,5 +144,5 @@ CORE_SATURATION = Effect(
     "the total flux, a gain error of the current is not.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
     coenergy=_coenergy,
+    words=_words,
 )
-"""The core takes a part of the ampere turns that grows with a high power of the flux."""

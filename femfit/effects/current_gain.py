@@ -1,13 +1,6 @@
-"""The ammeter's scale is wrong."""
+"""The ammeter's scale is wrong: true current = (1 + gain error) recorded current."""
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-
-
-def _setting(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
-    return d, (1.0 + p["gain_error"]) * i
-
+from femfit.effects.effect import Calibration, Effect, EffectParameter
 
 CURRENT_GAIN = Effect(
     name="current_gain",
@@ -15,24 +8,19 @@ CURRENT_GAIN = Effect(
     acts_on=("bench",),
     parameters=(
         EffectParameter(
-            name="gain_error",
-            unit="",
-            lower=-0.9,
-            upper=2.0,
+            "gain_error",
+            "",
+            bounds=(-0.9, 2.0),
             plausible=(-0.1, 0.1),
             description="True over recorded current, less one.",
+            words="the true current is {size} {larger|smaller} than the ammeter's reading",
         ),
     ),
     needs=("~current_A", "force_N|flux_linkage_Wb|hall_V|voltage_V"),
     experiment="Read the current with a calibrated shunt in series.",
     reference="JCGM 100:2008 (GUM), section 4.3",
-    setting=_setting,
+    setting=lambda d, i, conditions, p: (d, (1.0 + p["gain_error"]) * i),
     calibrations=(
-        Calibration(
-            {"gain_error": 1e-3},
-            20.0,
-            "Put a calibrated shunt in series and compare the ammeter's reading.",
-        ),
+        Calibration({"gain_error": 1e-3}, 20.0, "Put a calibrated shunt in series and compare the ammeter's reading."),
     ),
 )
-"""True current = (1 + gain error) recorded current."""

@@ -1,13 +1,6 @@
-"""The ammeter does not read zero without a current."""
+"""The ammeter does not read zero without a current: true current = recorded current + offset."""
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-
-
-def _setting(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
-    return d, i + p["offset"] * conditions.nominal.current_scale
-
+from femfit.effects.effect import Calibration, Effect, EffectParameter
 
 CURRENT_OFFSET = Effect(
     name="current_offset",
@@ -15,19 +8,18 @@ CURRENT_OFFSET = Effect(
     acts_on=("bench",),
     parameters=(
         EffectParameter(
-            name="offset",
-            unit="",
-            lower=-1.0,
-            upper=1.0,
+            "offset",
+            "",
+            bounds=(-1.0, 1.0),
             plausible=(-0.05, 0.05),
             description="True minus recorded current, as a part of the largest current.",
+            words="the true current is {size} {larger|smaller} than the ammeter's reading",
             scale="current_scale",
         ),
     ),
     needs=("current_A", "force_N|flux_linkage_Wb|hall_V|voltage_V"),
     experiment="Open the circuit and read the ammeter; or measure at both signs of the current.",
     reference="JCGM 100:2008 (GUM), section 3.2.4",
-    setting=_setting,
+    setting=lambda d, i, conditions, p: (d, i + p["offset"] * conditions.nominal.current_scale),
     calibrations=(Calibration({"offset": 1e-3}, 5.0, "Open the circuit and read the ammeter at zero current."),),
 )
-"""True current = recorded current + offset."""

@@ -1,13 +1,6 @@
-"""The stage's zero is not where the model counts distances from."""
+"""The stage's zero is not where the model counts distances from: true distance = recorded distance + offset."""
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-
-
-def _setting(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
-    return d + p["offset_m"], i
-
+from femfit.effects.effect import Calibration, Effect, EffectParameter
 
 DISTANCE_OFFSET = Effect(
     name="distance_offset",
@@ -15,19 +8,19 @@ DISTANCE_OFFSET = Effect(
     acts_on=("bench",),
     parameters=(
         EffectParameter(
-            name="offset_m",
-            unit="m",
-            lower=-5e-3,
-            upper=5e-3,
+            "offset_m",
+            "m",
+            bounds=(-5e-3, 5e-3),
             plausible=(-1e-3, 1e-3),
             description="True minus recorded distance.",
+            words="the gap is {size} {larger|smaller} than recorded",
         ),
     ),
     needs=("distance_m", "force_N|flux_linkage_Wb|hall_V"),
     experiment="Touch the face with a gauge block of known height and read the stage; or measure where the force "
     "gradient is largest, at two currents.",
     reference="First-order error of a stage's zero; JCGM 100:2008 (GUM), section 3.2.4",
-    setting=_setting,
+    setting=lambda d, i, conditions, p: (d + p["offset_m"], i),
     calibrations=(
         Calibration(
             {"offset_m": 1e-5},
@@ -36,4 +29,3 @@ DISTANCE_OFFSET = Effect(
         ),
     ),
 )
-"""True distance = recorded distance + offset."""

@@ -1,8 +1,6 @@
 """The driver loses a constant voltage: below a threshold it gives nothing, or its switches' drop opposes the current.
 
-References
-----------
-N. Mohan, T. Undeland and W. Robbins, Power Electronics, 3rd ed. (Wiley, 2003), section 8.5 (blanking time).
+Applied voltage = commanded voltage less a dead zone, less a drop against the current.
 """
 
 import numpy as np
@@ -18,9 +16,10 @@ _ROUNDING = 1e-2
 def _circuit(
     resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
 ) -> tuple[FloatArray, FloatArray]:
-    zone, drop = p["dead_zone"] * conditions.nominal.voltage_V, p["drop"] * conditions.nominal.voltage_V
+    nominal = conditions.nominal
+    zone, drop = p["dead_zone"] * nominal.voltage_V, p["drop"] * nominal.voltage_V
     applied = voltage - np.clip(voltage, -zone, zone)
-    return resistance, applied - drop * np.tanh(current / (_ROUNDING * conditions.nominal.current_scale))
+    return resistance, applied - drop * np.tanh(current / (_ROUNDING * nominal.current_scale))
 
 
 DRIVER_DEAD_ZONE = Effect(
@@ -29,27 +28,27 @@ DRIVER_DEAD_ZONE = Effect(
     acts_on=("circuit",),
     parameters=(
         EffectParameter(
-            name="dead_zone",
-            unit="",
-            lower=0.0,
-            upper=1.0,
+            "dead_zone",
+            "",
+            bounds=(0.0, 1.0),
             plausible=(0.0, 0.2),
             description="Commanded voltage up to which nothing comes, as a part of the largest.",
+            words="the driver gives nothing up to {size}",
             scale="voltage_V",
         ),
         EffectParameter(
-            name="drop",
-            unit="",
-            lower=0.0,
-            upper=1.0,
+            "drop",
+            "",
+            bounds=(0.0, 1.0),
             plausible=(0.0, 0.3),
             description="Voltage lost in the switches against the current, as a part of the largest.",
+            words="the driver's switches lose {size}",
             scale="voltage_V",
         ),
     ),
     needs=("time_s", "voltage_V", "current_A"),
     experiment="Raise the commanded voltage slowly from zero, in both directions, and read the current.",
-    reference="Mohan, Undeland and Robbins, Power Electronics (2003), section 8.5",
+    reference="Mohan, Undeland and Robbins, Power Electronics (2003), section 8.5 (blanking time)",
     circuit=_circuit,
     calibrations=(
         Calibration(
@@ -60,4 +59,3 @@ DRIVER_DEAD_ZONE = Effect(
         ),
     ),
 )
-"""Applied voltage = commanded voltage less a dead zone, less a drop against the current."""

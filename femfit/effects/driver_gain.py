@@ -1,15 +1,11 @@
-"""The driver gives more or less voltage than it is told."""
+"""The driver gives more or less voltage than it is told: applied voltage = (1 + gain error) commanded voltage.
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
+A bench reads across the winding and does not see it.
+"""
 
+from femfit.effects.effect import Calibration, Effect, EffectParameter
 
-def _circuit(
-    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
-) -> tuple[FloatArray, FloatArray]:
-    return resistance, (1.0 + p["gain_error"]) * voltage
-
+_READ = "Command a few constant voltages and read the voltage across the winding."
 
 DRIVER_GAIN = Effect(
     name="driver_gain",
@@ -17,24 +13,17 @@ DRIVER_GAIN = Effect(
     acts_on=("circuit",),
     parameters=(
         EffectParameter(
-            name="gain_error",
-            unit="",
-            lower=-0.9,
-            upper=2.0,
+            "gain_error",
+            "",
+            bounds=(-0.9, 2.0),
             plausible=(-0.1, 0.1),
             description="Applied over commanded voltage, less one.",
+            words="the driver gives {size} {more|less} voltage than commanded",
         ),
     ),
     needs=("time_s", "voltage_V", "current_A"),
-    experiment="Command a few constant voltages and read the voltage across the winding.",
+    experiment=_READ,
     reference="JCGM 100:2008 (GUM), section 4.3",
-    circuit=_circuit,
-    calibrations=(
-        Calibration(
-            {"gain_error": 1e-3},
-            10.0,
-            "Command a few constant voltages and read the voltage across the winding.",
-        ),
-    ),
+    circuit=lambda resistance, voltage, i, conditions, p: (resistance, (1.0 + p["gain_error"]) * voltage),
+    calibrations=(Calibration({"gain_error": 1e-3}, 10.0, _READ),),
 )
-"""Applied voltage = (1 + gain error) commanded voltage. A bench reads across the winding and does not see it."""

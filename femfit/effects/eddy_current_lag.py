@@ -24,10 +24,6 @@ _MODES = {"ring": 1.0, "diffusion": 9.0}
 """Mode -> tau over its time constant."""
 
 
-def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
-    return {f"eddy_{mode}": np.zeros_like(i) for mode in _MODES}
-
-
 def _rate(
     states: Mapping[str, FloatArray],
     d: FloatArray,
@@ -56,10 +52,10 @@ def _coenergy(
     return base(d, i - conditions.nominal.current_scale * induced, n_d, n_i)
 
 
-def _share(mode: str, description: str) -> EffectParameter:
+def _share(mode: str, description: str, words: str) -> EffectParameter:
     # The winding's own leakage, here at least a twentieth, keeps the current from jumping
     return EffectParameter(
-        name=f"{mode}_share", unit="", lower=0.0, upper=0.95, plausible=(0.0, 0.5), description=description
+        f"{mode}_share", "", bounds=(0.0, 0.95), plausible=(0.0, 0.5), description=description, words=words
     )
 
 
@@ -68,15 +64,23 @@ EDDY_CURRENT_LAG = Effect(
     symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
     acts_on=("magnetics",),
     parameters=(
-        _share("ring", "Part of the flux that one closed path around it delays."),
-        _share("diffusion", "Part that the next mode of diffusion delays, nine times as fast."),
+        _share(
+            "ring",
+            "Part of the flux that one closed path around it delays.",
+            "one closed path delays {size} of the flux",
+        ),
+        _share(
+            "diffusion",
+            "Part that the next mode of diffusion delays, nine times as fast.",
+            "{size} of it follow nine times as fast",
+        ),
         EffectParameter(
             name="time_s",
             unit="s",
-            lower=1e-4,
-            upper=1.0,
+            bounds=(1e-4, 1.0),
             plausible=(5e-4, 0.02),
             description="Time constant of the slowest path.",
+            words="the time constant is {size}",
             null=3e-3,
             nonlinear=True,
         ),
@@ -90,9 +94,8 @@ EDDY_CURRENT_LAG = Effect(
         names=tuple(f"eddy_{mode}" for mode in _MODES),
         amplitudes=tuple(f"{mode}_share" for mode in _MODES),
         spread=0.02,
-        steady_state=_steady_state,
+        steady_state=lambda d, i, conditions, p: {f"eddy_{mode}": np.zeros_like(i) for mode in _MODES},
         rate=_rate,
         lag=_lag,
     ),
 )
-"""W'(d, i) -> W'(d, i - induced currents), each a state of its own."""

@@ -14,7 +14,7 @@ An effect acts at the stages that it gives a function for, in this order:
 =============  =====================================================================================================
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from femfit.core.arrays import BoolArray, FloatArray
@@ -29,7 +29,7 @@ CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect: the amplitude of one shape of its family, or a shape's own constant.
+    """A parameter of an effect: an amplitude of its family, or a nonlinear parameter that only shapes it.
 
     Parameters
     ----------
@@ -37,27 +37,47 @@ class EffectParameter:
         Ends in its SI unit, as in the model file; without one it is dimensionless.
     unit : str
         SI unit; empty for a pure number.
-    lower, upper : float
-        Bounds of the fit: what physics allows at all.
+    bounds : (float, float)
+        What physics allows at all: the fit stays within.
     plausible : (float, float)
-        What is usual; outside, the fit is reported as suspicious.
+        Outside of it, a fitted value is reported as suspicious.
+    description : str
+        Definition with the sign, as one plain sentence.
+    words : str
+        What a value means to an engineer, as a clause with ``{size}`` for the magnitude with its unit, ``{signed}`` for
+        the value, and ``{larger|smaller}`` for words that depend on its sign. Empty where it is not worth saying.
     null : float
-        Where the effect vanishes (amplitudes: 0). A shape's own constant has its usual value here.
+        Where the effect vanishes (amplitudes: 0), or the usual value of a nonlinear parameter.
     nonlinear : bool
-        Whether it is a shape's constant (it matters only when an amplitude is not null).
+        Whether it shapes what the amplitudes do; it matters only when one of them is not null.
     scale : str
         Quantity of :class:`Nominal` that the value is a part of; empty where the value stands in its unit.
     """
 
     name: str
     unit: str
-    lower: float
-    upper: float
+    bounds: tuple[float, float]
     plausible: tuple[float, float]
     description: str
+    words: str = ""
     null: float = 0.0
     nonlinear: bool = False
     scale: str = ""
+
+    @property
+    def lower(self) -> float:
+        """Lower bound."""
+        return self.bounds[0]
+
+    @property
+    def upper(self) -> float:
+        """Upper bound."""
+        return self.bounds[1]
+
+    @property
+    def width(self) -> float:
+        """Width of the plausible range, by which fits scale the parameter."""
+        return self.plausible[1] - self.plausible[0]
 
 
 @dataclass(frozen=True)
@@ -72,11 +92,14 @@ class Calibration:
         In readings of the usual bench sweep: how many could be taken instead.
     instruction : str
         What to do, as one plain sentence.
+    magnet : bool or None
+        Whether it can be done only where the drawing has a magnet (True), or only where it has none (False).
     """
 
     reads: Mapping[str, float]
     cost: float
     instruction: str
+    magnet: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -145,6 +168,8 @@ class Effect:
         one in the model.
     experiment : str
         The measurement that isolates it, as an instruction.
+    words : callable or None
+        (p, nominal) -> clauses that say what all parameters together mean, in place of each parameter's own.
     setting, coenergy, force, circuit, readings : callable or None
         The stages where it acts; see the module's table. ``coenergy`` depends on distance and current, and of the
         conditions on temperatures and the effect's own states alone. ``circuit`` maps (resistance in ohm, voltage in
@@ -173,6 +198,7 @@ class Effect:
     memory: Memory | None = None
     hall_point: Setting | None = None
     calibrations: tuple[Calibration, ...] = ()
+    words: Callable[[Parameters, Nominal], Sequence[str]] | None = None
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
@@ -207,8 +233,12 @@ class AddedEffect:
         return memory if needed else None
 
 
-def with_channel(
-    values: Mapping[str, FloatArray], name: str, change: Callable[[FloatArray], FloatArray]
-) -> Mapping[str, FloatArray]:
-    """Readings with one channel changed, where it is among them."""
-    return {**values, name: change(values[name])} if name in values else values
+def in_channel(name: str, change: Callable[[FloatArray, Conditions, Parameters], FloatArray]) -> Readings:
+    """A ``readings`` stage that changes one channel, where it is among the readings."""
+
+    def readings(
+        values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
+    ) -> Mapping[str, FloatArray]:
+        return {**values, name: change(values[name], conditions, p)} if name in values else values
+
+    return readings

@@ -2,10 +2,6 @@
 
 A flat stop is a spring; a rounded one stiffens with the square root of its compression (Hertz). The potential of the
 contact joins the co-energy, whose slope is the force.
-
-References
-----------
-K. L. Johnson, Contact Mechanics (Cambridge University Press, 1985), section 4.2.
 """
 
 import numpy as np
@@ -39,9 +35,15 @@ def _coenergy(
     return result
 
 
-def _stop(name: str, description: str) -> EffectParameter:
+def _stop(name: str, description: str, words: str) -> EffectParameter:
     return EffectParameter(
-        name=name, unit="", lower=0.0, upper=100.0, plausible=(0.0, 1.0), description=description, scale="force_N"
+        name,
+        "",
+        bounds=(0.0, 100.0),
+        plausible=(0.0, 1.0),
+        description=description,
+        words=words,
+        scale="force_N",
     )
 
 
@@ -50,18 +52,31 @@ END_STOP_CONTACT = Effect(
     symptom="The force breaks away from the model within a small distance from one end of the travel, at any current.",
     acts_on=("force",),
     parameters=(
-        _stop("near_flat", "Push of a flat stop at the smallest distance, as a part of the largest force."),
-        _stop("near_round", "The same for a rounded stop."),
-        _stop("far_flat", "Push of a flat stop at the largest distance, as a part of the largest force."),
+        _stop(
+            "near_flat",
+            "Push of a flat stop at the smallest distance, as a part of the largest force.",
+            "a stop pushes the body away with {size} at the smallest distance",
+        ),
+        _stop(
+            "near_round",
+            "The same for a rounded stop.",
+            "a rounded stop pushes the body away with {size} at the smallest distance",
+        ),
+        _stop(
+            "far_flat",
+            "Push of a flat stop at the largest distance, as a part of the largest force.",
+            "a stop pushes the body back with {size} at the largest distance",
+        ),
         EffectParameter(
             name="reach",
             unit="",
-            lower=0.005,
-            upper=0.9,
+            bounds=(0.005, 0.9),
             plausible=(0.02, 0.3),
             description="Part of the travel over which the stop is touched.",
+            words="it is touched over {size} of the travel",
             null=0.1,
             nonlinear=True,
+            scale="travel_m",
         ),
     ),
     needs=("~distance_m", "force_N|time_s"),
@@ -69,4 +84,3 @@ END_STOP_CONTACT = Effect(
     reference="Johnson, Contact Mechanics (1985), section 4.2",
     coenergy=_coenergy,
 )
-"""A spring, or a Hertzian contact, that acts beyond the stop."""

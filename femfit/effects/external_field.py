@@ -2,10 +2,6 @@
 
 It adds to the field at the Hall element, and magnetises a soft core as a current would, which changes force and flux
 linkage as well: W'(d, i, h) -> W'(d, i + i_e, h) + h B_e, with i_e = share B_e / (field at the element per ampere).
-
-References
-----------
-R. M. Bozorth, Ferromagnetism (IEEE Press, 1993), chapter 19 (a body in a uniform field).
 """
 
 from femfit.core.arrays import FloatArray
@@ -17,8 +13,8 @@ from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 def _coenergy(
     base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
 ) -> TaylorSeries:
-    result = base(d, i + p["core_share"] * p["field_T"] / conditions.nominal.hall_T_per_A, n_d, n_i)
-    coefficients = result.coefficients.copy()
+    equivalent = p["core_share"] * p["field_T"] / conditions.nominal.hall_T_per_A
+    coefficients = base(d, i + equivalent, n_d, n_i).coefficients.copy()
     coefficients[1, 0, 0] += p["field_T"]
     return TaylorSeries(coefficients)
 
@@ -29,18 +25,17 @@ EXTERNAL_FIELD = Effect(
     acts_on=("magnetics",),
     parameters=(
         EffectParameter(
-            name="field_T",
-            unit="T",
-            lower=-0.05,
-            upper=0.05,
+            "field_T",
+            "T",
+            bounds=(-0.05, 0.05),
             plausible=(-2e-3, 2e-3),
             description="Uniform field along the axis.",
+            words="a field of {signed} from elsewhere acts along the axis",
         ),
         EffectParameter(
-            name="core_share",
-            unit="",
-            lower=0.05,
-            upper=2.0,
+            "core_share",
+            "",
+            bounds=(0.05, 2.0),
             plausible=(0.05, 0.6),
             description="Field at the Hall element that the core adds to it, over the field itself.",
             null=0.25,
@@ -50,7 +45,7 @@ EXTERNAL_FIELD = Effect(
     needs=("hall_V", "force_N|flux_linkage_Wb"),
     experiment="Turn the whole bench by 180 degrees about a horizontal axis, the current off, and read the Hall "
     "voltage in both positions.",
-    reference="Bozorth, Ferromagnetism (1993), chapter 19",
+    reference="Bozorth, Ferromagnetism (1993), chapter 19 (a body in a uniform field)",
     coenergy=_coenergy,
     calibrations=(
         Calibration(
@@ -61,4 +56,3 @@ EXTERNAL_FIELD = Effect(
         ),
     ),
 )
-"""A uniform field at the Hall element, and the current that would magnetise the core as it does."""

@@ -1,17 +1,8 @@
-"""The force sensor's scale is wrong."""
+"""The force sensor's scale is wrong: recorded force = (1 + gain error) true force."""
 
-from collections.abc import Mapping
+from femfit.effects.effect import Calibration, Effect, EffectParameter, in_channel
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, with_channel
-
-
-def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
-) -> Mapping[str, FloatArray]:
-    return with_channel(values, "force_N", lambda force: (1.0 + p["gain_error"]) * force)
-
+_WEIGHT = "Hang a reference weight on the force sensor and compare its reading."
 
 FORCE_GAIN = Effect(
     name="force_gain",
@@ -19,24 +10,17 @@ FORCE_GAIN = Effect(
     acts_on=("sensor",),
     parameters=(
         EffectParameter(
-            name="gain_error",
-            unit="",
-            lower=-0.9,
-            upper=2.0,
+            "gain_error",
+            "",
+            bounds=(-0.9, 2.0),
             plausible=(-0.1, 0.1),
             description="Recorded over true force, less one.",
+            words="the force sensor reads {size} too {much|little}",
         ),
     ),
     needs=("force_N",),
-    experiment="Hang a reference weight on the force sensor and compare its reading.",
+    experiment=_WEIGHT,
     reference="JCGM 100:2008 (GUM), section 4.3; OIML R 111-1 (2004) for the weight",
-    readings=_readings,
-    calibrations=(
-        Calibration(
-            {"gain_error": 1e-3},
-            20.0,
-            "Hang a reference weight on the force sensor and compare its reading.",
-        ),
-    ),
+    readings=in_channel("force_N", lambda force, conditions, p: (1.0 + p["gain_error"]) * force),
+    calibrations=(Calibration({"gain_error": 1e-3}, 20.0, _WEIGHT),),
 )
-"""Recorded force = (1 + gain error) true force."""

@@ -1,17 +1,8 @@
-"""The force sensor does not read zero without a force."""
+"""The force sensor does not read zero without a force: recorded force = true force + offset."""
 
-from collections.abc import Mapping
+from femfit.effects.effect import Calibration, Effect, EffectParameter, in_channel
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters, with_channel
-
-
-def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
-) -> Mapping[str, FloatArray]:
-    return with_channel(values, "force_N", lambda force: force + p["offset"] * conditions.nominal.force_N)
-
+_UNLOADED = "Take the electromagnet away and read the force sensor with nothing but the moving part on it."
 
 FORCE_OFFSET = Effect(
     name="force_offset",
@@ -19,25 +10,18 @@ FORCE_OFFSET = Effect(
     acts_on=("sensor",),
     parameters=(
         EffectParameter(
-            name="offset",
-            unit="",
-            lower=-1.0,
-            upper=1.0,
+            "offset",
+            "",
+            bounds=(-1.0, 1.0),
             plausible=(-0.05, 0.05),
             description="Recorded minus true force, as a part of the largest force.",
+            words="the force sensor reads {size} too {much|little}",
             scale="force_N",
         ),
     ),
     needs=("force_N",),
-    experiment="Take the electromagnet away and read the force sensor with nothing but the moving part on it.",
+    experiment=_UNLOADED,
     reference="JCGM 100:2008 (GUM), section 3.2.4",
-    readings=_readings,
-    calibrations=(
-        Calibration(
-            {"offset": 1e-3},
-            10.0,
-            "Take the electromagnet away and read the force sensor with nothing but the moving part on it.",
-        ),
-    ),
+    readings=in_channel("force_N", lambda force, conditions, p: force + p["offset"] * conditions.nominal.force_N),
+    calibrations=(Calibration({"offset": 1e-3}, 10.0, _UNLOADED),),
 )
-"""Recorded force = true force + offset."""

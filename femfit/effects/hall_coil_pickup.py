@@ -1,10 +1,4 @@
-"""The coil's leads and their supply disturb the Hall reading: in step with the current, and with its rate.
-
-References
-----------
-H. W. Ott, Electromagnetic Compatibility Engineering (Wiley, 2009), chapters 2 (inductive coupling) and 3
-(common ground).
-"""
+"""The coil's leads and their supply disturb the Hall reading: in step with the current, and with its rate."""
 
 from collections.abc import Mapping
 
@@ -12,22 +6,23 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, with_channel
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters
 
 
 def _readings(
     values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
 ) -> Mapping[str, FloatArray]:
-    part = i / conditions.nominal.current_scale
+    if "hall_V" not in values:
+        return values
+    nominal = conditions.nominal
     if "pickup_lag" in conditions.memory:
-        rate = conditions.memory["pickup_lag"] / conditions.nominal.sample_time_s
+        rate = conditions.memory["pickup_lag"] / nominal.sample_time_s
     else:
-        rate = like(conditions.current_rate_A_s, i) / conditions.nominal.current_scale
-    return with_channel(values, "hall_V", lambda volts: volts + p["pickup_V"] * part + p["induced_V_s"] * rate)
-
-
-def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
-    return {"pickup_lag": np.zeros_like(i)}
+        rate = like(conditions.current_rate_A_s, i) / nominal.current_scale
+    return {
+        **values,
+        "hall_V": values["hall_V"] + p["pickup_V"] * i / nominal.current_scale + p["induced_V_s"] * rate,
+    }
 
 
 def _rate(
@@ -40,10 +35,8 @@ def _rate(
     p: Parameters,
 ) -> Mapping[str, FloatArray]:
     """The current less its mean over about one sample: the current's rate, for what knows no voltage."""
-    return {
-        "pickup_lag": current_rate / conditions.nominal.current_scale
-        - states["pickup_lag"] / conditions.nominal.sample_time_s
-    }
+    nominal = conditions.nominal
+    return {"pickup_lag": current_rate / nominal.current_scale - states["pickup_lag"] / nominal.sample_time_s}
 
 
 HALL_COIL_PICKUP = Effect(
@@ -52,29 +45,33 @@ HALL_COIL_PICKUP = Effect(
     acts_on=("sensor",),
     parameters=(
         EffectParameter(
-            name="pickup_V",
-            unit="V",
-            lower=-5.0,
-            upper=5.0,
+            "pickup_V",
+            "V",
+            bounds=(-5.0, 5.0),
             plausible=(-0.3, 0.3),
             description="Further voltage at the largest current.",
+            words="the Hall voltage changes by {signed} at the largest current",
         ),
         EffectParameter(
-            name="induced_V_s",
-            unit="V s",
-            lower=-0.1,
-            upper=0.1,
+            "induced_V_s",
+            "V s",
+            bounds=(-0.1, 0.1),
             plausible=(-1e-3, 1e-3),
             description="Further voltage while the current changes by its largest value in a second.",
+            words="the leads induce {signed} in the Hall reading when the largest current is switched",
         ),
     ),
     needs=("~current_A", "hall_V"),
     experiment="Take the moving part away and read the Hall voltage at both signs of the current, with its leads laid "
     "in two ways.",
-    reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 and 3",
+    reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 (coupling) and 3 (common ground)",
     readings=_readings,
     memory=Memory(
-        names=("pickup_lag",), amplitudes=("induced_V_s",), spread=0.01, steady_state=_steady_state, rate=_rate
+        names=("pickup_lag",),
+        amplitudes=("induced_V_s",),
+        spread=0.01,
+        steady_state=lambda d, i, conditions, p: {"pickup_lag": np.zeros_like(i)},
+        rate=_rate,
     ),
     calibrations=(
         Calibration(
@@ -84,4 +81,3 @@ HALL_COIL_PICKUP = Effect(
         ),
     ),
 )
-"""Recorded voltage = expected voltage + pick-up in step with the current and its rate."""

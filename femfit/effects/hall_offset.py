@@ -1,17 +1,6 @@
-"""The Hall element's quiescent voltage is not the model's."""
+"""The Hall element's quiescent voltage is not the model's: recorded voltage = expected voltage + offset."""
 
-from collections.abc import Mapping
-
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-
-
-def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
-) -> Mapping[str, FloatArray]:
-    return {**values, "hall_V": values["hall_V"] + p["offset_V"]} if "hall_V" in values else values
-
+from femfit.effects.effect import Calibration, Effect, EffectParameter, in_channel
 
 HALL_OFFSET = Effect(
     name="hall_offset",
@@ -19,20 +8,19 @@ HALL_OFFSET = Effect(
     acts_on=("sensor",),
     parameters=(
         EffectParameter(
-            name="offset_V",
-            unit="V",
-            lower=-1.0,
-            upper=1.0,
+            "offset_V",
+            "V",
+            bounds=(-1.0, 1.0),
             plausible=(-0.1, 0.1),
             description="Recorded minus expected voltage.",
+            words="the Hall voltage is {size} too {high|low}",
         ),
     ),
     needs=("hall_V",),
     experiment="Remove the moving part, switch the current off and read the Hall voltage.",
     reference="E. Ramsden, Hall-Effect Sensors (Newnes, 2006), chapter 2",
-    readings=_readings,
+    readings=in_channel("hall_V", lambda volts, conditions, p: volts + p["offset_V"]),
     calibrations=(
         Calibration({"offset_V": 1e-3}, 15.0, "Put the Hall element into a zero-gauss chamber and read its voltage."),
     ),
 )
-"""Recorded voltage = expected voltage + offset."""

@@ -21,6 +21,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal, like
 from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters
@@ -37,8 +38,10 @@ def _span(nominal: Nominal) -> float:
 
 
 def _left(i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    """Part phi of the lagging walls that a current leaves behind."""
-    return 1.0 / np.cosh(p["fade"] * i / conditions.nominal.current_scale) ** 2
+    """Part phi = sech^2 of the lagging walls that a current leaves behind."""
+    # By the decaying exponential: cosh overflows where a filter tries a current far outside
+    decay = np.exp(-2.0 * np.abs(p["fade"] * i / conditions.nominal.current_scale))
+    return np.asarray(4.0 * decay / (1.0 + decay) ** 2)
 
 
 def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
@@ -143,6 +146,16 @@ def _coenergy(
     return TaylorSeries(coefficients) - (taper / 2.0) * (TaylorSeries(linkage) * TaylorSeries(linkage))
 
 
+def _words(p: Parameters, nominal: Nominal) -> list[str]:
+    """Both branches of the largest cycle differ by twice the lag in its middle."""
+    middle = 0.5 * (nominal.current_min_A + nominal.current_max_A)
+    largest = Conditions(nominal, branch=1.0, current_turn_A=(nominal.current_min_A, nominal.current_max_A))
+    states = _steady_state(np.zeros(1), np.full(1, middle), largest, p)
+    lag = sum(p[f"width_{name}"] * float(states[f"hysteresis_{name}"][0]) for name in _RADII)
+    wide = amount(2.0 * abs(lag) * nominal.current_scale, "A")
+    return [f"rising and falling current differ as if it were {wide} apart"]
+
+
 HYSTERESIS = Effect(
     name="hysteresis",
     symptom="Force, flux linkage and Hall voltage differ between rising and falling current and meet at the ends.",
@@ -153,8 +166,7 @@ HYSTERESIS = Effect(
                 name=f"width_{name}",
                 unit="",
                 # A state that turns faster than the current would reverse the core's permeability
-                lower=-part,
-                upper=part,
+                bounds=(-part, part),
                 plausible=(-0.5 * part, 0.5 * part),
                 description=f"Half width of the loop as a part of the largest current, reached over {part:g} of the "
                 "currents' span.",
@@ -165,8 +177,7 @@ HYSTERESIS = Effect(
         EffectParameter(
             name="taper",
             unit="",
-            lower=-0.2,
-            upper=0.2,
+            bounds=(-0.2, 0.2),
             plausible=(-0.08, 0.08),
             description="Growth of the half width from no flux to the largest, as a part of the largest current.",
             scale="current_scale",
@@ -174,8 +185,7 @@ HYSTERESIS = Effect(
         EffectParameter(
             name="hall_share",
             unit="",
-            lower=-1.0,
-            upper=3.0,
+            bounds=(-1.0, 3.0),
             plausible=(0.0, 1.5),
             description="Loop at the Hall element over that of the flux, both relative to the current's part.",
             null=1.0,
@@ -184,8 +194,7 @@ HYSTERESIS = Effect(
         EffectParameter(
             name="fade",
             unit="",
-            lower=0.0,
-            upper=6.0,
+            bounds=(0.0, 6.0),
             plausible=(0.0, 4.0),
             description="Largest current over the current at which 58 % of the lag have gone.",
             nonlinear=True,
@@ -193,8 +202,7 @@ HYSTERESIS = Effect(
         EffectParameter(
             name="virgin",
             unit="",
-            lower=0.0,
-            upper=1.0,
+            bounds=(0.0, 1.0),
             plausible=(0.0, 1.0),
             description="0 where the current was cycled before each run of a bench table, 1 where the core was "
             "demagnetised.",
@@ -205,6 +213,7 @@ HYSTERESIS = Effect(
     experiment="Cycle the current slowly up and down at one distance and read both branches.",
     reference="Dahl, AIAA Journal 14 (1976) 1675; Coleman and Hodgdon (1986); Jiles and Atherton (1986)",
     coenergy=_coenergy,
+    words=_words,
     memory=Memory(
         names=tuple(f"hysteresis_{name}" for name in _RADII),
         amplitudes=(*(f"width_{name}" for name in _RADII), "taper"),
@@ -215,4 +224,3 @@ HYSTERESIS = Effect(
         lag=_lag,
     ),
 )
-"""W'(d, i) -> W'(d, i - lag), the lag a state of its own."""

@@ -18,8 +18,9 @@ H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 5: permeance betwee
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
 
@@ -55,6 +56,16 @@ def _with_gap(
     return energy.truncated(n_d, n_i) + more * (linkage * linkage)
 
 
+def _words(p: Parameters, nominal: Nominal) -> list[str]:
+    if nominal.has_magnet:
+        if p["offset_squared_m2"] == 0.0:
+            return []
+        return [f"the moving part hangs {amount(p['offset_squared_m2'] ** 0.5, 'm')} beside the axis"]
+    x = np.linspace(nominal.distance_min_m / nominal.distance_max_m, 1.0, 50)
+    growth = p["gap_all"] + p["gap_near"] * (1.0 - x) ** 2 + p["gap_middle"] * (1.0 - x * x)
+    return [f"the moving part touches its guide on one side: up to {amount(float(growth.max()), '')} more flux linkage"]
+
+
 LATERAL_MISALIGNMENT = Effect(
     name="lateral_misalignment",
     symptom="Near the electromagnet the magnet's share of every channel is too small, most where it bends; without "
@@ -64,8 +75,7 @@ LATERAL_MISALIGNMENT = Effect(
         EffectParameter(
             name="offset_squared_m2",
             unit="m^2",
-            lower=0.0,
-            upper=4e-5,
+            bounds=(0.0, 4e-5),
             plausible=(0.0, 9e-6),
             description="Square of the lateral offset of the magnet from the coil's axis.",
         ),
@@ -73,8 +83,7 @@ LATERAL_MISALIGNMENT = Effect(
             EffectParameter(
                 name=f"gap_{part}",
                 unit="",
-                lower=0.0,
-                upper=0.4,
+                bounds=(0.0, 0.4),
                 plausible=(0.0, 0.2),
                 description="Without a magnet: growth of the largest flux linkage by a better gap in series, as a part "
                 f"of it; what {course}.",
@@ -88,8 +97,7 @@ LATERAL_MISALIGNMENT = Effect(
         EffectParameter(
             name="image_share",
             unit="",
-            lower=-0.2,
-            upper=1.0,
+            bounds=(-0.2, 1.0),
             plausible=(0.0, 0.8),
             description="Share of the term that applies to the attraction between magnet and core.",
             null=0.4,
@@ -97,10 +105,11 @@ LATERAL_MISALIGNMENT = Effect(
         ),
     ),
     needs=("~distance_m", "force_N|flux_linkage_Wb|hall_V"),
-    experiment="Move the magnet sideways in steps of half a millimetre at the smallest distance: on the axis the Hall "
-    "voltage has its extremum.",
+    experiment="Move the moving part sideways in steps of half a millimetre at the smallest distance: on the axis the "
+    "Hall voltage has its extremum.",
     reference="Jackson, Classical Electrodynamics (1999), section 3.7",
     coenergy=_coenergy,
+    words=_words,
     calibrations=(
         Calibration(
             {"offset_squared_m2": 2e-7},
@@ -109,4 +118,3 @@ LATERAL_MISALIGNMENT = Effect(
         ),
     ),
 )
-"""W' -> W' - (e^2/4) d^2W'/dd^2, the magnet's own attraction to the core in part; without a magnet a gap in series."""

@@ -1,16 +1,12 @@
 """The magnet has lost a part of its magnetisation for good: all over, or in the layer next to its face.
 
 A magnet of height t without its layer of thickness l is a magnet weaker by l/t, whose middle lies l/2 further away.
-
-References
-----------
-P. Campbell, Permanent Magnet Materials and their Application (Cambridge University Press, 1994), chapter 3.
 """
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.magnet_temperature import remanence_scaled
+from femfit.effects.remanence import remanence_scaled
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 
@@ -27,26 +23,25 @@ MAGNET_DEMAGNETISATION = Effect(
     acts_on=("magnetics",),
     parameters=(
         EffectParameter(
-            name="loss",
-            unit="",
-            lower=-0.1,
-            upper=0.8,
+            "loss",
+            "",
+            bounds=(-0.1, 0.8),
             plausible=(-0.03, 0.3),
             description="Lost part of the remanence; negative for a magnet that is stronger than its grade.",
+            words="the magnet has {lost|gained} {size} of its remanence",
         ),
         EffectParameter(
-            name="layer_m",
-            unit="m",
-            lower=0.0,
-            upper=2e-3,
+            "layer_m",
+            "m",
+            bounds=(0.0, 2e-3),
             plausible=(0.0, 1e-3),
             description="Thickness of the demagnetised layer next to the face.",
+            words="a layer of {size} at the magnet's face is demagnetised",
         ),
         EffectParameter(
-            name="magnet_height_m",
-            unit="m",
-            lower=3e-3,
-            upper=0.05,
+            "magnet_height_m",
+            "m",
+            bounds=(3e-3, 0.05),
             plausible=(3e-3, 0.02),
             description="Height of the whole magnet.",
             null=5e-3,
@@ -66,4 +61,3 @@ MAGNET_DEMAGNETISATION = Effect(
         ),
     ),
 )
-"""Remanence lost all over, and in the layer next to the face."""

@@ -1,44 +1,18 @@
-"""The magnet is weaker when warm: W'(d, i, h; s) = s^2 W'(d, i/s, h/s) for a remanence scaled by s.
-
-In linear iron all fields are linear in remanence and current together, so the co-energy is homogeneous of second degree
-in (remanence, i, h); where the iron saturates this holds to first order in the magnet's share of its flux.
-
-References
-----------
-IEC 60404-8-1 (temperature coefficient of the remanent flux density).
-H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1.
-"""
+"""The magnet is weaker when warm: remanence = (1 + coefficient (T - 20 °C) + curvature (T - 20 °C)^2) of the base's."""
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
+from femfit.effects.remanence import remanence_scaled
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 USUAL_COEFFICIENT = -1.1e-3
 """Relative change of NdFeB's remanence per kelvin, by which an unrecorded warming is counted (IEC 60404-8-1)."""
 
-
-def remanence_scaled(
-    base: CoenergySeries, scale: FloatArray | float, d: FloatArray, i: FloatArray, n_d: int, n_i: int
-) -> TaylorSeries:
-    """The co-energy with the magnet's remanence scaled.
-
-    Parameters
-    ----------
-    scale : array, shape (n,), or float
-        s > 0.
-    d, i : array, shape (n,)
-        Points.
-
-    Returns
-    -------
-    TaylorSeries
-        s^2 W'(d, i/s, h/s).
-    """
-    inverse = 1.0 / scale
-    return (scale * scale) * base(d, i * inverse, n_d, n_i).scaled(current=inverse, hall=inverse)
+_LEAST = 0.05
+"""Of the remanence, whatever a fit tries."""
 
 
 def _coenergy(
@@ -51,7 +25,7 @@ def _coenergy(
     recorded = np.nan_to_num(recorded)
     known = p["coefficient_per_K"] * recorded + p["curvature_per_K2"] * recorded**2
     scale = 1.0 + known + np.where(hidden, unrecorded, 0.0)
-    return remanence_scaled(base, np.maximum(scale, 0.05), d, i, n_d, n_i)
+    return remanence_scaled(base, np.maximum(scale, _LEAST), d, i, n_d, n_i)
 
 
 MAGNET_TEMPERATURE = Effect(
@@ -60,36 +34,36 @@ MAGNET_TEMPERATURE = Effect(
     acts_on=("magnetics",),
     parameters=(
         EffectParameter(
-            name="coefficient_per_K",
-            unit="1/K",
-            lower=-0.01,
-            upper=0.005,
+            "coefficient_per_K",
+            "1/K",
+            bounds=(-0.01, 0.005),
             plausible=(-3e-3, 0.0),
-            description="Relative change of the remanence per kelvin of the recorded temperature over 20 degC.",
+            description="Relative change of the remanence per kelvin of the recorded temperature over 20 °C.",
+            words="the remanence {grows|falls} by {size} of the recorded temperature",
         ),
         EffectParameter(
-            name="curvature_per_K2",
-            unit="1/K^2",
-            lower=-1e-4,
-            upper=1e-4,
+            "curvature_per_K2",
+            "1/K^2",
+            bounds=(-1e-4, 1e-4),
             plausible=(-1e-5, 1e-5),
             description="The same per kelvin squared.",
+            words="it {grows|falls} by {size} besides",
         ),
         EffectParameter(
-            name="warmer_K",
-            unit="K",
-            lower=-60.0,
-            upper=150.0,
+            "warmer_K",
+            "K",
+            bounds=(-60.0, 150.0),
             plausible=(-10.0, 60.0),
-            description="Where its temperature was not recorded: the magnet's over 20 degC, by -0.11 % a kelvin.",
+            description="Where its temperature was not recorded: the magnet's over 20 °C, by -0.11 % a kelvin.",
+            words="the magnet is {size} {warmer|colder} than 20 °C",
         ),
         EffectParameter(
-            name="coil_share",
-            unit="",
-            lower=0.0,
-            upper=2.0,
+            "coil_share",
+            "",
+            bounds=(0.0, 2.0),
             plausible=(0.0, 1.0),
             description="Where its temperature was not recorded: the part of the coil's warming that it follows.",
+            words="the magnet follows {size} of the winding's warming",
         ),
     ),
     needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
@@ -104,4 +78,3 @@ MAGNET_TEMPERATURE = Effect(
         ),
     ),
 )
-"""Remanence = (1 + coefficient (T - 20 degC) + curvature (T - 20 degC)^2) of the model's."""

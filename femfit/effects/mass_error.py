@@ -1,11 +1,6 @@
-"""The moving mass is not the model's."""
+"""The moving mass is not the model's: true mass = (1 + mass error) the model's."""
 
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-
-
-def _mass(mass: float, p: Parameters) -> float:
-    return (1.0 + p["mass_error"]) * mass
-
+from femfit.effects.effect import Calibration, Effect, EffectParameter
 
 MASS_ERROR = Effect(
     name="mass_error",
@@ -13,18 +8,17 @@ MASS_ERROR = Effect(
     acts_on=("motion",),
     parameters=(
         EffectParameter(
-            name="mass_error",
-            unit="",
-            lower=-0.9,
-            upper=9.0,
+            "mass_error",
+            "",
+            bounds=(-0.9, 9.0),
             plausible=(-0.3, 0.3),
             description="True over the model's mass, less one.",
+            words="the moving mass is {size} {larger|smaller} than in the model",
         ),
     ),
     needs=("time_s", "distance_m|hall_V"),
     experiment="Weigh the moving part with everything that moves with it.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
-    mass=_mass,
+    mass=lambda mass, p: (1.0 + p["mass_error"]) * mass,
     calibrations=(Calibration({"mass_error": 1e-3}, 5.0, "Weigh the moving part on a balance."),),
 )
-"""True mass = (1 + mass error) the model's."""

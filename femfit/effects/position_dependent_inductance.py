@@ -4,16 +4,13 @@ W' -> W' + (i^2 / 2) dL(d), with dL falling as a power of the distance: slowly f
 for a small part far away, whose moment grows with the coil's field there and is seen through the same field. The field
 at the Hall element changes by the same path: i -> i + share h (dB/di) / L, relatively 20 to 40 times as much as the
 flux of a coil whose own flux hardly reaches the moving part.
-
-References
-----------
-H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1.
 """
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import Effect, EffectParameter, Parameters
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, current_series, distance_series
 
@@ -40,6 +37,12 @@ def _coenergy(
     return base(d, i, n_d, n_i) + 0.5 * (current * current * increase)
 
 
+def _words(p: Parameters, nominal: Nominal) -> list[str]:
+    increase = sum(p[f"increase_{power}"] for power in _POWERS)
+    sense = "larger" if increase >= 0.0 else "smaller"
+    return [f"the inductance is {amount(abs(increase), '')} {sense} at the smallest distance"]
+
+
 POSITION_DEPENDENT_INDUCTANCE = Effect(
     name="position_dependent_inductance",
     symptom="At small distances flux linkage and force have a further part: one in step with the current, the other "
@@ -50,8 +53,7 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
             EffectParameter(
                 name=f"increase_{power}",
                 unit="",
-                lower=-0.5,
-                upper=5.0,
+                bounds=(-0.5, 5.0),
                 plausible=(-0.05, 0.5),
                 description="Increase of the inductance at the smallest distance, as a part of the model's, falling "
                 f"with the power {power} of the distance.",
@@ -62,8 +64,7 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
         EffectParameter(
             name="hall_share",
             unit="",
-            lower=-10.0,
-            upper=200.0,
+            bounds=(-10.0, 200.0),
             plausible=(0.0, 40.0),
             description="Change of the coil's field at the Hall element over that of its flux, both relative.",
             null=20.0,
@@ -75,5 +76,5 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
     "signs of the current: the further part is even in it.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
     coenergy=_coenergy,
+    words=_words,
 )
-"""W' -> W' + (i^2 / 2) dL(d)."""

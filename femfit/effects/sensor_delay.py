@@ -3,10 +3,6 @@
 To first order the reading belongs to the distance d - tau v and the current i - tau i'. What knows no voltage knows no
 i'; there the current less its own lag stands for it, a state with the time constant tau, or one sample where tau is
 shorter.
-
-References
-----------
-K. J. Astrom and B. Wittenmark, Computer-Controlled Systems, 3rd ed. (Prentice Hall, 1997), section 2.3 (delays).
 """
 
 from collections.abc import Mapping
@@ -21,12 +17,8 @@ from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, 
 def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
     delay = p["delay_s"]
     if "delay_lag" in conditions.memory:
-        late = (
-            delay
-            / _lag_time(conditions, p)
-            * conditions.nominal.current_scale
-            * like(conditions.memory["delay_lag"], i)
-        )
+        lag = conditions.nominal.current_scale * like(conditions.memory["delay_lag"], i)
+        late = delay / _lag_time(conditions, p) * lag
     else:
         late = delay * like(conditions.current_rate_A_s, i)
     return d - delay * like(conditions.velocity_m_s, d), i - late
@@ -34,10 +26,6 @@ def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Paramet
 
 def _lag_time(conditions: Conditions, p: Parameters) -> float:
     return max(p["delay_s"], conditions.nominal.sample_time_s)
-
-
-def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
-    return {"delay_lag": np.zeros_like(i)}
 
 
 def _rate(
@@ -49,9 +37,8 @@ def _rate(
     conditions: Conditions,
     p: Parameters,
 ) -> Mapping[str, FloatArray]:
-    return {
-        "delay_lag": current_rate / conditions.nominal.current_scale - states["delay_lag"] / _lag_time(conditions, p)
-    }
+    change = current_rate / conditions.nominal.current_scale
+    return {"delay_lag": change - states["delay_lag"] / _lag_time(conditions, p)}
 
 
 SENSOR_DELAY = Effect(
@@ -60,20 +47,26 @@ SENSOR_DELAY = Effect(
     acts_on=("sensor",),
     parameters=(
         EffectParameter(
-            name="delay_s",
-            unit="s",
-            lower=0.0,
-            upper=0.05,
+            "delay_s",
+            "s",
+            bounds=(0.0, 0.05),
             plausible=(0.0, 5e-3),
             description="Age of what a reading shows.",
+            words="the Hall reading is {size} late",
         ),
     ),
     needs=("time_s", "hall_V", "current_A|voltage_V|distance_m"),
     experiment="Hold the body, step the current and record both on one clock; or move it and record a second, fast "
     "distance sensor.",
-    reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3",
+    reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3 (delays)",
     hall_point=_hall_point,
-    memory=Memory(names=("delay_lag",), amplitudes=("delay_s",), spread=0.02, steady_state=_steady_state, rate=_rate),
+    memory=Memory(
+        names=("delay_lag",),
+        amplitudes=("delay_s",),
+        spread=0.02,
+        steady_state=lambda d, i, conditions, p: {"delay_lag": np.zeros_like(i)},
+        rate=_rate,
+    ),
     calibrations=(
         Calibration(
             {"delay_s": 5e-5},
@@ -82,4 +75,3 @@ SENSOR_DELAY = Effect(
         ),
     ),
 )
-"""The Hall element reads what was there a delay ago."""

@@ -1,13 +1,13 @@
-"""A force against the motion, in proportion to its velocity: air, grease, eddy currents in fixed conductors."""
+"""A force against the motion, in proportion to its velocity: air, grease, eddy currents in fixed conductors.
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
+Force towards the electromagnet = damping m v, where v > 0 is falling away.
+"""
 
+from femfit.core.amount import amount
+from femfit.effects.conditions import like
+from femfit.effects.effect import Calibration, Effect, EffectParameter
 
-def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    return p["damping_per_s"] * conditions.nominal.mass_kg * like(conditions.velocity_m_s, d)
-
+_SWING = "Let the body swing on a spring, the coil open, and record how its amplitude falls."
 
 VISCOUS_FRICTION = Effect(
     name="viscous_friction",
@@ -15,24 +15,19 @@ VISCOUS_FRICTION = Effect(
     acts_on=("force",),
     parameters=(
         EffectParameter(
-            name="damping_per_s",
-            unit="1/s",
-            lower=-10.0,
-            upper=1e4,
+            "damping_per_s",
+            "1/s",
+            bounds=(-10.0, 1e4),
             plausible=(0.0, 50.0),
             description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
         ),
     ),
     needs=("time_s", "distance_m|hall_V"),
-    experiment="Let the body swing on a spring, the coil open, and record how its amplitude falls.",
+    experiment=_SWING,
     reference="H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.5",
-    force=_force,
-    calibrations=(
-        Calibration(
-            {"damping_per_s": 0.5},
-            60.0,
-            "Let the body swing on a spring, the coil open, and record how its amplitude falls.",
-        ),
+    force=lambda d, i, conditions, p: (
+        p["damping_per_s"] * conditions.nominal.mass_kg * like(conditions.velocity_m_s, d)
     ),
+    calibrations=(Calibration({"damping_per_s": 0.5}, 60.0, _SWING),),
+    words=lambda p, nominal: [f"friction brakes with {amount(p['damping_per_s'] * nominal.mass_kg, 'N')} at 1 m/s"],
 )
-"""Force towards the electromagnet = damping m v, where v > 0 is falling away."""

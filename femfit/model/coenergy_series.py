@@ -1,12 +1,8 @@
-"""The co-energy as a series, of a base model and as effects change it."""
-
-from collections.abc import Iterable
+"""The co-energy of a base model as a Taylor series."""
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect, Coenergy, Parameters
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
@@ -38,29 +34,5 @@ def coenergy_series(magnetics: Magnetics, hall: HallField | None) -> CoenergySer
             if field is not None:
                 result[1, a, b] = field[k] / (factorials[a] * factorials[b])
         return TaylorSeries(result)
-
-    return evaluate
-
-
-def changed_coenergy(inner: CoenergySeries, effects: Iterable[AddedEffect], at: Conditions) -> CoenergySeries:
-    """The co-energy as effects change it, the first named innermost; those with states last.
-
-    A lag shifts the current that a core sees with all that the other effects say of it: inside of them, what they take
-    for the magnet's own (W' without current) would hold a part of the lag.
-
-    Parameters
-    ----------
-    effects : iterable of AddedEffect
-        Those without a ``coenergy`` are passed over.
-    """
-    for added in sorted(effects, key=lambda added: added.effect.memory is not None):
-        if added.effect.coenergy is not None:
-            inner = _wrapped(inner, added.effect.coenergy, added.parameters, at)
-    return inner
-
-
-def _wrapped(inner: CoenergySeries, act: Coenergy, parameters: Parameters, at: Conditions) -> CoenergySeries:
-    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-        return act(inner, distance, current, in_distance, in_current, at, parameters)
 
     return evaluate

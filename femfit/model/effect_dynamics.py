@@ -21,8 +21,8 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Memory
+from femfit.effects.stages import changed_coenergy, circuit_of, hall_point, recorded, with_further_force
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.model.coenergy_series import changed_coenergy
 from femfit.model.magnetics import MagneticState
 
 _PROBE = 1e-3
@@ -105,12 +105,8 @@ class EffectDynamics:
         magnetic, slopes = self._magnetics(memory, d, i)
         motional = magnetic.motional_constant * v
         at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional)
-        force, resistance = magnetic.force, np.full_like(i, self.resistance_ohm)
-        for added in self.effects:
-            if added.effect.force is not None:
-                force = force + added.effect.force(d, i, at, added.parameters)
-            if added.effect.circuit is not None:
-                resistance, volts = added.effect.circuit(resistance, volts, i, at, added.parameters)
+        force = with_further_force(self.effects, magnetic.force, d, i, at)
+        resistance, volts = circuit_of(self.effects, np.full_like(i, self.resistance_ohm), volts, i, at)
         driving = volts - resistance * i + motional
         inductance = magnetic.inductance
         rates = np.zeros((len(self.names), len(flat)))
@@ -186,41 +182,15 @@ class EffectDynamics:
         d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
         at = replace(self.at, velocity_m_s=v, memory=memory, time_s=time, elapsed=time)
-        then_d, then_i = seen_point(self.effects, d, i, at)
+        then_d, then_i = hall_point(self.effects, d, i, at)
         series = changed_coenergy(self.hall_coenergy, self.later, at)(then_d, then_i, 0, 0)
         volts = quiescent + sensitivity * series.derivative(0, 0, 1)
         return self.read(volts, d, i, at).reshape(state.shape[:-1])
 
     def read(self, volts: FloatArray, distance: FloatArray, current: FloatArray, at: Conditions) -> FloatArray:
         """A Hall voltage (n,) as the sensor's effects change it at distances and currents (n,)."""
-        values: Mapping[str, FloatArray] = {"hall_V": volts}
-        for added in self.effects:
-            if added.effect.readings is not None:
-                values = added.effect.readings(values, distance, current, at, added.parameters)
-        return values["hall_V"]
+        return recorded(self.effects, {"hall_V": volts}, distance, current, at)["hall_V"]
 
 
 def _state(series: TaylorSeries) -> MagneticState:
     return MagneticState(-series.derivative(1, 0), -series.derivative(1, 1), series.derivative(0, 2))
-
-
-def seen_point(
-    effects: tuple[AddedEffect, ...], distance: FloatArray, current: FloatArray, at: Conditions
-) -> tuple[FloatArray, FloatArray]:
-    """Distance and current that a Hall reading belongs to: of earlier, where it is late."""
-    for added in effects:
-        if added.effect.hall_point is not None:
-            distance, current = added.effect.hall_point(distance, current, at, added.parameters)
-    return distance, current
-
-
-def hall_field(
-    coenergy: CoenergySeries,
-    effects: tuple[AddedEffect, ...],
-    distance: FloatArray,
-    current: FloatArray,
-    at: Conditions,
-) -> FloatArray:
-    """Field in T that a Hall reading shows: that of an earlier point, where it is late."""
-    distance, current = seen_point(effects, distance, current, at)
-    return changed_coenergy(coenergy, effects, at)(distance, current, 0, 0).derivative(0, 0, 1)

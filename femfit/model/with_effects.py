@@ -9,9 +9,10 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
+from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.actuator_model import NO_MAGNET, ActuatorModel, HallSensor
-from femfit.model.coenergy_series import changed_coenergy, coenergy_series
+from femfit.model.coenergy_series import coenergy_series
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
@@ -47,13 +48,11 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         force_N=largest[0],
         flux_linkage_Wb=largest[1],
         magnet_share=max(base.share_without_current(), NO_MAGNET) if base.has_magnet else 0.0,
+        magnet_drawn=base.kind is not None,
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else nan,
         mass_kg=base.motion.mass_kg if base.motion else nan,
         gravity_m_s2=base.motion.gravity_m_s2 if base.motion else nan,
-        hall_sensitivity_V_per_T=sensor.sensitivity_V_per_T if sensor else nan,
         hall_quiescent_V=sensor.quiescent_V if sensor else nan,
-        hall_min_V=sensor.output_min_V if sensor else nan,
-        hall_max_V=sensor.output_max_V if sensor else nan,
         inductance_H=float(base.magnetics.inductance(*middle)),
         hall_T_per_A=per_ampere,
         hall_swing_V=swing,
@@ -174,14 +173,11 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     )
     changed = bool(acting) or dynamics.drives  # quicker from the table, even where the effects leave it alone
     circuit, motion, sensor = base.circuit, base.motion, base.sensor
-    for added in effects:
-        if circuit and added.effect.circuit:
-            resistance = added.effect.circuit(
-                np.array([circuit.resistance_ohm]), np.zeros(1), np.zeros(1), at, added.parameters
-            )[0]
-            circuit = replace(circuit, resistance_ohm=float(resistance[0]))
-        if motion and added.effect.mass:
-            motion = replace(motion, mass_kg=added.effect.mass(motion.mass_kg, added.parameters))
+    if circuit is not None:
+        ohms = circuit_of(effects, np.array([circuit.resistance_ohm]), np.zeros(1), np.zeros(1), at)[0]
+        circuit = replace(circuit, resistance_ohm=float(ohms[0]))
+    if motion is not None:
+        motion = replace(motion, mass_kg=moving_mass(effects, motion.mass_kg))
     return replace(
         base,
         magnetics=EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))

@@ -13,7 +13,6 @@ from pathlib import Path
 from femfit import __version__
 from femfit.core.errors import MissingPartError, RunDirectoryError
 from femfit.effects import catalogue as effects
-from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.filters.levitation import require_slow_coil
 from femfit.filters.noise import operating_distance
 from femfit.laws import catalogue as laws
@@ -119,7 +118,7 @@ def _require_built_in_law(model: ActuatorModel) -> None:
 
 
 def _require_built_in_effects(model: ActuatorModel) -> None:
-    own = {effect.name for effect in (*effects.BUILT_IN, *BASE_AMPLITUDES)}
+    own = {effect.name for effect in effects.BUILT_IN}
     foreign = [added.effect.name for added in model.effects if added.effect.name not in own]
     if foreign:
         raise MissingPartError(

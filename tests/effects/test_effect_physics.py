@@ -10,10 +10,12 @@ from scipy.optimize import least_squares, lsq_linear
 from femfit.device.parts import LinearMaterial
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.effect import AddedEffect
 from femfit.effects.taylor_series import TaylorSeries
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.settings import SolverSettings
+from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from support.saturating import LIBRARY, rig_with_core
 
@@ -281,3 +283,24 @@ def test_every_quantity_that_a_parameter_is_a_part_of_is_known(nominal):
     known = {field.name for field in dataclasses.fields(Nominal)} | {"current_scale"}
     for name in ("force_offset", "current_offset", "hysteresis", "driver_dead_zone", "end_stop_contact"):
         assert {p.scale for p in effect_by_name(name).amplitudes} <= known
+
+
+def test_fluxmeter_and_ammeter_tell_more_turns_from_a_wrong_current(levitation_model):
+    d, i = np.array([0.018, 0.03]), np.array([0.4, 1.2])
+    conditions = Conditions(nominal_of(levitation_model))
+    more, other = (
+        predict_readings(levitation_model, d, i, conditions, [AddedEffect(effect_by_name(name), {key: 0.04})])
+        for name, key in (("turns", "turns_error"), ("current_gain", "gain_error"))
+    )
+    for channel in ("force_N", "hall_V", "voltage_V"):
+        np.testing.assert_allclose(more[channel], other[channel], rtol=1e-12)
+    np.testing.assert_allclose(more["flux_linkage_Wb"], 1.04 * other["flux_linkage_Wb"], rtol=1e-12)
+
+
+def test_the_lag_of_a_core_is_finite_at_any_current(nominal):
+    hysteresis = effect_by_name("hysteresis")
+    p = hysteresis.null() | {"width_medium": 0.02, "fade": 6.0}
+    far = np.array([-1e6, 0.0, 1e6])
+    conditions = Conditions(nominal, branch=1.0, current_turn_A=(-1.4, 1.4))
+    states = hysteresis.memory.steady_state(far, far, conditions, p)
+    assert all(np.isfinite(z).all() for z in states.values())

@@ -9,6 +9,7 @@ from femfit.core.errors import ModelFileError, TableError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
+from femfit.effects.stages import changed_coenergy
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.observations import bench_observations
@@ -18,7 +19,6 @@ from femfit.identify.refit.add_start import starting_point, without_untold
 from femfit.identify.refit.add_text import add_lines
 from femfit.identify.refit.refit import refit
 from femfit.model.actuator_model import ValidityBox
-from femfit.model.coenergy_series import changed_coenergy
 from femfit.model.from_json import model_from_dict
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
@@ -35,7 +35,7 @@ def effect(name, **values):
 
 SATURATION = effect("core_saturation", mmf_loss_3=0.02)
 HALL = effect("hall_offset", offset_V=0.02)
-STRONG_MAGNET = effect("base_magnet_strength", remanence_error=0.02)
+STRONG_MAGNET = effect("remanence", remanence_error=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -142,11 +142,11 @@ def test_the_base_amplitudes_scale_the_sources_of_a_linear_field(levitation_mode
     s, d, i = 1.02, np.array([0.017, 0.03, 0.04]), np.array([0.1, 0.7, 1.3])
     base = base_coenergy(levitation_model)
     at = Conditions(nominal_of(levitation_model))
-    strong = changed_coenergy(base, [effect("base_magnet_strength", remanence_error=s - 1.0)], at)(d, s * i, 1, 2)
+    strong = changed_coenergy(base, [effect("remanence", remanence_error=s - 1.0)], at)(d, s * i, 1, 2)
     plain, turned = base(d, i, 1, 2), base(d, s * i, 1, 2)
     for order, power in {(1, 0, 0): 2, (0, 1, 0): 1, (0, 0, 1): 1}.items():
         np.testing.assert_allclose(strong.derivative(*order), s**power * plain.derivative(*order), rtol=1e-12)
-    more = changed_coenergy(base, [effect("base_turns", turns_error=s - 1.0)], at)(d, i, 1, 2)
+    more = changed_coenergy(base, [effect("turns", turns_error=s - 1.0)], at)(d, i, 1, 2)
     for order, power in {(1, 0): 0, (0, 2): 2}.items():
         np.testing.assert_allclose(more.derivative(*order), s**power * turned.derivative(*order), rtol=1e-12)
 
@@ -178,8 +178,6 @@ def test_what_cannot_be_fitted_is_refused_with_the_remedy(levitation_model):
         add_effects(levitation_model, no_hall, ["hall_offset"])
     with pytest.raises(ModelFileError, match="must be one of"):
         add_effects(levitation_model, table, ["gremlins"])
-    with pytest.raises(TableError, match="amplitude of the base"):
-        add_effects(levitation_model, table, ["base_turns"])
     once = table.rows[(table.rows["branch"] > 0) & (table.rows["run"] == 1)].reset_index(drop=True)
     with pytest.raises(TableError, match="Measure some settings twice"):
         add_effects(levitation_model, replace(table, rows=once), ["hall_offset"])
@@ -198,7 +196,7 @@ def test_a_model_without_a_magnet_is_not_offered_a_stronger_one(steel_model):
     noise = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
     table = campaign(steel_model, 44, [gain], noise=noise, runs=4)
     result = add_effects(steel_model, table, ["force_gain"], AddOptions(base="always"))
-    assert {added.effect.name for added in result.base} == {"base_turns", "base_resistance"}
+    assert {added.effect.name for added in result.base} == {"turns", "resistance"}
     assert "with force_gain" in "\n".join(add_lines(result))
 
 

@@ -151,11 +151,12 @@ def test_a_small_misfit_of_force_alone_calls_for_a_gauge_block_or_a_further_chan
 
 
 def test_a_model_without_a_magnet_is_not_said_to_have_lost_its_magnetisation(solenoid, levitation_model):
-    for model, why in ((solenoid, "the model has no magnet"), (levitation_model, None)):
+    for model, why in ((solenoid, "without current"), (levitation_model, None)):
         plan = campaign(model, 27, runs=1, noise={"force_N": NOISE["force_N"]})
         plan = replace(plan, rows=plan.rows.assign(flux_linkage_Wb=np.nan, hall_V=np.nan, voltage_V=np.nan))
         report = examine_plan(model, plan, [effect_by_name("magnet_demagnetisation")])
-        assert report.invisible.get("magnet_demagnetisation") == why
+        said = report.invisible.get("magnet_demagnetisation")
+        assert said is None if why is None else said.startswith(why)
 
 
 @pytest.mark.parametrize(

@@ -5,16 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.model.coenergy_series import changed_coenergy
+from femfit.effects.stages import changed_coenergy
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.dynamics import state_derivative
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 
-STATIC = [effect for effect in (*BUILT_IN, *BASE_AMPLITUDES) if effect.coenergy is not None and effect.memory is None]
+STATIC = [effect for effect in BUILT_IN if effect.coenergy is not None and effect.memory is None]
 
 
 def strong(effect):

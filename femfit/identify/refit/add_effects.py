@@ -5,16 +5,16 @@ prior of two per cent: without them an effect would mop up a base that is slight
 the weighted error on runs left out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.effects.base_amplitudes import BASE_AMPLITUDES, PRIOR_SD
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
+from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
 from femfit.identify.comparison.gate import pattern_space
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
@@ -35,8 +35,6 @@ _HELPS = 9.0
 
 _HARMS = 1.05
 """Rise of a channel's error on runs left out from which they are not, whatever the other channels gain by them."""
-
-_PRIOR = {effect.name: PRIOR_SD for effect in BASE_AMPLITUDES}
 
 Observe = Callable[[ActuatorModel], Observations]
 
@@ -120,7 +118,7 @@ def add_effects(
     steps = [Step(effect.name, rms) for effect, rms in zip(new, [*partial, fitted.error.rms], strict=False)]
     say("Fitting the base beside them")
     fitted = _with_base(campaign, fitted, options)
-    base = sum(added.effect.name in _PRIOR for added in fitted.fit.effects)
+    base = len(fitted.fit.effects) - len(start)
     if base or not new:
         steps.append(Step("base" if base else "refit", fitted.error.rms))
     first = unseen_error(observations, noise, (), otherwise=given)
@@ -128,6 +126,7 @@ def add_effects(
     gate = pattern_space(observations, whitening)
     fit = fitted.fit
     sizes = effect_sizes(observations, fit)
+    beside = {added.effect.name for added in fit.effects[:base]}
     return AddResult(
         model=with_effects(_at_temperature(model, observations, options), (*kept, *fit.effects)),
         added=fit.effects[base:],
@@ -146,7 +145,7 @@ def add_effects(
         },
         steps=(Step("model", first.rms), *steps),
         sizes=sizes,
-        suspicious=suspicious_values(fit, sizes),
+        suspicious=suspicious_values(fit, sizes, beside),
         gate_before=gate.test(whitening.full(before)),
         gate_after=gate.test(fit.rest, fit.jacobian[:, ~fit.active]),
         readings=len(observations.value),
@@ -161,10 +160,9 @@ def _split(
     """(effects that stay as they are, those that are refitted, those that are new).
 
     An effect of the model stays where these data cannot show it; one that the user names is never among those.
-    The base's amplitudes are decided anew.
     """
     wanted = [effect_by_name(name) for name in dict.fromkeys(names)]
-    own = [added for added in model.effects if added.effect.name not in _PRIOR]
+    own = model.effects
     bare = observe(with_effects(model, ()))
     named = {effect.name for effect in wanted}
     stays = [added.effect.name not in named and bool(why_untestable(added.effect, bare)) for added in own]
@@ -187,17 +185,11 @@ def _campaign(observations: Observations) -> _Campaign:
 
 def _require_testable(effects: Sequence[Effect], observations: Observations) -> None:
     for effect in effects:
-        if effect.name in _PRIOR:
-            raise TableError(
-                f"{effect.name} is an amplitude of the base, fitted beside an effect where it helps; it is no effect "
-                "of its own. Name an effect (femfit diagnose ranks them)."
-            )
         if reason := why_untestable(effect, observations):
             raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
 
 
-def _fitted(campaign: _Campaign, start: Sequence[Start], prior: bool = False) -> _Fitted:
-    prior_sd = _PRIOR if prior else None
+def _fitted(campaign: _Campaign, start: Sequence[Start], prior_sd: Mapping[str, float] | None = None) -> _Fitted:
     fit = refit(campaign.observations, campaign.whitening, start, prior_sd=prior_sd)
     told = without_untold(fit)
     if any(len(one.amplitudes) < len(all_.amplitudes) for (one, _), all_ in zip(told, fit.start, strict=True)):
@@ -208,11 +200,15 @@ def _fitted(campaign: _Campaign, start: Sequence[Start], prior: bool = False) ->
 def _with_base(campaign: _Campaign, alone: _Fitted, options: AddOptions) -> _Fitted:
     """The refit with the base's amplitudes beside the effects, where wanted."""
     observations = campaign.observations
-    visible = [effect for effect in BASE_AMPLITUDES if not why_untestable(effect, observations)]
+    visible = [
+        effect
+        for effect in TOLERANCES
+        if effect.name not in alone.fit.names and not why_untestable(effect, observations)
+    ]
     if options.base == "never" or not visible:
         return alone
     start = [*starting_point(observations, campaign.whitening, visible, at_null=True), *restart(alone.fit)]
-    together = _fitted(campaign, start, prior=True)
+    together = _fitted(campaign, start, {effect.name: TOLERANCE_SD for effect in visible})
     helps = together.error.chi2 < alone.error.chi2 - _HELPS
     harms = any(rms > _HARMS * alone.error.rms[name] for name, rms in together.error.rms.items())
     return together if options.base == "always" or (helps and not harms) else alone

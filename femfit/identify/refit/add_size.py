@@ -1,12 +1,12 @@
 """How large an added effect is in each channel, and whether that is plausible."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.base_amplitudes import BASE_AMPLITUDES
 from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import EffectSize
@@ -80,15 +80,19 @@ def _standard_error(observations: Observations, fit: Refit, k: int, at: int) -> 
     return float(np.sqrt(max(slope @ fit.covariance[np.ix_(own, own)] @ slope, 0.0))) if own else 0.0
 
 
-def suspicious_values(fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, ...]:
+def suspicious_values(fit: Refit, sizes: tuple[EffectSize, ...], beside: Collection[str]) -> tuple[str, ...]:
     """What is unusual of fitted parameters.
+
+    Parameters
+    ----------
+    beside : collection of str
+        Tolerances of the drawing that were fitted beside the effects: these may well be zero.
 
     Returns
     -------
     tuple of str
         One plain sentence each: outside of the usual range, at a bound, or a size that may be none.
     """
-    base = {effect.name for effect in BASE_AMPLITUDES}
     result = []
     for added in fit.effects:
         name = added.effect.name
@@ -107,6 +111,6 @@ def suspicious_values(fit: Refit, sizes: tuple[EffectSize, ...]) -> tuple[str, .
             result.append(f"{added.effect.name}: {p.name} = {value:.3g} stands at its bound, so it has no interval.")
     for added in fit.effects:
         name = added.effect.name
-        if name not in base and all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name):
+        if name not in beside and all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name):
             result.append(f"{name} may be absent: the 95 % interval of its change includes none in every channel.")
     return tuple(result)

@@ -17,13 +17,20 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
+from femfit.effects.stages import (
+    changed_coenergy,
+    circuit_of,
+    hall_field,
+    moving_mass,
+    recorded,
+    true_setting,
+    with_further_force,
+)
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.identify.series.memory import states_along
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.actuator_model import Motion as BaseMotion
-from femfit.model.coenergy_series import changed_coenergy
-from femfit.model.effect_dynamics import hall_field
 
 FORCE_BALANCE, VOLTAGE_BALANCE = "force_balance_N", "voltage_balance_V"
 
@@ -108,18 +115,13 @@ def model_readings(
         if any(added.effect.hall_point for added in effects):
             field = hall_field(coenergy, tuple(effects), point.distance, point.current, point.at)
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
-    for added in effects:
-        if added.effect.readings is not None:
-            changed = added.effect.readings(readings, point.distance, point.current, point.at, added.parameters)
-            readings = dict(changed)
+    readings = recorded(effects, readings, point.distance, point.current, point.at)
     return {name: weights.mean @ reading for name, reading in readings.items()}
 
 
 def _excited(coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
-    d, i, at = motion.distance_m, motion.current_A, motion.at
-    for added in effects:
-        if added.effect.setting is not None:
-            d, i = added.effect.setting(d, i, at, added.parameters)
+    at = motion.at
+    d, i = true_setting(effects, motion.distance_m, motion.current_A, at)
     constant = -coenergy(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
     memory: dict[str, FloatArray] = {}
     for added in effects:
@@ -127,10 +129,7 @@ def _excited(coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEf
     at = replace(at, memory=memory)
     series = changed_coenergy(coenergy, effects, at)(d, i, 1, 1)
     at = replace(at, motional_V=-series.derivative(1, 1) * np.asarray(at.velocity_m_s))
-    force = -series.derivative(1, 0)
-    for added in effects:
-        if added.effect.force is not None:
-            force = force + added.effect.force(d, i, at, added.parameters)
+    force = with_further_force(effects, -series.derivative(1, 0), d, i, at)
     return _Point(d, i, at, series, force)
 
 
@@ -138,17 +137,14 @@ def _inertia(
     base: BaseMotion, motion: Motion, weights: Weights, distance: FloatArray, effects: Sequence[AddedEffect]
 ) -> tuple[float, FloatArray]:
     """(m_0 / m, m_0 times what the recorded acceleration lacks): another mass must not weigh its noise."""
-    mass = base.mass_kg
-    for added in effects:
-        mass = added.effect.mass(mass, added.parameters) if added.effect.mass else mass
+    mass = moving_mass(effects, base.mass_kg)
     lacking = weights.curvature @ (distance - motion.distance_m)
     return base.mass_kg / mass, np.asarray(base.mass_kg * lacking)
 
 
 def _drop(resistance: float, motion: Motion, point: _Point, effects: Sequence[AddedEffect]) -> FloatArray:
     """R i, and what the driver loses of its command."""
-    ohms, volts = np.full_like(point.current, resistance), motion.voltage_V
-    for added in effects:
-        if added.effect.circuit is not None:
-            ohms, volts = added.effect.circuit(ohms, volts, point.current, point.at, added.parameters)
+    ohms, volts = circuit_of(
+        effects, np.full_like(point.current, resistance), motion.voltage_V, point.current, point.at
+    )
     return np.asarray(ohms * point.current + motion.voltage_V - volts)

@@ -14,6 +14,10 @@ _STEP = 1e-3
 """Step of a difference over the width of a parameter's plausible range."""
 
 
+_NO_MAGNET = "the drawing has no magnet"
+_NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage, so it has no magnet"
+
+
 @dataclass(frozen=True, eq=False)
 class EffectColumns:
     """First-order change of every reading with an effect's amplitudes, at given shape constants.
@@ -49,7 +53,7 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
     for need in effect.needs:
         if need == "magnet":
             if not observations.nominal.has_magnet:
-                return "the model has no magnet"
+                return _NO_MAGNET if observations.nominal.magnet_drawn else _NO_MAGNET_SEEN
         elif not any(_given(name, observations) for name in need.split("|")):
             return f"these data lack {_in_words(need)}"
     return ""

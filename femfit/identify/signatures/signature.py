@@ -145,10 +145,7 @@ def _moving_readings(
     else:
         states = {}
     read = predict_readings(base, d, i, conditions, [added])
-    force = read["force_N"]
-    if added.effect.force is not None:
-        force = force + added.effect.force(d, i, conditions, added.parameters)
-    result = {"force_N": force}
+    result = {"force_N": read["force_N"]}
     if base.motion is not None and base.circuit is not None:
         voltage = base.circuit.resistance_ohm * i + base.magnetics.inductance(d, i) * rate - motional
         changed = with_effects(base, [added])

@@ -1,0 +1,108 @@
+"""Applies effects stage by stage: the one place that knows the order in which they act."""
+
+from collections.abc import Iterable, Mapping
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect, Coenergy, Parameters
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+
+
+def true_setting(
+    effects: Iterable[AddedEffect], distance: FloatArray, current: FloatArray, conditions: Conditions
+) -> tuple[FloatArray, FloatArray]:
+    """Distance and current that body and winding have where these were recorded."""
+    for added in effects:
+        if added.effect.setting is not None:
+            distance, current = added.effect.setting(distance, current, conditions, added.parameters)
+    return distance, current
+
+
+def changed_coenergy(inner: CoenergySeries, effects: Iterable[AddedEffect], conditions: Conditions) -> CoenergySeries:
+    """The co-energy as effects change it, the first named innermost; those with states last.
+
+    A lag shifts the current that a core sees with all that the other effects say of it: inside of them, what they take
+    for the magnet's own (W' without current) would hold a part of the lag.
+    """
+    for added in sorted(effects, key=lambda added: added.effect.memory is not None):
+        if added.effect.coenergy is not None:
+            inner = _wrapped(inner, added.effect.coenergy, added.parameters, conditions)
+    return inner
+
+
+def _wrapped(inner: CoenergySeries, act: Coenergy, parameters: Parameters, conditions: Conditions) -> CoenergySeries:
+    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
+        return act(inner, distance, current, in_distance, in_current, conditions, parameters)
+
+    return evaluate
+
+
+def with_further_force(
+    effects: Iterable[AddedEffect],
+    force: FloatArray,
+    distance: FloatArray,
+    current: FloatArray,
+    conditions: Conditions,
+) -> FloatArray:
+    """The magnetic force and what acts beside it."""
+    for added in effects:
+        if added.effect.force is not None:
+            force = force + added.effect.force(distance, current, conditions, added.parameters)
+    return force
+
+
+def circuit_of(
+    effects: Iterable[AddedEffect],
+    resistance: FloatArray,
+    voltage: FloatArray,
+    current: FloatArray,
+    conditions: Conditions,
+) -> tuple[FloatArray, FloatArray]:
+    """Resistance of the winding, and voltage that the driver applies where this one was commanded."""
+    for added in effects:
+        if added.effect.circuit is not None:
+            resistance, voltage = added.effect.circuit(resistance, voltage, current, conditions, added.parameters)
+    return resistance, voltage
+
+
+def moving_mass(effects: Iterable[AddedEffect], mass: float) -> float:
+    """The mass that really moves."""
+    for added in effects:
+        mass = added.effect.mass(mass, added.parameters) if added.effect.mass else mass
+    return mass
+
+
+def hall_point(
+    effects: Iterable[AddedEffect], distance: FloatArray, current: FloatArray, conditions: Conditions
+) -> tuple[FloatArray, FloatArray]:
+    """Distance and current that a Hall reading belongs to: of earlier, where it is late."""
+    for added in effects:
+        if added.effect.hall_point is not None:
+            distance, current = added.effect.hall_point(distance, current, conditions, added.parameters)
+    return distance, current
+
+
+def hall_field(
+    coenergy: CoenergySeries,
+    effects: tuple[AddedEffect, ...],
+    distance: FloatArray,
+    current: FloatArray,
+    conditions: Conditions,
+) -> FloatArray:
+    """Field in T that a Hall reading shows, late or not."""
+    distance, current = hall_point(effects, distance, current, conditions)
+    return changed_coenergy(coenergy, effects, conditions)(distance, current, 0, 0).derivative(0, 0, 1)
+
+
+def recorded(
+    effects: Iterable[AddedEffect],
+    readings: Mapping[str, FloatArray],
+    distance: FloatArray,
+    current: FloatArray,
+    conditions: Conditions,
+) -> dict[str, FloatArray]:
+    """What the sensors record of true readings."""
+    for added in effects:
+        if added.effect.readings is not None:
+            readings = added.effect.readings(readings, distance, current, conditions, added.parameters)
+    return dict(readings)

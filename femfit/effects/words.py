@@ -1,0 +1,82 @@
+"""Says in plain words, with units, what the fitted parameters of an effect mean."""
+
+import re
+from collections.abc import Mapping
+
+from femfit.core.amount import amount
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import AddedEffect, Effect, EffectParameter
+
+_SCALE_UNITS = {
+    "force_N": "N",
+    "flux_linkage_Wb": "Wb",
+    "current_scale": "A",
+    "voltage_V": "V",
+    "inductance_H": "H",
+    "travel_m": "m",
+    "weight_N": "N",
+}
+
+
+def describe(added: AddedEffect, nominal: Nominal) -> list[str]:
+    """What an effect is at its parameters: clauses such as ``the gap is 0.20 mm larger than recorded``.
+
+    Returns
+    -------
+    list of str
+        Without a full stop; with the 95 % interval where one was estimated. Amplitudes that are not there are left out.
+    """
+    effect, values = added.effect, added.parameters
+    if all(values[p.name] == p.null for p in effect.amplitudes):
+        return []
+    if effect.words is not None:
+        return list(effect.words(values, nominal))
+    return [
+        _clause(p, values[p.name], added.ci95.get(p.name), nominal)
+        for p in effect.parameters
+        if p.words and (p.nonlinear or values[p.name] != p.null)
+    ]
+
+
+def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: Nominal) -> str:
+    """The smallest size of an effect that data would show, as a clause; empty where none lies within its bounds.
+
+    Parameters
+    ----------
+    magnitudes : mapping of str to float
+        Per amplitude taken alone. Of a family that of which the least of its plausible range is needed is said.
+    """
+    parts = [
+        (magnitudes[p.name] / p.width, p)
+        for p in effect.amplitudes
+        if p.name in magnitudes and magnitudes[p.name] < float("inf")
+    ]
+    if not parts:
+        return ""
+    _, p = min(parts, key=lambda part: part[0])
+    size = magnitudes[p.name] if p.null + magnitudes[p.name] <= p.upper else -magnitudes[p.name]
+    clauses = describe(AddedEffect(effect, effect.null() | {p.name: p.null + size}), nominal)
+    return clauses[0] if clauses else ""
+
+
+def size_of(p: EffectParameter, value: float, nominal: Nominal) -> str:
+    """A parameter's value with its unit: of a relative one the quantity itself, ``12 mN``."""
+    if p.scale:
+        return amount(value * getattr(nominal, p.scale), _SCALE_UNITS[p.scale])
+    return amount(value, p.unit)
+
+
+def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | None, nominal: Nominal) -> str:
+    def chosen(match: re.Match[str]) -> str:
+        above, _, below = match.group(1).partition("|")
+        return above if value >= 0.0 else below
+
+    clause = p.words.replace("{size}", size_of(p, abs(value), nominal))
+    clause = clause.replace("{signed}", size_of(p, value, nominal))
+    clause = re.sub(r"\{([^{}]*\|[^{}]*)\}", chosen, clause)
+    if interval is None:
+        return clause
+    low, high = interval
+    if "{signed}" not in p.words and value < 0.0:
+        low, high = -high, -low
+    return f"{clause} (95 %: {size_of(p, low, nominal)} to {size_of(p, high, nominal)})"

@@ -1,0 +1,89 @@
+"""Fitted parameters in plain words, with units."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from femfit.core.amount import amount
+from femfit.effects.catalogue import BUILT_IN, effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.effects.words import describe, smallest_visible
+from femfit.identify.signatures.signature import typical_parameters
+from femfit.model.with_effects import nominal_of
+
+
+@pytest.fixture(scope="module")
+def nominal(levitation_model):
+    return nominal_of(levitation_model)
+
+
+def said(name, nominal, ci95=None, **parameters):
+    effect = effect_by_name(name)
+    return describe(AddedEffect(effect, effect.null() | parameters, ci95 or {}), nominal)
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda effect: effect.name)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_every_effect_is_said_without_an_internal_name_and_with_units(effect, sign, nominal):
+    values = {name: max(sign * value, low) for (name, value), low in zip(
+        typical_parameters(effect).items(), (p.lower for p in effect.amplitudes), strict=True)}  # fmt: skip
+    for p in effect.amplitudes:
+        clauses = describe(AddedEffect(effect, effect.null() | {p.name: values[p.name]}), nominal)
+        text = "; ".join(clauses)
+        if values[p.name] == p.null or p.name.startswith("gap_"):
+            assert not clauses
+            continue
+        assert re.search(r"\d+(\.\d+)? (%|[nµmk]?[A-Z]|m/s|mm|ms|s\b|K)", text), text
+        assert "_" not in text
+        assert "{" not in text
+
+
+def test_an_effect_that_is_not_there_is_not_described(nominal):
+    assert said("remanence", nominal) == []
+
+
+def test_a_weak_magnet_a_larger_gap_and_a_saturating_core_are_said_as_an_engineer_would(nominal):
+    assert said("remanence", nominal, remanence_error=-0.042) == ["the magnet is 4.2 % weaker than drawn"]
+    interval = {"offset_m": (1.8e-4, 2.2e-4)}
+    assert said("distance_offset", nominal, interval, offset_m=2.04e-4) == [
+        "the gap is 0.20 mm larger than recorded (95 %: 0.18 mm to 0.22 mm)"
+    ]
+    assert said("turns", nominal, {"turns_error": (-0.05, -0.03)}, turns_error=-0.04) == [
+        "the winding has 4.0 % fewer turns than drawn (95 %: 3.0 % to 5.0 %)"
+    ]
+    (core,) = said("core_saturation", nominal, mmf_loss_3=0.01, mmf_loss_32=0.015)
+    share = float(re.search(r"loses ([\d.]+) %", core).group(1))
+    assert 1.5 < share < 2.5  # the demagnetising field withdraws a part of 2.5 %
+    assert said("lateral_misalignment", nominal, offset_squared_m2=2.25e-6) == [
+        "the moving part hangs 1.5 mm beside the axis"
+    ]
+
+
+def test_a_force_offset_is_said_in_newtons(nominal):
+    (text,) = said("force_offset", nominal, offset=-0.01)
+    assert amount(0.01 * nominal.force_N, "N") in text
+    assert "too little" in text
+
+
+def test_the_smallest_visible_size_is_said_of_the_shape_that_shows_best(nominal):
+    effect = effect_by_name("core_saturation")
+    small = smallest_visible(effect, {"mmf_loss_3": 0.3, "mmf_loss_6": 0.01, "mmf_loss_32": float("inf")}, nominal)
+    assert float(re.search(r"loses ([\d.]+) %", small).group(1)) == pytest.approx(1.0, abs=0.1)
+    assert smallest_visible(effect, {"mmf_loss_3": float("inf")}, nominal) == ""
+
+
+def test_an_eccentric_plunger_is_not_called_a_magnet(nominal):
+    effect = effect_by_name("lateral_misalignment")
+    plunger = replace(nominal, magnet_share=0.0)
+    (text,) = describe(AddedEffect(effect, effect.null() | {"gap_all": 0.03}), plunger)
+    assert "3.0 % more flux linkage" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [(2e-4, "m", "0.20 mm"), (38.2, "K", "38 K"), (0.0082, "N", "8.2 mN"), (0.4, "A", "0.40 A"), (0.0404, "", "4.0 %"),
+     (-3e-3, "1/K", "-0.30 % per K"), (3e-6, "m", "3.0 µm"), (0.0, "V", "0 V"), (0.00996, "T", "10 mT")],
+)  # fmt: skip
+def test_amounts_have_a_prefix_and_two_digits(value, unit, said):
+    assert amount(value, unit) == said
