@@ -6,7 +6,7 @@ M. A. Branch, T. F. Coleman and Y. Li, SIAM Journal on Scientific Computing 21 (
 P. B. Stark and R. L. Parker, Computational Statistics 10 (1995) 129: bounded-variable least squares.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,6 +18,10 @@ from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.signatures.columns import EffectColumns
+
+_NEXT_TO, _AS_GOOD = 1e-2, 1e-2
+"""A parameter within this of its bound, over its plausible range, stands at it where the weighted sum of squares, whose
+standard deviation is 1 and more, rises by no more than this."""
 
 Start = tuple[EffectColumns, FloatArray]
 """An effect with its amplitudes, counted from null, to start from."""
@@ -208,10 +212,30 @@ def refit(
         ftol=1e-8,
         max_nfev=60,
     )
-    x, best = solution.x, rest(solution.x)
-    active, jacobian = (x - low < 1e-5) | (high - x < 1e-5), np.asarray(solution.jac)[: len(best)]
+    x = _at_bounds(with_prior, solution.x, low, high)
+    best = rest(x)
+    active, jacobian = (x == low) | (x == high), np.asarray(solution.jac)[: len(best)]
     fit = Refit(effects_at(x), free, best, jacobian, active, root**2, tuple(one for one, _ in start))
     return replace(fit, effects=_with_intervals(fit, x, width))
+
+
+def _at_bounds(
+    residual: Callable[[FloatArray], FloatArray], x: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """A solution with those parameters at their bounds that are next to them and as good there.
+
+    An interior method ends at a last bit's distance from a bound; a parameter that is not there must not count as one
+    that was fitted.
+    """
+    chi2 = float(np.sum(residual(x) ** 2))
+    for bound in (low, high):
+        for j in np.flatnonzero(np.abs(x - bound) < _NEXT_TO):
+            there = x.copy()
+            there[j] = bound[j]
+            moved = float(np.sum(residual(there) ** 2))
+            if moved <= chi2 + _AS_GOOD:
+                x, chi2 = there, moved
+    return x
 
 
 def _seen_constants(one: EffectColumns, observations: Observations) -> list[EffectParameter]:
