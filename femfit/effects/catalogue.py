@@ -105,8 +105,8 @@ def all_effects() -> dict[str, Effect]:
     Examples
     --------
     >>> import femfit as ff
-    >>> len(ff.list_effects()) >= 30
-    True
+    >>> list(ff.list_effects())[:3]
+    ['distance_offset', 'remanence', 'turns']
     """
     return _CATALOGUE.all(entry_points(group=GROUP))
 
@@ -125,17 +125,6 @@ def effect_by_name(name: str) -> Effect:
         If no effect has this name, or its package cannot be loaded.
     """
     return _CATALOGUE.find(_EARLIER_NAMES.get(name, name), lambda: entry_points(group=GROUP))
-
-
-def list_effects() -> list[Effect]:
-    """Every effect that femfit knows, the commonest cause first.
-
-    Examples
-    --------
-    >>> [effect.name for effect in list_effects()][:3]
-    ['distance_offset', 'remanence', 'turns']
-    """
-    return list(all_effects().values())
 
 
 def catalogue_order(names: Iterable[str]) -> tuple[str, ...]:
