@@ -12,9 +12,12 @@ _PLACES = {
     # Types
     "Actuator": "femfit.device.parts:Actuator",
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
+    "BenchTable": "femfit.tables.measurement:BenchTable",
     "FemfitError": "femfit.core.errors:FemfitError",
     "FitResult": "femfit.fit.result:FitResult",
+    "ImportedTable": "femfit.tables.foreign.read:ImportedTable",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
+    "TimeSeries": "femfit.tables.measurement:TimeSeries",
     # From the drawing to a model
     "read_actuator": "femfit.device.load:read_actuator",
     "run_sweep": "femfit.field.sweep:run_sweep",
@@ -24,8 +27,10 @@ _PLACES = {
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",
     "export": "femfit.targets.targets:export",
+    "import_table": "femfit.tables.foreign.read:import_table",
     # Why the bench disagrees
     "list_effects": "femfit.effects.catalogue:all_effects",
+    "read_measurement": "femfit.tables.measurement_file:read_measurement",
 }
 """Public name -> "module:name in it"; the one place to edit when something moves, with its line in the .pyi file."""
 

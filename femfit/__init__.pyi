@@ -11,6 +11,11 @@ from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
 from femfit.model.json_file import read_model as read_model
 from femfit.model.json_file import write_model as write_model
+from femfit.tables.foreign.read import ImportedTable as ImportedTable
+from femfit.tables.foreign.read import import_table as import_table
+from femfit.tables.measurement import BenchTable as BenchTable
+from femfit.tables.measurement import TimeSeries as TimeSeries
+from femfit.tables.measurement_file import read_measurement as read_measurement
 from femfit.tables.sweep_table import SweepTable as SweepTable
 from femfit.tables.sweep_table import read_sweep_table as read_sweep
 from femfit.targets.targets import export as export
@@ -18,14 +23,19 @@ from femfit.targets.targets import export as export
 __all__ = [
     "Actuator",
     "ActuatorModel",
+    "BenchTable",
     "FemfitError",
     "FitResult",
+    "ImportedTable",
     "SweepTable",
+    "TimeSeries",
     "export",
     "fit_model",
+    "import_table",
     "list_effects",
     "list_laws",
     "read_actuator",
+    "read_measurement",
     "read_model",
     "read_sweep",
     "run_sweep",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import ClassVar
 
 import numpy as np
@@ -56,6 +57,13 @@ class BenchTable:
         The columns that the file has with at least one number.
     declared_noise : mapping of str to float
         Standard deviation of a channel's reading, in the channel's unit.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> bench = ff.read_measurement("bench.csv")
+    >>> len(bench.rows), sorted(set(bench.rows["run"]))
+    (448, [1.0, 2.0, 3.0, 4.0])
     """
 
     rows: pd.DataFrame
@@ -77,6 +85,9 @@ class BenchTable:
     def __str__(self) -> str:
         return "\n".join(measurement_lines(self))
 
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>{self.rows.to_html(max_rows=12)}"
+
 
 @dataclass(frozen=True, eq=False)
 class TimeSeries:
@@ -91,6 +102,13 @@ class TimeSeries:
         The columns that the file has with at least one number.
     declared_noise : mapping of str to float
         Standard deviation of a channel's sample, in the channel's unit.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> record = ff.read_measurement("loop.csv")
+    >>> record.channels
+    ('current_A', 'distance_m', 'hall_V')
     """
 
     rows: pd.DataFrame
@@ -111,6 +129,9 @@ class TimeSeries:
 
     def __str__(self) -> str:
         return "\n".join(measurement_lines(self))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>{self.rows.to_html(max_rows=12)}"
 
 
 Measurement = BenchTable | TimeSeries

@@ -46,6 +46,13 @@ def read_measurement(
     ------
     TableError
         If there is no such file, or it is not such a table.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> bench = ff.read_measurement("bench.csv")
+    >>> bench.channels
+    ('force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V')
     """
     path = Path(path)
     raw = read_raw_table(path)

@@ -5,6 +5,8 @@ import inspect
 import os
 import shutil
 
+import numpy as np
+import pandas as pd
 import pytest
 
 import femfit
@@ -28,8 +30,28 @@ def bench(tmp_path_factory):
     table = femfit.run_sweep(place / "rig.toml", place / "runs" / "rig", workers=1)
     femfit.write_model(femfit.fit_model(table).model, place / "model.json")
     shutil.copy(GEOMETRY.parent / "data" / "levitation_bench.csv", place / "bench.csv")
-    table.rows[["distance_m", "current_A", "force_N", "flux_linkage_Wb"]].to_csv(place / "forces.csv", index=False)
+    forces = table.rows[["current_A", "distance_m", "force_N", "flux_linkage_Wb"]].assign(
+        distance_m=1e3 * table.rows["distance_m"]
+    )
+    forces.rename(columns={"distance_m": "distance"}).to_csv(place / "forces.csv", index=False)
+    write_records(place)
     return place
+
+
+def write_records(place):
+    """A record of a loop, and one of a coil's voltage."""
+    time = np.arange(0.0, 2.0, 1e-3)
+    swing = np.sin(2 * np.pi * time)
+    loop = {
+        "time_s": time,
+        "distance_m": 0.022 + 1e-3 * swing,
+        "current_A": 0.4 + 0.1 * swing,
+        "hall_V": 2.6 + 0.01 * swing,
+    }
+    pd.DataFrame(loop).to_csv(place / "loop.csv", index=False)
+    field = 0.1 * (1.0 - np.cos(2 * np.pi * time))
+    coil = {"time_s": time, "coil_voltage_V": 0.05 * np.gradient(field, time) + 1e-5, "hall_T": field}
+    pd.DataFrame(coil).to_csv(place / "record.csv", index=False)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -204,5 +204,5 @@ def _choices(
     assumed = [f"{quoted(use.header)} in {use.unit}" for use in uses.values() if use.assumed]
     if assumed:
         text = f"No unit given, SI assumed: {', '.join(assumed)}."
-        findings.append(Finding("assumed-units", "info", text, "Name it with --…-unit."))
+        findings.append(Finding("assumed-units", "info", text, "Name it with --unit HEADER=UNIT."))
     return findings

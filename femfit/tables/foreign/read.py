@@ -48,6 +48,13 @@ class ImportedTable(SweepTable):
         Column and unit of each quantity (of the first file that had it).
     dialects : mapping of str to str
         File name to encoding, delimiter and decimal mark.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> table = ff.import_table("forces.csv", units={"distance": "mm"})
+    >>> table.mapping[0].quantity, table.mapping[0].unit
+    ('current', 'A')
     """
 
     findings: tuple[Finding, ...] = ()
@@ -84,6 +91,12 @@ def import_table(
     ------
     TableError
         If the files cannot be understood, or a check finds an error that ``accept`` does not name.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> table = ff.import_table("forces.csv", units={"distance": "mm"})
+    >>> model = ff.fit_model(table).model
     """
     entry = sweep_manifest_entry(read_actuator(Path(actuator))) if actuator else None
     sources = [paths] if isinstance(paths, str | Path) else paths
