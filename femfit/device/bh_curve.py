@@ -22,7 +22,7 @@ tenth of the last B, as between the usual end of a data sheet's curve (10 kA/m) 
 
 
 class BHCurve:
-    """H(B) for B >= 0, to be evaluated at arrays.
+    """H(B), to be evaluated at arrays of B >= 0 in T.
 
     Parameters
     ----------
@@ -44,46 +44,22 @@ class BHCurve:
         self._saturated_energy = float(self._energy(self.saturated_T))
 
     def field(self, b: FloatArray) -> FloatArray:
-        """H in A/m.
-
-        Parameters
-        ----------
-        b : array
-            B >= 0 in T.
-        """
+        """H in A/m."""
         inside, beyond = self._split(b)
         return np.asarray(self._field(inside) + beyond / MU_0)
 
     def differential_reluctivity(self, b: FloatArray) -> FloatArray:
-        """dH/dB in m/H.
-
-        Parameters
-        ----------
-        b : array
-            B >= 0 in T.
-        """
+        """dH/dB in m/H."""
         return np.asarray(self._slope(self._split(b)[0]))
 
     def reluctivity(self, b: FloatArray) -> FloatArray:
-        """H / B in m/H, its limit dH/dB at B = 0.
-
-        Parameters
-        ----------
-        b : array
-            B >= 0 in T.
-        """
+        """H / B in m/H, its limit dH/dB at B = 0."""
         b = np.asarray(b, dtype=np.float64)
         zero = b == 0.0
         return np.where(zero, float(self._slope(0.0)), self.field(b) / np.where(zero, 1.0, b))
 
     def energy_density(self, b: FloatArray) -> FloatArray:
-        """Integral of H dB from 0, in J/m^3.
-
-        Parameters
-        ----------
-        b : array
-            B >= 0 in T.
-        """
+        """Integral of H dB from 0, in J/m^3."""
         inside, beyond = self._split(b)
         return np.asarray(self._energy(inside) + beyond * (self._saturated_field + 0.5 * beyond / MU_0))
 

@@ -28,10 +28,7 @@ Points = tuple[tuple[float, ...], tuple[float, ...]]
 def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
     """Read B and H from a CSV file with the header ``B_T,H_A_per_m``; lines that begin with # are comments.
 
-    Returns
-    -------
-    points and list of str
-        (B, H), or None and what keeps the file from being read, each beginning with a verb.
+    Gives (B, H), or None and what keeps the file from being read, each beginning with a verb.
     """
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
@@ -80,13 +77,7 @@ def without_flat_end(b: Sequence[float], h: Sequence[float]) -> tuple[Points, st
 
 
 def curve_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:
-    """What is wrong with the points of a curve.
-
-    Returns
-    -------
-    list of str
-        Sentences without a subject; empty if the curve is usable.
-    """
+    """What is wrong with the points of a curve: sentences without a subject, none if the curve is usable."""
     if len(b) != len(h):
         return [f"must have as many B_T as H_A_per_m; it has {len(b)} and {len(h)}. Give them in pairs."]
     if not MIN_POINTS <= len(b) <= MAX_POINTS:

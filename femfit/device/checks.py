@@ -37,13 +37,7 @@ class DrawnPart:
 
 
 def check_overlaps(parts: Sequence[DrawnPart], problems: list[str]) -> None:
-    """Report each pair of parts that share an area.
-
-    Parameters
-    ----------
-    parts : sequence of DrawnPart
-        That stand still relative to each other.
-    """
+    """Report each pair of parts, which stand still relative to each other, that share an area."""
     for one, other in combinations(parts, 2):
         shared = one.polygon.intersection(other.polygon)
         if shared.area > MIN_AREA:
@@ -53,13 +47,7 @@ def check_overlaps(parts: Sequence[DrawnPart], problems: list[str]) -> None:
 
 
 def check_zero_heights(fixed: Sequence[DrawnPart], moving: Sequence[DrawnPart], problems: list[str]) -> None:
-    """Report faces that are not where distances are counted from.
-
-    Parameters
-    ----------
-    fixed, moving : sequence of DrawnPart
-        The electromagnet with its winding; the moving part.
-    """
+    """Report faces that are not where distances are counted from."""
     heights = [z for part in fixed for _, z in part.polygon.exterior.coords]
     if heights and all(abs(z) > CONTACT for z in heights):
         problems.append(
@@ -80,13 +68,7 @@ def check_zero_heights(fixed: Sequence[DrawnPart], moving: Sequence[DrawnPart], 
 def check_collisions(
     fixed: Sequence[DrawnPart], moving: Sequence[DrawnPart], distances: Sequence[float], problems: list[str]
 ) -> None:
-    """Report each fixed part that the moving part touches within the swept distances, with the first such distance.
-
-    Parameters
-    ----------
-    distances : sequence of float
-        Ascending, in mm; those <= 0 are reported elsewhere.
-    """
+    """Report each fixed part that the moving part touches within the swept distances (mm), with the first such one."""
     distances = [distance for distance in distances if distance > 0]
     if not distances:
         return
@@ -130,13 +112,7 @@ def check_hall_place(
     distances: Sequence[float],
     problems: list[str],
 ) -> None:
-    """Report a Hall element inside of a solid part or in the moving part's way.
-
-    Parameters
-    ----------
-    distances : sequence of float
-        Ascending, in mm.
-    """
+    """Report a Hall element inside of a solid part or in the moving part's way."""
     # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
     element = Point(max(hall.r_mm, CONTACT), hall.z_mm)
     place = f"(r, z) = ({hall.r_mm:g}, {hall.z_mm:g}) mm"

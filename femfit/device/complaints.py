@@ -16,19 +16,9 @@ _TABLE_TYPES = {"dict_type", "model_type", "model_attributes_type"}
 
 
 def read_table(entry: type[AnyEntry], table: object, path: str, problems: list[str]) -> AnyEntry | None:
-    """Validate one table of the file and append a line for each problem.
+    """Validate one table of the file, at a key path, and append a line for each problem; None if a known key is wrong.
 
     Unknown keys are reported and then ignored, so that they do not keep later checks from their work.
-
-    Parameters
-    ----------
-    path : str
-        Key path of the table; empty at the top level.
-
-    Returns
-    -------
-    Entry or None
-        None if a known key is wrong or missing.
     """
     errors = _errors(entry, table)
     problems += [_sentence(entry, error, path) for error in errors]
@@ -41,17 +31,10 @@ def read_table(entry: type[AnyEntry], table: object, path: str, problems: list[s
 
 
 def read_part(entry: type[AnyEntry], table: object) -> AnyEntry | None:
-    """The keys of an entry out of a larger table, so that a mistake elsewhere in that table hides no later check.
+    """The keys of an entry out of a larger table, or None if one of them is wrong.
 
-    Parameters
-    ----------
-    entry : type
-        A base of the table's own entry; problems are reported there.
-
-    Returns
-    -------
-    Entry or None
-        None if one of its keys is wrong or missing.
+    The entry is a base of the table's own, which reports the problems: a mistake elsewhere in the table hides no later
+    check.
     """
     if not isinstance(table, Mapping):
         return None
@@ -67,15 +50,7 @@ def did_you_mean(given: str, known: Iterable[str]) -> str:
 
 
 def joined(path: str, *keys: object) -> str:
-    """The key path of a key below a table, quoted where TOML wants it.
-
-    Parameters
-    ----------
-    path : str
-        Of the table; empty at the top level.
-    *keys : object
-        Names, or positions in a list.
-    """
+    """The key path of names, or positions in a list, below a table's path, quoted where TOML wants it."""
     for key in keys:
         if isinstance(key, int):
             path += f"[{key}]"

@@ -61,41 +61,15 @@ def read_actuator(path: str | Path) -> Actuator:
 
 
 def actuator_from_toml(text: str, source: str = "actuator file", directory: Path | None = None) -> Actuator:
-    """Build an actuator from TOML text.
+    """Build an actuator from TOML text, as in the files of ``geometry/``.
 
-    Parameters
-    ----------
-    text : str
-        As in the files of ``geometry/``.
-    directory : Path, optional
-        That the names of further files are relative to; the working directory otherwise.
-
-    Raises
-    ------
-    ActuatorFileError
-        If there is any problem; the error lists all of them.
+    Names of further files are relative to ``directory``. ActuatorFileError lists all problems.
     """
     return actuator_from_tables(parse(text, source), source, directory)
 
 
 def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | None = None) -> Actuator:
-    """Build an actuator from a file's tables.
-
-    Parameters
-    ----------
-    directory : Path, optional
-        That the names of further files are relative to; the working directory otherwise.
-
-    Returns
-    -------
-    Actuator
-        In SI units, checked; as the file draws it, whatever its ``[sweep.parameters]`` change.
-
-    Raises
-    ------
-    ActuatorFileError
-        If there is any problem; the error lists all of them.
-    """
+    """Build an actuator from a file's tables, whatever its ``[sweep.parameters]`` change."""
     problems: list[str] = []
     design = read_design(data, problems)
     if design is not None:

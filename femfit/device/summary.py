@@ -10,13 +10,7 @@ IRON_FROM = 1.5
 
 
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
-    """The manifest's ``actuator`` entry, as documented in :class:`femfit.tables.sweep_table.SweepTable`.
-
-    Returns
-    -------
-    dict
-        JSON-ready: circuit, motion, sensor, and the coil's turns and wire.
-    """
+    """The manifest's ``actuator`` entry: circuit, motion, sensor, turns and wire, and what kind of actuator it is."""
     return {
         "name": actuator.name,
         "description": actuator.description,

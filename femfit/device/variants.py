@@ -68,20 +68,7 @@ def read_variants(path: str | Path) -> VariantSweep:
 
 
 def variants_from_toml(text: str, source: str = "actuator file", directory: Path | None = None) -> VariantSweep:
-    """Build all variants of an actuator from TOML text.
-
-    Parameters
-    ----------
-    text : str
-        As in the files of ``geometry/``.
-    directory : Path, optional
-        That the names of further files are relative to; the working directory otherwise.
-
-    Raises
-    ------
-    ActuatorFileError
-        If the file has any problem, a parameter changes nothing, or no variant can be built.
-    """
+    """Build all variants of an actuator from TOML text; arguments and errors as of :func:`read_variants`."""
     data = parse(text, source)
     actuator = actuator_from_tables(data, source, directory)
     design = read_design(data, [])

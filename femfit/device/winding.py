@@ -6,19 +6,13 @@ from femfit.core.constants import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COE
 
 
 def wire_resistance(turns: float, mean_radius: float, wire_diameter: float, temperature: float = 20.0) -> float:
-    """Resistance of a copper winding, R = rho(T) N 2 pi r_mean / (pi d^2 / 4).
+    """Resistance of a copper winding, R = rho(T) N 2 pi r_mean / (pi d^2 / 4), all in SI units but T in degC.
 
-    Parameters
-    ----------
-    mean_radius : float
-        Of the winding's section (its centroid), in m.
-    wire_diameter : float
-        Bare copper diameter d in m.
+    The mean turn length is 2 pi times the radius of the section's centroid (Pappus).
 
     References
     ----------
-    IEC 60028 for the resistivity of annealed copper and its temperature coefficient. The mean turn length is
-    2 pi times the centroid's radius (Pappus).
+    IEC 60028 for the resistivity of annealed copper and its temperature coefficient.
     """
     resistivity = COPPER_RESISTIVITY_20C * (1.0 + COPPER_TEMPERATURE_COEFFICIENT * (temperature - 20.0))
     return resistivity * turns * 2.0 * math.pi * mean_radius / (math.pi * wire_diameter**2 / 4.0)

@@ -132,10 +132,7 @@ def _solve_with_shapes(
 def obeyed_shapes(rows: FitRows) -> list[str]:
     """The shape constraints that the raw data obey between all neighbouring rows.
 
-    Returns
-    -------
-    list of str
-        Names of :data:`SHAPES`; ``inductance`` always, since a passive winding's co-energy is convex.
+    ``inductance`` always, since a passive winding's co-energy is convex.
     """
     names = ["inductance"] if rows.flux_linkage is not None else []
     if all(np.all(np.diff(_along(rows, rows.current == i, rows.distance)) <= 0) for i in rows.currents):

@@ -49,17 +49,8 @@ NEARLY_BEST_BENT = 1.02
 def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     """The smallest basis below its target on held-out rows, or else the smallest that is nearly the best.
 
-    Distance and current are searched in turn, each with what was chosen for the other.
-
-    Returns
-    -------
-    tuple of CoenergyBasis and float
-        The basis and its held-out error, as in :class:`femfit.fit.coenergy.CoenergyFit`.
-
-    Raises
-    ------
-    FitError
-        If there are too few currents or distances.
+    Distance and current are searched in turn, each with what was chosen for the other. The error is that of
+    :class:`femfit.fit.coenergy.CoenergyFit`; FitError if there are too few currents or distances.
     """
     rows = system.rows
     check_grid(len(rows.currents), len(rows.distances), _fewest_distances(rows))
@@ -106,18 +97,7 @@ def _size(basis: CoenergyBasis) -> int:
 
 
 def check_grid(currents: int, distances: int, fewest_distances: int = FEWEST_DISTANCES) -> None:
-    """Refuse a grid that is too small for any co-energy.
-
-    Parameters
-    ----------
-    fewest_distances : int
-        How many distances are needed; by default with flux linkages, as a sweep has them.
-
-    Raises
-    ------
-    FitError
-        If there are too few currents or distances.
-    """
+    """Refuse a grid with fewer currents or distances than any co-energy needs, by a FitError."""
     if currents < FEWEST_CURRENTS or distances < fewest_distances:
         raise FitError(
             f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest_distances} distances; instead received "

@@ -73,12 +73,9 @@ class CoenergySystem:
     channels: tuple[Channel, ...]
 
     def equations(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Those of the table, and where it has inductances, d^3W'/di^3 = 0 with a sigma that only fills gaps.
+        """Matrix, data and standard deviations in N, Wb and H, as the table has them.
 
-        Returns
-        -------
-        tuple of matrix, data and sigma
-            A of shape (equations, functions), y and its standard deviations in N, Wb, H and H/A.
+        Where it has inductances, also d^3W'/di^3 = 0 in H/A, with a sigma that only fills gaps.
         """
         d, i = self.rows.distance, self.rows.current
         blocks = [c.sign * basis.columns(d[c.which], i[c.which], c.order) for c in self.channels]
@@ -136,13 +133,7 @@ class CoenergySystem:
 
 
 def coenergy_system(rows: FitRows) -> CoenergySystem:
-    """The equations of a sweep.
-
-    Parameters
-    ----------
-    rows : FitRows
-        With or without flux linkage and inductance.
-    """
+    """The equations of a sweep, with or without flux linkage and inductance."""
     every, scale = np.arange(len(rows.force)), rows.force_scale
     channels = [Channel((1, 0), -1.0, every, rows.force, scale, np.hypot(rows.force_error, RELATIVE_SIGMA * scale))]
     slopes = (((0, 1), rows.flux_linkage, 1.0), ((0, 2), rows.inductance, INDUCTANCE_SIGMA))

@@ -34,9 +34,9 @@ class HallFit:
     held_out : float
         Rms error on held-out rows over the field's range.
     coil_slope_T_per_A : (float, float)
-        Least and largest dB/di over the sweep: the paper's CH; their difference is the magnet's own permeability.
+        Least and largest dB/di over the sweep; their difference is the magnet's own permeability.
     magnet_field_T : (float, float)
-        B without current at the largest and the least distance: the paper's MH.
+        B without current at the largest and the least distance.
     """
 
     field: HallSpline
@@ -49,20 +49,7 @@ class HallFit:
 
 
 def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
-    """Fit the field at the Hall element.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Of the sweep; at least two currents.
-    hall : array, shape (n,)
-        B_z in T.
-
-    Raises
-    ------
-    FitError
-        If there is only one current.
-    """
+    """Fit the field B_z (n,) in T at the Hall element; FitError if there is only one current."""
     scale = float(np.ptp(hall)) or 1.0
     basis, held_out = _choose(rows, hall, scale)
     qp = solve_bounded_qp(basis.columns(rows.distance, rows.current), hall, np.full_like(hall, 1e-4 * scale))

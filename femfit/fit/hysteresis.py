@@ -53,15 +53,7 @@ class LabRun:
 
 
 def usual_terms(current_max: float, lag_times: Sequence[float] = (3.0, 10.0, 30.0)) -> FieldTerms:
-    """Polynomial of degree 7, seven play operators, three lags.
-
-    Parameters
-    ----------
-    current_max : float
-        Largest current of the magnet's cycles, A.
-    lag_times : sequence of float
-        Time constants in s; the fit weighs them.
-    """
+    """Polynomial of degree 7, seven play operators, three lags, for cycles up to a largest current."""
     return FieldTerms(current_max, 7, tuple(current_max * fraction for fraction in _RADII), tuple(lag_times))
 
 

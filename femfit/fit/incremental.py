@@ -15,22 +15,10 @@ STRAIGHT = 1e-3
 def incremental_inductance(
     distance: FloatArray, current: FloatArray, flux_linkage: FloatArray, inductance: FloatArray | None
 ) -> FloatArray | None:
-    """The inductance where it changes with the current and is the flux linkage's slope, not their quotient.
+    """The inductance where it changes with the current and is the flux linkage's slope, not their quotient; else None.
 
     Programs give either d(flux linkage)/di or flux linkage / i under this name. Over each distance's currents, the
-    integral of the former is the change of the flux linkage.
-
-    Parameters
-    ----------
-    distance, current, flux_linkage : array, shape (n,)
-        Of the table's rows.
-    inductance : array, shape (n,), or None
-        NaN in rows without.
-
-    Returns
-    -------
-    array or None
-        The inductance, or None if it is not the slope or tells nothing new.
+    integral of the former is the change of the flux linkage. NaN in rows without an inductance.
     """
     if inductance is None:
         return None

@@ -104,11 +104,6 @@ def fit_inductance(
     supply_V : (float, float) or None
         The driver's lowest and highest voltage, for the circuit.
 
-    Returns
-    -------
-    InductanceFit
-        Force and flux linkage agree with each other whatever the table says of either.
-
     Raises
     ------
     FitError

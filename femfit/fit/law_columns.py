@@ -74,35 +74,14 @@ def default_bounds(law: ForceLaw) -> CoefficientBounds:
 
 
 def term_names(law: ForceLaw, functions: Sequence[str]) -> tuple[tuple[str, int], ...]:
-    """(column, power of current) of every term, in the order of :func:`design_matrix`.
-
-    Parameters
-    ----------
-    functions : sequence of str
-        One of :data:`FUNCTIONS` for each column.
-    """
+    """(column, power of current) of every term, in the order of :func:`design_matrix`."""
     return tuple((basis, power) for basis, name in zip(law.basis, functions, strict=True) for power in FUNCTIONS[name])
 
 
 def design_matrix(
     law: ForceLaw, shape: Mapping[str, float], functions: Sequence[str], distance: FloatArray, current: FloatArray
 ) -> FloatArray:
-    """Columns phi_k(d) i^n.
-
-    Parameters
-    ----------
-    shape : mapping of str to float
-        Its nonlinear parameters.
-    functions : sequence of str
-        One of :data:`FUNCTIONS` for each column.
-    distance, current : array, shape (n,)
-        Rows.
-
-    Returns
-    -------
-    array, shape (n, terms)
-        One column a term.
-    """
+    """Columns phi_k(d) i^n, shape (n, terms), for a function of :data:`FUNCTIONS` for each column of the law."""
     phi = law.columns(distance, shape)
     return np.stack(
         [phi[:, k] * current**power for k, name in enumerate(functions) for power in FUNCTIONS[name]], axis=1
@@ -148,22 +127,7 @@ class TermBounds:
 def term_bounds(
     functions: Sequence[str], labels: Sequence[str], currents: FloatArray, bounds: CoefficientBounds
 ) -> TermBounds:
-    """Bounds on c_k(i) where they hold: a box where one term makes it up, inequalities where it has more.
-
-    Parameters
-    ----------
-    functions : sequence of str
-        One of :data:`FUNCTIONS` for each column.
-    labels : sequence of str
-        Name of each column, for reports.
-    currents : array
-        Distinct currents of the sweep, A.
-
-    Returns
-    -------
-    TermBounds
-        For the terms, in the order of :func:`design_matrix`.
-    """
+    """Bounds on c_k(i) at each current: a box where one term makes it up, inequalities where it has more."""
     total = sum(len(FUNCTIONS[name]) for name in functions)
     lower, upper = np.full(total, -np.inf), np.full(total, np.inf)
     rows: list[FloatArray] = []

@@ -91,12 +91,9 @@ class LawFit:
 
 
 def law_sigma(rows: FitRows) -> FloatArray:
-    """Standard deviation for which a law's rows are weighted: the same everywhere, and the row's own error.
+    """Standard deviation in N for which a law's rows are weighted: the same everywhere, and the row's own error.
 
-    Returns
-    -------
-    array, shape (n,)
-        N. A thousandth of the weight, or of the rms force: with an equal sigma the weighted sum is J of the paper.
+    A thousandth of the weight, or of the rms force: with an equal sigma the weighted sum is the plain sum of squares.
     """
     return np.hypot(1e-3 * rows.error_scale[0], rows.force_error)
 
@@ -156,22 +153,7 @@ def fit_joint(
     sigma: FloatArray,
     bounds: CoefficientBounds,
 ) -> tuple[QPSolution, TermBounds]:
-    """All coefficients of all currents in one QP.
-
-    Parameters
-    ----------
-    shape : mapping of str to float
-        Its nonlinear parameters.
-    sigma : array, shape (n,)
-        N.
-    bounds : CoefficientBounds
-        On c_k(i) at every current.
-
-    Returns
-    -------
-    tuple of QPSolution and TermBounds
-        The solution and the bounds that it obeys.
-    """
+    """All coefficients of all currents in one bounded least squares, and the bounds that they obey."""
     matrix = design_matrix(law, shape, functions, rows.distance, rows.current)
     limits = term_bounds(functions, law.basis, rows.currents, bounds)
     solution = solve_bounded_qp(
@@ -185,19 +167,7 @@ def fit_shape(
 ) -> dict[str, float]:
     """The law's nonlinear parameters, by variable projection with quadratic coefficient functions.
 
-    Parameters
-    ----------
-    law : ForceLaw
-        Any; without shape parameters the result is empty.
-    sigma : array, shape (n,)
-        N.
-    start : mapping of str to float or None
-        Where to start; None: the law's first guess, and three further ones between its bounds.
-
-    Raises
-    ------
-    FitError
-        If no start reaches a minimum.
+    Starts from ``start``, or from the law's first guess and two further ones; FitError if none reaches a minimum.
 
     References
     ----------
@@ -245,11 +215,11 @@ def _intervals(
     blocks = np.array_split(rows.distances, min(JACKKNIFE_BLOCKS, len(rows.distances)))
     values = []
     for block in blocks:
-        rest = ~np.isin(rows.distance, block)
-        part = rows.take(rest)
-        refit = fit_shape(law, part, sigma[rest], shape)
+        kept = ~np.isin(rows.distance, block)
+        part = rows.take(kept)
+        refit = fit_shape(law, part, sigma[kept], shape)
         matrix = design_matrix(law, refit, functions, part.distance, part.current)
-        x = active_set_least_squares(matrix, part.force, sigma[rest], limits.lower, limits.upper, limits.inequalities)
+        x = active_set_least_squares(matrix, part.force, sigma[kept], limits.lower, limits.upper, limits.inequalities)
         values.append(np.concatenate([x, list(refit.values())]))
     table = np.array(values)
     g = len(blocks)

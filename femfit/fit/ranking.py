@@ -189,13 +189,7 @@ def _why_of(rows: FitRows) -> str:
 
 
 def ranking_folds(rows: FitRows) -> list[BoolArray]:
-    """The rows that are left out together.
-
-    Returns
-    -------
-    list of array of bool
-        Blocks of neighbouring inner distances, then inner currents where at least three remain.
-    """
+    """The rows that are left out together: blocks of inner distances, then inner currents where three remain."""
     inner = rows.distances[1:-1]
     blocks = np.array_split(inner, min(DISTANCE_BLOCKS, len(inner)))
     folds = [np.isin(rows.distance, block) for block in blocks]

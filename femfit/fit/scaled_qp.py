@@ -89,23 +89,10 @@ def scaled_qp(
     inequalities: Inequalities | None,
     names: Sequence[str],
 ) -> ScaledQP:
-    """Scale rows and columns, and factorise.
+    """Scale rows by sigma and columns by their norm, and factorise.
 
-    Parameters
-    ----------
-    matrix : array, shape (n, k)
-        A.
-    y, sigma : array, shape (n,)
-        Data and their standard deviations.
-    lower, upper : array, shape (k,), or None
-        Bounds of x.
-
-    Raises
-    ------
-    FitError
-        If there are too few rows, a value is not finite, a sigma is not positive or a column is zero.
-    InfeasibleFitError
-        If a lower bound is above the upper one.
+    FitError if there are too few rows, a value is not finite, a sigma is not positive or a column is zero;
+    InfeasibleFitError if a lower bound is above the upper one.
     """
     count = matrix.shape[1]
     low = np.full(count, -np.inf) if lower is None else np.asarray(lower, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The paper's two stages: a law at each current, then each coefficient as a function of the current.
+"""A law in two stages: at each current by itself, then each coefficient as a function of the current.
 
 Stage one minimises J_1 = sum_j (F_j - sum_k c_k phi_k(d_j))^2 at each current by itself; stage two fits the values
 c_k(i) with a constant, a line through the origin, a square, a line or a parabola, and J_3 is its sum of squares. Which
@@ -80,20 +80,7 @@ class CoefficientFunction:
 def fit_each_current(
     law: ForceLaw, shape: Mapping[str, float], rows: FitRows, sigma: FloatArray, bounds: CoefficientBounds
 ) -> StageOne:
-    """Stage one.
-
-    Parameters
-    ----------
-    shape : mapping of str to float
-        Its nonlinear parameters, the same at all currents.
-    sigma : array, shape (n,)
-        Standard deviation of each row's force, N.
-
-    Raises
-    ------
-    FitError
-        If there are fewer than three currents.
-    """
+    """Stage one, with the law's shape the same at all currents; FitError if there are fewer than three."""
     currents = rows.currents
     if len(currents) < FEWEST_CURRENTS:
         given = ", ".join(f"{i:g} A" for i in currents)
@@ -135,11 +122,6 @@ def fit_coefficient_function(
         A function of :data:`FUNCTIONS` to take without choosing.
     negligible : float
         Held-out error, in the coefficient's unit, that does not matter.
-
-    Returns
-    -------
-    CoefficientFunction
-        The chosen function, with the held-out error of every one tried.
 
     Raises
     ------
@@ -196,11 +178,11 @@ def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: Coeffici
         errors = []
         try:
             for out in range(len(currents)):
-                rest = np.arange(len(currents)) != out
-                limits = term_bounds([name], ["c"], currents[rest], bounds)
+                kept = np.arange(len(currents)) != out
+                limits = term_bounds([name], ["c"], currents[kept], bounds)
                 x = active_set_least_squares(
-                    monomials[rest],
-                    values[rest],
+                    monomials[kept],
+                    values[kept],
                     np.ones(len(currents) - 1),
                     limits.lower,
                     limits.upper,
@@ -226,15 +208,7 @@ def fit_functions(
     functions: Sequence[str] | None = None,
     negligible: FloatArray | None = None,
 ) -> tuple[CoefficientFunction, ...]:
-    """Stage two for every coefficient of a law.
-
-    Parameters
-    ----------
-    functions : sequence of str or None
-        Functions to take without choosing, one a column.
-    negligible : array, shape (k,), or None
-        Held-out error of each coefficient that does not matter.
-    """
+    """Stage two for every coefficient of a law; arguments as of :func:`fit_coefficient_function`, one a column."""
     return tuple(
         fit_coefficient_function(
             stage_one.currents,

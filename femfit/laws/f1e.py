@@ -1,4 +1,4 @@
-"""F1e, the paper's chosen law: a d^-4 + b d^-2."""
+"""Two inverse powers of the distance: a d^-4, as of a magnet and its image, + b d^-2, as of a coil."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""F2e, the paper's rejected law: c d^-4."""
+"""One inverse power of the distance: c d^-4, as of two coaxial dipoles."""
 
 from collections.abc import Mapping
 

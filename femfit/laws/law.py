@@ -49,7 +49,7 @@ class ForceLaw:
     shape : tuple of ShapeParameter
         Parameters that enter nonlinearly; empty for most laws.
     nonnegative : tuple of bool
-        Which coefficients are bounded below by zero (per current, as in the paper's QP).
+        Which coefficients are bounded below by zero at each current.
     """
 
     name: str

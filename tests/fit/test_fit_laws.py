@@ -90,6 +90,7 @@ def test_misfit_shared_by_all_currents_widens_block_intervals_and_not_white_ones
     assert covered[1, 0] / runs >= 0.83
 
 
+@pytest.mark.long
 def test_white_noise_is_covered_by_both_intervals():
     covered = np.zeros((2, 2))
     rng = np.random.default_rng(6)
