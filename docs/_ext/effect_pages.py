@@ -11,11 +11,14 @@ from matplotlib.figure import Figure
 
 from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import BUILT_IN
-from femfit.effects.effect import Effect, EffectParameter
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import AddedEffect, Effect, EffectParameter
+from femfit.effects.words import describe
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.identify.signatures.signature import Signature, effect_signature
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.with_effects import nominal_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -47,7 +50,7 @@ def pages() -> dict[str, str]:
     result = {"effects/index.md": _index()}
     for effect in BUILT_IN:
         signature = effect_signature(model, effect)
-        result[f"effects/{effect.name}.md"] = _page(signature)
+        result[f"effects/{effect.name}.md"] = _page(signature, nominal_of(model))
         result[f"effects/{effect.name}.svg"] = _picture(signature)
     return result
 
@@ -69,11 +72,12 @@ def _index() -> str:
     return f"{_INDEX}{rows}\n```{{toctree}}\n:hidden:\n{names}\nAll in one table </effects>\n```\n"
 
 
-def _page(signature: Signature) -> str:
+def _page(signature: Signature, nominal: Nominal) -> str:
     effect = signature.effect
     acts = " and ".join(WHERE.get(place, place) for place in effect.acts_on)
     rows = "".join(_row(p) for p in effect.parameters)
-    drawn = ", ".join(f"`{name}` = {value:.3g}" for name, value in signature.parameters.items())
+    numbers = [f"`{name}` = {value:.3g}" for name, value in signature.parameters.items()]
+    drawn = "; ".join(describe(AddedEffect(effect, signature.parameters), nominal) or numbers)
     calibrations = "".join(f"- {one.instruction}\n" for one in effect.calibrations)
     direct = f"\n## A direct check\n\n{calibrations}" if calibrations else ""
     return (
@@ -81,7 +85,7 @@ def _page(signature: Signature) -> str:
         f"**How to isolate it.** {effect.experiment}\n\n"
         f"## Its signature\n\n![What {effect.name} changes over distance and current]({effect.name}.svg)\n\n"
         "What the effect adds to each reading of the levitation rig `geometry/emaws-rig.toml`. Each line is a current, "
-        f"from the smallest (light) to the largest (dark). {signature.conditions} Drawn with {drawn}.\n\n"
+        f"from the smallest (light) to the largest (dark). {signature.conditions} Drawn here: {drawn}.\n\n"
         f"## Its numbers\n\n| parameter | unit | plausible range | meaning |\n|---|---|---|---|\n{rows}{direct}\n"
         f"## Source\n\n{effect.reference}\n"
     )
