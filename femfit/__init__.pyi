@@ -7,6 +7,7 @@ from femfit.effects.catalogue import all_effects as list_effects
 from femfit.field.sweep import run_sweep as run_sweep
 from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
+from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
 from femfit.model.json_file import read_model as read_model
@@ -32,6 +33,7 @@ __all__ = [
     "export",
     "fit_model",
     "import_table",
+    "integrate_coil",
     "list_effects",
     "list_laws",
     "read_actuator",

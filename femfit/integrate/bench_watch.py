@@ -6,12 +6,11 @@ A voltage that is the winding's own shows its resistance on the plateaus, where 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.finding import Finding
+from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
 from femfit.integrate.plateaus import PlateauFlux
-from femfit.integrate.record_watch import GAIN_TOLERANCE, Finding, RecordWatch
+from femfit.integrate.record_watch import RecordWatch
 from femfit.tables.coil_block import CoilBlock
-
-_FOLLOWS = 0.9
-"""Squared correlation from which the voltage of the plateaus is put down to R i."""
 
 
 def watch_run(
@@ -31,11 +30,10 @@ def watch_run(
     between = voltage.copy()
     for first, last in zip(found.first, found.last, strict=True):
         between[first:last] = 0.0
-    watch = RecordWatch(1.0, float(np.median(np.diff(time))))
+    watch = RecordWatch(1.0, float(np.median(np.diff(time))), "current_A")
     seen = watch.advance(watch.start(), CoilBlock(time, between))
     wired = watch.advance(watch.start(), CoilBlock(time, induced, current=current))
-    signs = [finding for finding in watch.findings(wired, of_hall=False) if finding.kind == "sign"]
-    return (*watch.findings(seen, of_hall=False), *signs)
+    return (*watch.findings(seen), *(finding for finding in watch.findings(wired) if finding.code == "sign"))
 
 
 def resistance_finding(voltage: FloatArray, current: FloatArray, given: float | None) -> Finding | None:
@@ -50,16 +48,15 @@ def resistance_finding(voltage: FloatArray, current: FloatArray, given: float | 
     """
     i, u = current - current.mean(), voltage - voltage.mean()
     spread, common = float(i @ i), float(i @ u)
-    if spread <= 0.0 or common**2 <= _FOLLOWS * spread * float(u @ u):
+    if spread <= 0.0 or common**2 <= PLATEAU_FOLLOWS * spread * float(u @ u):
         return None
     shown = common / spread
     if given is None:
-        return Finding(
-            "resistance",
-            f"The plateaus' voltage follows the current as {shown:.4g} ohm would make it: a winding's own voltage "
-            f"needs --resistance-ohm {shown:.4g}.",
-        )
+        text = f"The plateaus' voltage follows the current as {shown:.4g} ohm would make it."
+        remedy = f"Is it the winding's own voltage? Then it needs --resistance-ohm {shown:.4g}."
+        return Finding("resistance", "warning", text, remedy, size=shown)
     if abs(shown - given) <= GAIN_TOLERANCE * given:
         return None
     wrong = "the sign of the voltage or the current is wrong" if shown < 0.0 else "the winding is warm, or another"
-    return Finding("resistance", f"The plateaus show {shown:.4g} ohm where {given:.4g} ohm are taken off: {wrong}.")
+    text = f"The plateaus show {shown:.4g} ohm where {given:.4g} ohm are taken off: {wrong}."
+    return Finding("resistance", "warning", text, size=shown)

@@ -1,13 +1,16 @@
-"""What every integrator gives back, and what every integrator is."""
+"""What every integrator gives back.
+
+An integrator has ``start()``, the state before the first sample, and ``advance(state, block)``, which returns the next
+state and the block's field; running never changes it. Offline a record is one block or a few large ones, online each
+sample is a block: the numbers are the same.
+"""
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.integrate.uncertainty import Responses, Systematics
-from femfit.tables.coil_block import CoilBlock
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +29,6 @@ class FieldBlock:
         Estimated offset voltage in V; of one-state filters what their corrections amount to, averaged over a second.
     innovation, innovation_variance : array, shape (n,)
         Reference minus prediction where a reading was used, NaN elsewhere; T and T^2.
-    responses : Responses or None
-        To what is systematic; None where nothing systematic was asked for.
     """
 
     time: FloatArray
@@ -36,31 +37,13 @@ class FieldBlock:
     offset: FloatArray
     innovation: FloatArray
     innovation_variance: FloatArray
-    responses: Responses | None = None
+    responses: Responses
 
     def sigma(self, systematics: Systematics | None = None) -> FloatArray:
         """Combined standard uncertainty in T: noise, and systematics where given."""
-        if systematics is None or self.responses is None:
+        if systematics is None:
             return np.sqrt(self.variance)
         return np.asarray(np.sqrt(self.variance + self.responses.variance(systematics)))
-
-
-State = TypeVar("State")
-
-
-class Integrator(Protocol[State]):
-    """From coil blocks to field blocks; never changed by running, every call returns the state for the next one.
-
-    Offline a record is one block or a few large ones, online each sample is a block: the numbers are the same.
-    """
-
-    def start(self) -> State:
-        """The state before the first sample."""
-        ...
-
-    def advance(self, state: State, block: CoilBlock) -> tuple[State, FieldBlock]:
-        """Take a block in."""
-        ...
 
 
 def unknown_block(time: FloatArray) -> FieldBlock:
@@ -101,24 +84,12 @@ def leading_unknown(field: float, readings: FloatArray) -> int:
 def joined(blocks: list[FieldBlock]) -> FieldBlock:
     """Consecutive field blocks as one."""
 
-    def whole(pieces: list[FloatArray]) -> FloatArray:
-        return np.concatenate(pieces)
+    def whole(name: str) -> FloatArray:
+        return np.concatenate([getattr(block, name) for block in blocks])
 
-    answers = [block.responses for block in blocks if block.responses is not None]
-    responses = None
-    if len(answers) == len(blocks):
-        responses = Responses(
-            whole([answer.coil for answer in answers]),
-            whole([answer.reference for answer in answers]),
-            whole([answer.reference_unit for answer in answers]),
-            whole([answer.voltage_unit for answer in answers]),
-        )
-    return FieldBlock(
-        whole([block.time for block in blocks]),
-        whole([block.field for block in blocks]),
-        whole([block.variance for block in blocks]),
-        whole([block.offset for block in blocks]),
-        whole([block.innovation for block in blocks]),
-        whole([block.innovation_variance for block in blocks]),
-        responses,
-    )
+    def answers(name: str) -> FloatArray:
+        return np.concatenate([getattr(block.responses, name) for block in blocks])
+
+    responses = Responses(answers("coil"), answers("reference"), answers("reference_unit"), answers("voltage_unit"))
+    innovations = whole("innovation"), whole("innovation_variance")
+    return FieldBlock(whole("time"), whole("field"), whole("variance"), whole("offset"), *innovations, responses)

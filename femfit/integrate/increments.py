@@ -5,11 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.integrate.constants import GAP
 from femfit.integrate.uncertainty import Noise, SensingCoil, increment_variance
 from femfit.tables.coil_block import CoilBlock
-
-GAP = 1.5
-"""Two samples further apart than this many sample times have a gap between them."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.integrate.field_block import FieldBlock, joined, leading_unknown, unknown_block
 from femfit.integrate.increments import Increments, LastSample, increments
-from femfit.integrate.lanes import Lanes, affine_lanes, riccati_lanes
+from femfit.integrate.parallel_prefix import Folding, affine_recursion, riccati_recursion
 from femfit.integrate.uncertainty import Noise, Responses, SensingCoil
 from femfit.tables.coil_block import CoilBlock
 
@@ -57,8 +57,6 @@ class KalmanIntegrator:
         g in A/T of (16); None takes the Hall probe, (13).
     initial_field : float
         B_0 in T; NaN takes the reference's first reading.
-    sensitivities : bool
-        Whether to carry the responses to systematics along.
     """
 
     coil: SensingCoil
@@ -66,7 +64,6 @@ class KalmanIntegrator:
     sample_time: float
     current_to_field: float | None = None
     initial_field: float = float("nan")
-    sensitivities: bool = False
 
     def start(self) -> KalmanState:
         """The state before the first sample: B_0 with its variance."""
@@ -104,15 +101,20 @@ class KalmanIntegrator:
         readings = z if used.all() else np.where(used, z, 0.0)
         information = 1.0 / self.noise.reference.variance(readings)
         information[~used] = 0.0
-        lanes = Lanes(len(z))
-        variance, share = riccati_lanes(lanes.fold(steps.variance, 0.0), lanes.fold(information, 0.0), state.variance)
-        pulled = (1.0 - share) * lanes.fold(readings, 0.0)
-        right, starts = [share * lanes.fold(steps.field, 0.0) + pulled], [state.field]
-        if self.sensitivities:
-            right += [pulled, np.zeros_like(share), share * lanes.fold(steps.dt / self.coil.area_m2, 0.0)]
-            starts += [state.reference, state.forgotten, state.voltage_unit]
-        results = [lanes.unfold(x) for x in affine_lanes(share, right, starts)]
-        posterior = lanes.unfold(variance)
+        folding = Folding(len(z))
+        variance, share = riccati_recursion(
+            folding.fold(steps.variance, 0.0), folding.fold(information, 0.0), state.variance
+        )
+        pulled = (1.0 - share) * folding.fold(readings, 0.0)
+        right = (
+            share * folding.fold(steps.field, 0.0) + pulled,
+            pulled,
+            np.zeros_like(share),
+            share * folding.fold(steps.dt / self.coil.area_m2, 0.0),
+        )
+        starts = (state.field, state.reference, state.forgotten, state.voltage_unit)
+        results = [folding.unfold(x) for x in affine_recursion(share, right, starts)]
+        posterior = folding.unfold(variance)
         x = results[0]
         before = np.concatenate([[state.field], x[:-1]])
         predicted = before + steps.field
@@ -128,19 +130,19 @@ class KalmanIntegrator:
             offset,
             innovation,
             spread + prior,
-            self._responses(results) if len(results) > 1 else None,
+            self._responses(results),
         )
         ends = [float(values[-1]) for values in results]
         return KalmanState(last, ends[0], float(posterior[-1]), float(offset[-1]), *ends[1:]), block
 
     def _offset(self, state: KalmanState, dt: FloatArray, removed: FloatArray) -> FloatArray:
         """Corrections in T as the offset voltage that they undo, averaged over a second."""
-        lanes = Lanes(len(dt))
+        folding = Folding(len(dt))
         keep = np.exp(-dt / OFFSET_AVERAGE)
         rate = np.zeros_like(dt)
         np.divide(removed * self.coil.area_m2, dt, out=rate, where=dt > 0.0)
         rate *= 1.0 - keep
-        return lanes.unfold(affine_lanes(lanes.fold(keep, 1.0), [lanes.fold(rate, 0.0)], [state.offset])[0])
+        return folding.unfold(affine_recursion(folding.fold(keep, 1.0), [folding.fold(rate, 0.0)], [state.offset])[0])
 
     def _responses(self, results: list[FloatArray]) -> Responses:
         x, reference, forgotten, voltage_unit = results

@@ -15,27 +15,20 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
+from femfit.integrate.constants import FIRST_FIELD_SIGMA_T, MODEL_ERROR_TIME_S, SETTLING_S
 from femfit.integrate.feed_forward import FeedForwardIntegrator
 from femfit.integrate.field_block import FieldBlock
+from femfit.integrate.field_of_current import FieldModel
 from femfit.integrate.kalman import KalmanIntegrator
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.offset_rules import NoOffset, OffsetRule, PlateauMean, ZeroReading
-from femfit.integrate.uncertainty import (
-    PAPER_CURRENT_TO_FIELD,
-    LinearSigma,
-    Noise,
-    SensingCoil,
-    Systematics,
-    paper_noise,
-)
-from femfit.model.field_of_current import FieldModel
+from femfit.integrate.uncertainty import LinearSigma, Noise, SensingCoil, Systematics
 from femfit.tables.coil_block import CoilBlock
 
 Method = Literal["trapezoid", "ffa1", "ffa2", "cs1", "cs2", "cs1-offset", "cs2-identified"]
-Treatment = Literal["gum", "paper"]
 AnyIntegrator: TypeAlias = FeedForwardIntegrator | KalmanIntegrator | OffsetFilter
 
-_FEED_FORWARD = ("trapezoid", "ffa1", "ffa2")
+FEED_FORWARD = ("trapezoid", "ffa1", "ffa2")
 _HALL = ("cs1", "cs1-offset")
 
 # Second differences of white noise have six times its variance; the median of |normal| is 0.6745 sigma.
@@ -44,34 +37,38 @@ _MEDIAN_TO_SIGMA = 1.0 / (0.6745 * math.sqrt(6.0))
 
 @dataclass(frozen=True)
 class IntegrationOptions:
-    """What a method is told besides the record.
+    """What a method is given besides the record.
 
     Parameters
     ----------
     coil : SensingCoil
-        Area 1 makes fields flux linkages; feed-forward methods only.
-    treatment : str
-        ``gum``: noise from the record, systematics apart. ``paper``: (11) and sections 2.4 and 2.5 to the letter.
+        Area 1 makes fields flux linkages; feed-forward methods and swept models only.
     initial_field : float or None
         B_0; None is 0 for feed-forward methods, and the reference's first reading for filters.
-    settling : float or None
-        Of ffa2, s; None takes the paper's by ramp rate.
+    zero_reading : float or None
+        Length of ffa1's zero reading at the record's begin, s.
+    settling : float
+        Of ffa2 after each ramp, s.
     still_A : float
         Of ffa2: a current that moves by less in a second is on a plateau.
+    current_to_field : float or None
+        g of cs2 in A/T.
     systematics : Systematics
         As given; 0 where nothing is known.
+    noise : Noise or None
+        White noise of the samples; None evaluates it from the record's first block.
     """
 
     method: Method
     coil: SensingCoil
-    treatment: Treatment = "gum"
     initial_field: float | None = None
-    zero_reading: float = 60.0
-    settling: float | None = None
+    zero_reading: float | None = None
+    settling: float = SETTLING_S
     still_A: float = 0.1
-    current_to_field: float = PAPER_CURRENT_TO_FIELD
+    current_to_field: float | None = None
     field_model: FieldModel | None = None
     systematics: Systematics = Systematics()  # noqa: RUF009  # frozen
+    noise: Noise | None = None
 
     @property
     def of_hall(self) -> bool:
@@ -90,26 +87,41 @@ def make_integrator(options: IntegrationOptions, first: CoilBlock) -> AnyIntegra
     Raises
     ------
     TableError
-        If the block is too short, or lacks what the method needs.
+        If the block is too short, or it or the options lack what the method needs.
     """
-    dt = sample_time(first)
-    noise = record_noise(options, first, dt)
-    if options.method in _FEED_FORWARD:
-        settling = (20.0, 25.0, 30.0) if options.settling is None else (options.settling,) * 3
-        rules: dict[str, OffsetRule] = {
-            "trapezoid": NoOffset(),
-            "ffa1": ZeroReading(options.zero_reading),
-            "ffa2": PlateauMean(settling=settling, still_A=options.still_A),
-        }
-        return FeedForwardIntegrator(options.coil, noise, dt, rules[options.method], options.initial_field or 0.0)
-    initial = math.nan if options.initial_field is None else options.initial_field
-    if options.method in {"cs1", "cs2"}:
-        ratio = options.current_to_field if options.method == "cs2" else None
-        gum = options.treatment == "gum"
-        return KalmanIntegrator(options.coil, noise, dt, ratio, initial, sensitivities=gum)
     if options.method == "cs2-identified" and options.field_model is None:
         raise TableError("cs2-identified needs a field model: give --field-model, or --lab with a Hall probe's record.")
+    dt = sample_time(first)
+    noise = options.noise or record_noise(options, first, dt)
+    if options.method in FEED_FORWARD:
+        return FeedForwardIntegrator(options.coil, noise, dt, _offset_rule(options), options.initial_field or 0.0)
+    initial = math.nan if options.initial_field is None else options.initial_field
+    if options.method in {"cs1", "cs2"}:
+        ratio = _current_to_field(options) if options.method == "cs2" else None
+        return KalmanIntegrator(options.coil, noise, dt, ratio, initial)
     return OffsetFilter(options.coil, noise, dt, options.field_model if not options.of_hall else None, initial)
+
+
+def _offset_rule(options: IntegrationOptions) -> OffsetRule:
+    if options.method == "trapezoid":
+        return NoOffset()
+    if options.method == "ffa2":
+        return PlateauMean(settling=options.settling, still_A=options.still_A)
+    if options.zero_reading is None:
+        raise TableError(
+            "ffa1 takes the offset voltage from the record's begin, while nothing moves: give its length with "
+            "--zero-reading-s."
+        )
+    return ZeroReading(options.zero_reading)
+
+
+def _current_to_field(options: IntegrationOptions) -> float:
+    if options.current_to_field is None:
+        raise TableError(
+            "cs2 takes the current over the magnet's current-to-field ratio for a field: give that ratio in A/T with "
+            "--current-to-field."
+        )
+    return options.current_to_field
 
 
 def sample_time(block: CoilBlock) -> float:
@@ -126,25 +138,28 @@ def sample_time(block: CoilBlock) -> float:
 
 
 def record_noise(options: IntegrationOptions, first: CoilBlock, dt: float) -> Noise:
-    """White noise of the samples: the paper's by name, or what the record's first block shows.
+    """White noise of the samples as the record's first block shows it (type A).
 
-    Returns
-    -------
-    Noise
-        Type A where the treatment is ``gum``; cs2's reference keeps the paper's spread about I/g, which is an error of
-        the model and cannot be read from the record.
+    An error of the current's field that was given, as a gain or an offset, counts as noise that lasts
+    :data:`MODEL_ERROR_TIME_S`: the filter must not trust I / g to the current's noise.
     """
-    literal = paper_noise("hall" if options.of_hall else "current", 1.0 / dt)
-    if options.treatment == "paper":
-        return literal
     voltage = LinearSigma(white_sigma(first.voltage))
-    if not options.of_hall:
-        known = 0.0 if options.field_model is None else 3.0 * options.field_model.rms_T
-        return Noise(voltage, literal.reference, max(literal.initial_T, 3e-3, known))
-    if first.hall is None:
-        raise TableError(f"{options.method} needs hall_T; instead received a record without it.")
-    hall = white_sigma(first.hall)
-    return Noise(voltage, LinearSigma(hall), max(10.0 * hall, 1e-3))
+    if options.method in FEED_FORWARD:
+        return Noise(voltage, LinearSigma(0.0), 0.0)
+    if options.of_hall:
+        if first.hall is None:
+            raise TableError(f"{options.method} needs hall_T; instead received a record without it.")
+        hall = white_sigma(first.hall)
+        return Noise(voltage, LinearSigma(hall), max(10.0 * hall, 1e-3))
+    if options.field_model is not None:  # which brings its own error
+        return Noise(voltage, LinearSigma(0.0), max(FIRST_FIELD_SIGMA_T, 3.0 * options.field_model.rms_T))
+    if first.current is None:
+        raise TableError(f"{options.method} needs current_A; instead received a record without it.")
+    lasting = math.sqrt(max(1.0, MODEL_ERROR_TIME_S / dt))
+    floor = white_sigma(first.current) / _current_to_field(options)
+    floor = math.hypot(floor, lasting * options.systematics.reference_offset_T)
+    relative = lasting * options.systematics.reference_gain
+    return Noise(voltage, LinearSigma(floor, relative), max(FIRST_FIELD_SIGMA_T, 10.0 * floor))
 
 
 def white_sigma(values: FloatArray) -> float:

@@ -19,17 +19,15 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
+from femfit.integrate.constants import MODEL_ERROR_TIME_S, OFFSET_SIGMA_V, OFFSET_WANDER_V
 from femfit.integrate.field_block import FieldBlock, joined, leading_unknown, unknown_block
+from femfit.integrate.field_of_current import FieldModel, MagnetState
 from femfit.integrate.increments import Increments, LastSample, increments
 from femfit.integrate.uncertainty import Noise, SensingCoil
-from femfit.model.field_of_current import FieldModel, MagnetState
 from femfit.tables.coil_block import CoilBlock
 
 UPDATE_INTERVAL = 0.02
 """Seconds between two corrections: far below the filter's time constant of a fraction of a second."""
-
-MODEL_ERROR_TIME = 1.0
-"""Seconds for which an error of the field model counts as noise; weighed as lasting longer, the offset would drift."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +116,8 @@ class OffsetFilter:
     sample_time: float
     field_model: FieldModel | None = None
     initial_field: float = float("nan")
-    offset_sigma: float = 20e-6
-    offset_wander: float = 1e-6
+    offset_sigma: float = OFFSET_SIGMA_V["cs1"]
+    offset_wander: float = OFFSET_WANDER_V
     interval: float = UPDATE_INTERVAL
 
     def start(self) -> OffsetState:
@@ -255,13 +253,11 @@ class OffsetFilter:
         """Of the mean reading."""
         if self.field_model is None:
             return p.noise / p.readings**2
-        return self.field_model.rms_T**2 * max(1.0, MODEL_ERROR_TIME / max(p.elapsed, self.sample_time))
+        return self.field_model.rms_T**2 * max(1.0, MODEL_ERROR_TIME_S / max(p.elapsed, self.sample_time))
 
 
 def _write_responses(out: FieldBlock, part: slice, rows: FloatArray, late: FloatArray) -> None:
     """Responses of the predictions: what the coil brought is what the reference did not."""
-    if out.responses is None:
-        return
     reference, unit, voltage = rows
     out.responses.coil[part] = out.field[part] - reference
     out.responses.reference[part] = reference

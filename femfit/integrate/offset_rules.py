@@ -2,8 +2,7 @@
 
 References
 ----------
-P. Arpaia et al., Sensors 22 (2022) 182, section 3: zero reading of 60 s; averages over 1 s once 20, 25 and 30 s have
-passed since the end of a ramp at 3.2, 32 and 100 A/s.
+P. Arpaia et al., Sensors 22 (2022) 182, section 3.
 """
 
 import math
@@ -12,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from femfit.integrate.constants import SETTLING_S
 from femfit.tables.coil_block import CoilBlock
 
 BIN = 1e-3
@@ -81,8 +81,8 @@ class RuleState:
         Whether the field is held, because the record is still in its zero reading.
     samples : int
         Samples of the zero reading so far.
-    ramp_rate : float
-        Fastest rate of the last ramp: A/s, or V of mean coil voltage where the record has no current.
+    still : float
+        Seconds since the last ramp, or of the zero reading.
     level : float
         Mid current of the window before, A.
     """
@@ -90,7 +90,6 @@ class RuleState:
     offset: float = 0.0
     hold: bool = False
     samples: int = 0
-    ramp_rate: float = 0.0
     still: float = 0.0
     level: float = math.nan
 
@@ -137,7 +136,7 @@ class ZeroReading:
         Of the zero reading, s; the field is held meanwhile.
     """
 
-    duration: float = 60.0
+    duration: float
     window: float = 1.0
 
     def start(self) -> RuleState:
@@ -160,17 +159,16 @@ class PlateauMean:
 
     Parameters
     ----------
-    ramp_rates, settling : tuple of float
-        Ramp rates in A/s, rising, and the seconds to wait after each; linear between, constant outside.
+    settling : float
+        Seconds to wait after a ramp.
     still_A : float
         A window whose current moves by less is on a plateau.
     still_V : float
-        The same for the window's mean voltage, where the record has no current; the longest settling is waited for.
+        The same for the window's mean voltage, where the record has no current.
     """
 
     window: float = 1.0
-    ramp_rates: tuple[float, ...] = (3.2, 32.0, 100.0)
-    settling: tuple[float, ...] = (20.0, 25.0, 30.0)
+    settling: float = SETTLING_S
     still_A: float = 0.1
     still_V: float = 1e-4
 
@@ -178,28 +176,20 @@ class PlateauMean:
         """No ramp yet: the first still window counts."""
         return RuleState(still=math.inf)
 
-    def wait(self, ramp_rate: float) -> float:
-        """Seconds to wait after a ramp; ``ramp_rate`` in A/s, infinite where it is not known."""
-        return float(np.interp(ramp_rate, self.ramp_rates, self.settling))
-
     def update(self, state: RuleState, window: Window) -> RuleState:
         """A new mean, if the window lies on a settled plateau."""
-        rate = self._rate(state, window)
         level = 0.5 * (window.current_min + window.current_max)
-        if rate > 0.0:
-            fastest = rate if state.still > 0.0 else max(rate, state.ramp_rate)
-            return replace(state, ramp_rate=fastest, still=0.0, level=level)
-        still = state.still + self.window
-        if still - self.window < self.wait(state.ramp_rate) - 1e-9:
-            return replace(state, still=still, level=level)
-        return replace(state, offset=window.voltage_mean, still=still, level=level)
+        if self._moves(state, window):
+            return replace(state, still=0.0, level=level)
+        if state.still < self.settling - 1e-9:
+            return replace(state, still=state.still + self.window, level=level)
+        return replace(state, offset=window.voltage_mean, still=state.still + self.window, level=level)
 
-    def _rate(self, state: RuleState, window: Window) -> float:
-        """Ramp rate during a window, 0 on a plateau."""
+    def _moves(self, state: RuleState, window: Window) -> bool:
         if math.isinf(window.current_min):
-            return math.inf if abs(window.voltage_mean) > self.still_V else 0.0
+            return abs(window.voltage_mean) > self.still_V
         moved = window.current_max - window.current_min
         if not math.isnan(state.level):
             # A wander too slow for one window shows against the window before.
             moved = max(moved, abs(0.5 * (window.current_min + window.current_max) - state.level))
-        return moved / self.window if moved > self.still_A else 0.0
+        return moved > self.still_A

@@ -1,65 +1,38 @@
 """What may be wrong with a coil record, watched while it streams past the filter.
 
-Each finding is a sentence that names the suspect. None stops the integration: a gap, for one, is bridged by the
-trapezoid and paid for in variance.
+Each finding names the suspect. None stops the integration: a gap, for one, is bridged by the trapezoid and paid for in
+variance.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.finding import Finding
+from femfit.integrate.constants import (
+    AGREEMENT,
+    CLIPPED_RUN,
+    CLIPPED_STEPS,
+    COMPARED_S,
+    GAIN_TOLERANCE,
+    GAP,
+    INNOVATION_BAND,
+    INNOVATIONS_AVERAGED,
+    RANGE_SLACK,
+    STUCK_SHARE,
+    STUCK_TIME_S,
+)
 from femfit.integrate.field_block import FieldBlock
-from femfit.integrate.increments import GAP
 from femfit.tables.coil_block import CoilBlock
 
-CLIPPED_RUN = 4
-"""So many equal samples in a row at the largest |voltage| of a block look clipped."""
-
-STUCK_TIME = 0.05
-"""Seconds for which a living probe never repeats a reading exactly."""
-
-STUCK_SHARE = 0.01
-"""A probe is stuck if the coil saw the field move by this share of the largest reading meanwhile."""
-
-GAIN_TOLERANCE = 0.05
-"""Relative disagreement of coil and reference over the ramps that is put down to area or gain."""
-
-BAND = 9.0
-"""Mean squared innovation over its variance (1 in a true filter) beyond which innovations have left their band."""
-
-_AVERAGED = 50  # innovations whose mean square is held against the band
-_CHUNK = 0.1  # seconds over which changes of coil and reference are compared
-_BEYOND = 0.01  # of its range of currents by which a field model may be exceeded
-_AGREE = 0.8  # squared correlation from which the two changes are the same thing
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something wrong with a record.
-
-    Parameters
-    ----------
-    kind : str
-        ``gap``, ``clock``, ``clipped``, ``stuck``, ``saturated``, ``range``, ``sign``, ``gain``,
-        ``innovations`` or ``plateau``.
-    sentence : str
-        What, where, how often, and who is suspected.
-    """
-
-    kind: str
-    sentence: str
+Reference = Literal["hall_T", "current_A"]
 
 
 @dataclass(frozen=True)
 class Tally:
-    """How often something was seen, and when first.
-
-    Parameters
-    ----------
-    amount : float
-        Their size, in the unit of what was seen.
-    """
+    """How often something was seen, when first, and how much of it in all."""
 
     count: int = 0
     first: float = float("nan")
@@ -80,13 +53,13 @@ class WatchState:
     Parameters
     ----------
     reading, run, moved : float, int, float
-        The reference's last reading, how often it came in a row, and how far the coil saw the field move meanwhile, T.
+        The Hall probe's last reading, how often it came in a row, and how far the coil saw the field move meanwhile, T.
     highest, stuck_at : float
         Largest |reading| so far, and largest at which the probe stood still, T.
     waiting : (array, array)
         Times and normalised squares of the latest innovations, s and 1.
     xx, xy, yy : float
-        Sums of products of the changes that coil (x) and reference (y) saw, T^2.
+        Sums of products of the changes that coil (x, in T) and reference (y, in its unit) saw.
     """
 
     time: float = float("nan")
@@ -109,15 +82,19 @@ class RecordWatch:
 
     Parameters
     ----------
-    current_to_field : float
-        g in A/T, to compare with a current where there is no Hall probe.
+    reference : str or None
+        The column that the coil is compared with.
+    scale : float or None
+        Field in T of one unit of the reference, where it is to be checked: 1 for a Hall probe beside a coil of known
+        area, 1/g for a current with the ratio g. None compares the signs alone.
     currents : (float, float) or None
         Between which a field model holds, A.
     """
 
     area: float
     sample_time: float
-    current_to_field: float = 316.0
+    reference: Reference | None = None
+    scale: float | None = None
     currents: tuple[float, float] | None = None
 
     def start(self) -> WatchState:
@@ -138,7 +115,7 @@ class RecordWatch:
         _add(tallies, "clipped", block.time[_clipped(block.voltage)])
         if block.current is not None and self.currents is not None:
             low, high = self.currents
-            slack = _BEYOND * (high - low)
+            slack = RANGE_SLACK * (high - low)
             outside = (block.current < low - slack) | (block.current > high + slack)
             _add(tallies, "range", block.time[outside])
         waiting = state.waiting if out is None else _watch_innovations(tallies, state.waiting, out)
@@ -146,34 +123,31 @@ class RecordWatch:
         state = replace(state, time=end[0], voltage=end[1], tallies=tallies, waiting=waiting)
         if block.hall is not None:
             state = self._watch_probe(state, block.time, block.hall, rise)
-        reference = block.hall if block.hall is not None else block.current
-        if reference is None:
-            return state
-        scale = 1.0 if block.hall is not None else 1.0 / self.current_to_field
-        return self._compare(state, rise, reference * scale)
+        reading = {"hall_T": block.hall, "current_A": block.current, None: None}[self.reference]
+        return state if reading is None else self._compare(state, rise, reading)
 
-    def findings(self, state: WatchState, of_hall: bool) -> tuple[Finding, ...]:
-        """Sentences; ``of_hall`` says whether the reference was a Hall probe."""
+    def findings(self, state: WatchState) -> tuple[Finding, ...]:
+        """What was seen, in words."""
         tallies, found = state.tallies, []
-        for kind, text in _SENTENCES.items():
-            source = "stuck" if kind == "saturated" else kind
+        for code, text in _SENTENCES.items():
+            source = "stuck" if code == "saturated" else code
             at_top = state.stuck_at >= (1.0 - 1e-9) * state.highest
-            if source in tallies and (source != "stuck" or at_top == (kind == "saturated")):
+            if source in tallies and (source != "stuck" or at_top == (code == "saturated")):
                 seen = tallies[source]
-                found.append(
-                    Finding(kind, text.format(count=seen.count, first=f"{seen.first:.6g}", amount=f"{seen.amount:.3g}"))
-                )
-        found += self._gain_findings(state, of_hall)
+                said = text.format(count=seen.count, first=f"{seen.first:.6g}", amount=f"{seen.amount:.3g}")
+                found.append(Finding(code, "warning", said, _REMEDIES[code]))
+        found += self._disagreement(state)
         if "innovations" in tallies:
             seen = tallies["innovations"]
-            suspect = _suspect([finding.kind for finding in found], of_hall)
-            found.append(
-                Finding(
-                    "innovations",
-                    f"The filter's innovations left their band {seen.count} times, first at {seen.first:.6g} s "
-                    f"(squared up to {seen.amount:.3g} times what it expects). Suspect: {suspect}.",
-                )
+            suspect = next((name for code, name in _SUSPECTS.items() if code in {one.code for one in found}), None)
+            if suspect is None and self.reference == "hall_T":
+                suspect = "the offset voltage (cs1-offset estimates it), or the Hall probe's drift"
+            text = (
+                f"The filter's innovations left their band {seen.count} times, first at {seen.first:.6g} s (squared up "
+                f"to {seen.amount:.3g} times what it expects). Suspect: "
+                f"{suspect or 'the relation between current and field'}."
             )
+            found.append(Finding("innovations", "warning", text))
         return tuple(found)
 
     def _watch_probe(self, state: WatchState, time: FloatArray, hall: FloatArray, rise: FloatArray) -> WatchState:
@@ -190,7 +164,7 @@ class RecordWatch:
         if len(new) == 0 or new[0] > 0:  # the first run goes on from the block before
             lengths[0] += state.run
             moved[0] += state.moved
-        stuck = (lengths * self.sample_time >= STUCK_TIME) & (lengths > CLIPPED_RUN)
+        stuck = (lengths * self.sample_time >= STUCK_TIME_S) & (lengths > CLIPPED_RUN)
         stuck &= np.abs(moved) > STUCK_SHARE * highest
         tallies = dict(state.tallies)
         _add(tallies, "stuck", time[begins[stuck]], float(np.sum(lengths[stuck])) * self.sample_time)
@@ -206,126 +180,111 @@ class RecordWatch:
             stuck_at=stuck_at,
         )
 
-    def _compare(self, state: WatchState, rise: FloatArray, reference: FloatArray) -> WatchState:
+    def _compare(self, state: WatchState, rise: FloatArray, reading: FloatArray) -> WatchState:
         """Sum up what coil and reference saw of the same changes."""
-        size = max(1, round(_CHUNK / self.sample_time))
-        chunks = (len(rise) - 1) // size
-        if chunks < 1:
+        size = max(1, round(COMPARED_S / self.sample_time))
+        stretches = (len(rise) - 1) // size
+        if stretches < 1:
             return state
-        x = rise[1 : 1 + chunks * size].reshape(chunks, size).sum(axis=1)
-        y = np.diff(reference[: 1 + chunks * size : size])
+        x = rise[1 : 1 + stretches * size].reshape(stretches, size).sum(axis=1)
+        y = np.diff(reading[: 1 + stretches * size : size])
         used = np.isfinite(y)
         x, y = x[used], y[used]
         return replace(state, xx=state.xx + float(x @ x), xy=state.xy + float(x @ y), yy=state.yy + float(y @ y))
 
-    def _gain_findings(self, state: WatchState, of_hall: bool) -> list[Finding]:
-        if state.xx <= 0.0 or state.xy**2 < _AGREE * state.xx * state.yy:
+    def _disagreement(self, state: WatchState) -> list[Finding]:
+        """Whether coil and reference see the field move in opposite directions, or by different amounts."""
+        if state.xx <= 0.0 or state.xy**2 < AGREEMENT * state.xx * state.yy:
             return []
-        slope, name = state.xy / state.xx, "Hall probe" if of_hall else "current"
-        if slope < 0.0:
-            return [
-                Finding(
-                    "sign",
-                    f"The coil sees the field fall when the {name} sees it rise: the coil (or the {name}) is wired the "
-                    "wrong way round. Change the sign of its column.",
-                )
-            ]
-        if of_hall and abs(slope - 1.0) > GAIN_TOLERANCE:
-            return [
-                Finding(
-                    "gain",
-                    f"The Hall probe sees {slope:.3g} times the changes that the coil sees: the coil's area (or the "
-                    f"probe's gain) is wrong; an area of {self.area / slope:.6g} m2 would agree.",
-                )
-            ]
-        return []
+        of_hall = self.reference == "hall_T"
+        name = "Hall probe" if of_hall else "current"
+        if state.xy < 0.0:
+            text = (
+                f"The coil sees the field fall when the {name} sees it rise: the coil (or the {name}) is wired the "
+                "wrong way round."
+            )
+            return [Finding("sign", "warning", text, "Change the sign of its column.")]
+        slope = state.xy / state.xx * (self.scale or 0.0)
+        if self.scale is None or abs(slope - 1.0) <= GAIN_TOLERANCE:
+            return []
+        area = f"an area of {self.area / slope:.6g} m2"
+        if of_hall:
+            wrong, agree = "the coil's area (or the probe's gain)", f"{area} would agree"
+        else:
+            ratio = state.xy / state.xx
+            wrong, agree = "the current-to-field ratio (or the coil's area)", f"{ratio:.6g} A/T, or {area}, would agree"
+        text = f"The {name} shows {slope:.3g} times the changes that the coil sees: {wrong} is wrong; {agree}."
+        return [Finding("gain", "warning", text, size=slope - 1.0)]
 
 
 _SENTENCES = {
     "gap": "{count} gaps, first before {first} s, {amount} s lost in all: bridged by a straight line, and the field's "
     "uncertainty grew by what they may hide.",
-    "clock": "{count} samples come after less than half a sample time, first at {first} s: the clock jumped. Check the "
-    "time stamps.",
+    "clock": "{count} samples come after less than half a sample time, first at {first} s: the clock jumped.",
     "clipped": "{count} samples repeat the largest voltage exactly, first at {first} s: the converter clipped, and "
-    "their flux is lost. Choose a larger range.",
+    "their flux is lost.",
     "saturated": "The Hall probe stood still at its largest reading, first at {first} s, for {amount} s in all, while "
-    "the coil saw the field move: it saturated. Use a larger range, or leave these readings empty.",
+    "the coil saw the field move: it saturated.",
     "stuck": "The Hall probe repeated one reading, first at {first} s, for {amount} s in all, while the coil saw the "
-    "field move: it stuck. Leave these readings empty.",
+    "field move: it stuck.",
     "range": "{count} samples have a current outside of what the field model was made for, first at {first} s: it "
-    "extrapolates there. Sweep or identify up to these currents.",
+    "extrapolates there.",
+}
+_REMEDIES = {
+    "gap": "",
+    "clock": "Check the time stamps.",
+    "clipped": "Choose a larger range.",
+    "saturated": "Use a larger range, or leave these readings empty.",
+    "stuck": "Leave these readings empty.",
+    "range": "Sweep or identify up to these currents.",
 }
 
-
-def no_plateau(still_A: float) -> Finding:
-    """What is said where ffa2 found no plateau.
-
-    Parameters
-    ----------
-    still_A : float
-        Limit of a plateau's movement, A.
-    """
-    return Finding(
-        "plateau",
-        f"ffa2 found no settled plateau, on which the current moves by less than {still_A:g} A in a second: nothing "
-        "was taken off, and this is the plain integral. Give --still-A, a shorter --settling-s, or another method.",
-    )
+_SUSPECTS = {
+    "sign": "the sign of the coil's voltage",
+    "stuck": "the Hall probe, which stuck",
+    "saturated": "the Hall probe, which saturated",
+    "clipped": "the coil's converter, which clipped",
+    "gain": "the coil's area, or the reference's gain",
+    "gap": "the gaps",
+    "clock": "the clock",
+    "range": "the field model, which extrapolates",
+}
+"""Who is suspected of large innovations, by the code of another finding; the first that applies."""
 
 
-def _add(tallies: dict[str, Tally], kind: str, times: FloatArray, amount: float = 0.0) -> None:
+def _add(tallies: dict[str, Tally], code: str, times: FloatArray, amount: float = 0.0) -> None:
     if len(times):
-        tallies[kind] = tallies.get(kind, Tally()).more(times, amount)
+        tallies[code] = tallies.get(code, Tally()).more(times, amount)
 
 
 def _clipped(voltage: FloatArray) -> BoolArray:
     """Samples in runs of equal values at the largest |voltage| of the block, as a mask."""
     highest = float(np.abs(voltage).max())
     at_top = np.abs(voltage) == highest
-    none = np.zeros(len(voltage), dtype=np.bool_)
+    clipped = np.zeros(len(voltage), dtype=np.bool_)
     if highest == 0.0 or int(at_top.sum()) < CLIPPED_RUN:
-        return none
+        return clipped
     edges = np.flatnonzero(np.diff(at_top, prepend=False, append=False))
     begins, ends = edges[::2], edges[1::2]
     long = ends - begins >= CLIPPED_RUN
-    # A coarse converter repeats the top of quiet noise too; clipping cuts a signal of many steps.
-    if not long.any() or len(np.unique(voltage)) < 4 * CLIPPED_RUN:
-        return none
+    if not long.any() or len(np.unique(voltage)) < CLIPPED_STEPS:
+        return clipped
     for begin, end in zip(begins[long], ends[long], strict=True):
-        none[begin:end] = True
-    return none
+        clipped[begin:end] = True
+    return clipped
 
 
 def _watch_innovations(
     tallies: dict[str, Tally], waiting: tuple[FloatArray, FloatArray], out: FieldBlock
 ) -> tuple[FloatArray, FloatArray]:
-    """Means of fifty normalised squares against the band; returns times and squares that wait for more."""
+    """Hold means of normalised squares against the band; return times and squares that wait for more."""
     used = np.isfinite(out.innovation)
     times = np.concatenate([waiting[0], out.time[used]])
     squares = np.concatenate([waiting[1], out.innovation[used] ** 2 / out.innovation_variance[used]])
-    whole = len(squares) // _AVERAGED * _AVERAGED
-    means = squares[:whole].reshape(-1, _AVERAGED).mean(axis=1)
-    outside = means > BAND
+    whole = len(squares) // INNOVATIONS_AVERAGED * INNOVATIONS_AVERAGED
+    means = squares[:whole].reshape(-1, INNOVATIONS_AVERAGED).mean(axis=1)
+    outside = means > INNOVATION_BAND
     if outside.any():
-        seen = tallies.get("innovations", Tally()).more(times[:whole:_AVERAGED][outside])
+        seen = tallies.get("innovations", Tally()).more(times[:whole:INNOVATIONS_AVERAGED][outside])
         tallies["innovations"] = replace(seen, amount=max(seen.amount, float(means.max())))
     return times[whole:], squares[whole:]
-
-
-def _suspect(kinds: list[str], of_hall: bool) -> str:
-    """Whom the other findings point to."""
-    names = {
-        "sign": "the sign of the coil's voltage",
-        "stuck": "the Hall probe, which stuck",
-        "saturated": "the Hall probe, which saturated",
-        "clipped": "the coil's converter, which clipped",
-        "gain": "the coil's area",
-        "gap": "the gaps",
-        "clock": "the clock",
-        "range": "the field model, which extrapolates",
-    }
-    for kind, name in names.items():
-        if kind in kinds:
-            return name
-    if of_hall:
-        return "the offset voltage (cs1-offset estimates it), or the Hall probe's drift"
-    return "the relation between current and field"

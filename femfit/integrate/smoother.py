@@ -1,7 +1,7 @@
 """Offline: what a Kalman filter would have said had it known the rest of the record (Rauch, Tung and Striebel).
 
-For one state the backward recursion is affine and runs in lanes; for two states it goes from correction to correction,
-and the coil's integral carries the samples between.
+For one state the backward recursion is affine and runs in parallel chunks; for two states it goes from
+correction to correction, and the coil's integral carries the samples between.
 
 References
 ----------
@@ -19,27 +19,15 @@ from femfit.integrate.feed_forward import FeedForwardIntegrator
 from femfit.integrate.field_block import FieldBlock
 from femfit.integrate.increments import increments
 from femfit.integrate.kalman import KalmanIntegrator
-from femfit.integrate.lanes import Lanes, affine_lanes
 from femfit.integrate.methods import AnyIntegrator
 from femfit.integrate.offset_filter import Correction, OffsetFilter
+from femfit.integrate.parallel_prefix import Folding, affine_recursion
 from femfit.integrate.uncertainty import Responses
 from femfit.tables.coil_block import CoilBlock, joined_record
 
 
 def smooth(integrator: KalmanIntegrator | OffsetFilter, record: CoilBlock) -> FieldBlock:
-    """Filter a whole record and smooth it.
-
-    Parameters
-    ----------
-    integrator : KalmanIntegrator or OffsetFilter
-        CS1, CS2, or one with the offset state.
-
-    Returns
-    -------
-    FieldBlock
-        Smoothed field, variance and, where the integrator carries them, responses to systematics; of the offset state
-        the smoothed offset. Innovations are the filter's.
-    """
+    """Filter a whole record and smooth it; innovations stay the filter's."""
     if isinstance(integrator, KalmanIntegrator):
         return _smooth_one_state(integrator, record)
     return _smooth_two_states(integrator, record)
@@ -74,13 +62,11 @@ def _smooth_one_state(integrator: KalmanIntegrator, record: CoilBlock) -> FieldB
 
     field = smoothed(x, steps.field)
     variance = _backwards((gain**2)[back], (P[:-1] - gain**2 * predicted_variance)[back], float(P[-1]))
-    responses = None
-    if out.responses is not None:
-        still = np.zeros(len(x))
-        reference, unit = (smoothed(r, still) for r in (out.responses.reference, out.responses.reference_unit))
-        voltage = smoothed(out.responses.voltage_unit, steps.dt / integrator.coil.area_m2)
-        known = 0.0 if np.isnan(integrator.initial_field) else integrator.initial_field
-        responses = Responses(field - reference - (1.0 - unit) * known, reference, unit, voltage)
+    still = np.zeros(len(x))
+    reference, unit = (smoothed(r, still) for r in (out.responses.reference, out.responses.reference_unit))
+    voltage = smoothed(out.responses.voltage_unit, steps.dt / integrator.coil.area_m2)
+    known = 0.0 if np.isnan(integrator.initial_field) else integrator.initial_field
+    responses = Responses(field - reference - (1.0 - unit) * known, reference, unit, voltage)
     return replace(out, field=field, variance=variance, responses=responses)
 
 
@@ -88,8 +74,8 @@ def _backwards(a: FloatArray, b: FloatArray, last: float) -> FloatArray:
     """y_k = a_k y_(k-1) + b_k from the record's end on, in the record's order."""
     if len(a) == 0:
         return np.array([last])
-    lanes = Lanes(len(a))
-    values = lanes.unfold(affine_lanes(lanes.fold(a, 1.0), [lanes.fold(b, 0.0)], [last])[0])
+    folding = Folding(len(a))
+    values = folding.unfold(affine_recursion(folding.fold(a, 1.0), [folding.fold(b, 0.0)], [last])[0])
     return np.concatenate([values[::-1], [last]])
 
 

@@ -10,13 +10,14 @@ import time
 
 import numpy as np
 import pytest
+from arpaia2022.experiment import PAPER_RAMP_RATES, Experiment, stream_pieces
+from arpaia2022.figures import fields_figure, flat_top_figure, offsets_figure
+from arpaia2022.reproduce import course_and_noise
+from arpaia2022.sensors import PAPER_SAMPLE_RATE
+from arpaia2022.study import experiment_fields, experiment_figures, study_lines
 
-from femfit.integrate.experiment import PAPER_RAMP_RATES, Experiment, stream_pieces
-from femfit.integrate.study import experiment_fields, experiment_figures, study_lines
-from femfit.integrate.uncertainty import PAPER_SAMPLE_RATE
-from femfit.report.integrator_figures import fields_figure, flat_top_figure, offsets_figure
 from femfit.tables.coil_record import RecordWriter, open_coil_record
-from support.integrators_page import PAGE, course_and_noise, draws, field_model, page
+from support.integrators_page import PAGE, draws, field_model, page
 
 pytestmark = pytest.mark.benchmark
 

@@ -125,7 +125,7 @@ def test_a_gap_and_a_forgotten_resistance_are_said_and_noted(files, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "gap: Run 1: 1 gaps" in done.stdout
     assert "needs --resistance-ohm 2.69" in done.stdout
-    assert [one["kind"] for one in json.loads((tmp_path / "b.json").read_text())["findings"]] == ["gap", "resistance"]
+    assert [one["code"] for one in json.loads((tmp_path / "b.json").read_text())["findings"]] == ["gap", "resistance"]
     assert "1 gaps" in tomllib.loads((tmp_path / "b.toml").read_text())["notes"]
 
 

@@ -5,8 +5,10 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from arpaia2022.experiment import ExperimentInputs, synthesise
 
-from femfit.integrate.experiment import ExperimentInputs, synthesise
+from femfit.integrate.field_of_current import FieldModel, FieldTerms, write_field_model
+from femfit.integrate.integrate_coil import integrate_coil
 from femfit.model.json_file import write_model
 from support.command import femfit
 
@@ -47,9 +49,9 @@ def integrate(*arguments):
     ("method", "allowed"), [("trapezoid", 0.05), ("ffa1", 0.02), ("ffa2", 0.02), ("cs1", 1e-3), ("cs2", 3e-3)]
 )
 def test_every_method_writes_field_uncertainty_and_offset(method, allowed, record, experiment, tmp_path):
-    result = integrate(
-        record, "--coil-area", AREA, "--method", method, "--zero-reading-s", 20, "-o", tmp_path / "o.parquet"
-    )
+    ratio = ("--current-to-field", 316.0, "--reference-gain-sigma", 1e-3)
+    more = {"ffa1": ("--zero-reading-s", 20), "ffa2": ("--settling-s", 25), "cs2": ratio}.get(method, ())
+    result = integrate(record, "--coil-area", AREA, "--method", method, *more, "-o", tmp_path / "o.parquet")
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     rows = pd.read_parquet(tmp_path / "o.parquet")
@@ -218,6 +220,8 @@ def test_currents_beyond_the_model_are_said(held_magnet, tmp_path):
         (("--coil-area", "0"), "area must be > 0 m2"),
         (("--method", "cs1"), "give --coil-area"),
         (("--method", "cs2-identified", "--coil-area", AREA), "give --lab RECORD"),
+        (("--method", "cs2", "--coil-area", AREA), "--current-to-field"),
+        (("--method", "ffa1"), "--zero-reading-s"),
     ],
 )
 def test_what_is_missing_or_impossible_exits_1_with_the_remedy(options, message, record, tmp_path):
@@ -228,12 +232,63 @@ def test_what_is_missing_or_impossible_exits_1_with_the_remedy(options, message,
     assert not (tmp_path / "o.csv").exists()
 
 
+def test_a_sidecar_of_a_raw_record_is_never_replaced(experiment, tmp_path):
+    table(experiment)[["coil_voltage_V"]].to_numpy(np.float32).tofile(tmp_path / "coil.bin")
+    side = tmp_path / "coil.json"
+    side.write_text('{"sample_rate_Hz": 1000.0, "columns": ["coil_voltage_V"]}')
+    before = side.read_text()
+    for options in (("-o", tmp_path / "coil.f32"), ("-o", tmp_path / "o.csv", "--json", side)):
+        assert integrate(tmp_path / "coil.bin", "--method", "trapezoid", *options).returncode == 1
+        assert side.read_text() == before
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"rms_T": -5.0},
+        {"rms_T": float("nan")},
+        {"rms_T": "0.1"},
+        {"coefficients_T": float("inf")},
+        {"degree": 1e400},
+        {"degree": int("9" * 300)},
+        {"degree": True},
+        {"current_max_A": 0.0},
+        {"play_radii_A": [float("nan")]},
+        {"lag_times_s": "none"},
+    ],
+    ids=str,
+)
+def test_a_field_model_with_a_number_that_none_has_is_refused(damage, record, tmp_path):
+    terms = FieldTerms(320.0, 2, (5.0,), (3.0,))
+    write_field_model(FieldModel(terms, np.full(len(terms.names), 0.1), 1e-4), tmp_path / "field.json")
+    data = json.loads((tmp_path / "field.json").read_text())
+    ((key, value),) = damage.items()
+    if key == "coefficients_T":
+        data[key]["polynomial 0"] = value
+    else:
+        data["terms" if key in data["terms"] else key] = data["terms"] | damage if key in data["terms"] else value
+    (tmp_path / "field.json").write_text(json.dumps(data))
+    options = ("--coil-area", AREA, "--method", "cs2-identified", "--field-model", tmp_path / "field.json")
+    result = integrate(record, *options, "-o", tmp_path / "o.csv")
+    assert result.returncode == 1
+    assert "field of current" in result.stderr
+    assert not (tmp_path / "o.csv").exists()
+
+
+def test_the_library_keeps_the_rows_and_prints_what_the_command_prints(experiment, record, tmp_path):
+    result = integrate_coil(table(experiment), coil_area_m2=float(AREA))
+    assert len(result.rows) == len(experiment.record)
+    assert result.rows["field_T"].iloc[-1] == result.value
+    said = integrate(record, "--coil-area", AREA, "-o", tmp_path / "o.csv").stdout
+    assert str(result).splitlines() == said.splitlines()[:-1]  # and what was written
+    assert "<pre>" in result._repr_html_()
+
+
 def test_the_record_is_never_replaced_and_outputs_have_a_format(record, tmp_path):
     before = record.read_bytes()
-    assert "would replace the record" in integrate(record, "-o", record).stderr
+    assert "would replace it" in integrate(record, "-o", record).stderr
     assert record.read_bytes() == before
-    assert "or its sidecar" in integrate(record, "-o", record.with_suffix(".bin")).stderr
-    clash = integrate(record, "-o", tmp_path / "o.bin", "--json", tmp_path / "o.json")
-    assert "--json" in clash.stderr
+    clash = integrate(record, "-o", tmp_path / "o.csv", "--json", tmp_path / "o.csv")
     assert clash.returncode == 1
+    assert not (tmp_path / "o.csv").exists()
     assert "is written as .csv" in integrate(record, "-o", tmp_path / "o.xlsx").stderr

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from femfit.integrate.experiment import ExperimentInputs, synthesise
+from arpaia2022.experiment import ExperimentInputs, synthesise
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ def watched(rows, voltage, taken=RESISTANCE):
     time, current = TIME[rows], CURRENT[rows]
     without = voltage - taken * current
     found = plateau_flux(time, without, current, DISTANCE[rows], PlateauOptions())
-    return found, [one.kind for one in watch_run(time, voltage, without, current, found)]
+    return found, [one.code for one in watch_run(time, voltage, without, current, found)]
 
 
 ALL = np.arange(len(CURRENT))
@@ -64,7 +64,7 @@ def test_a_clock_that_stutters_is_named():
     time[300:] -= 0.6 / RATE
     without = induced()
     found = plateau_flux(time, without, CURRENT, DISTANCE, PlateauOptions())
-    kinds = [one.kind for one in watch_run(time, without + RESISTANCE * CURRENT, without, CURRENT, found)]
+    kinds = [one.code for one in watch_run(time, without + RESISTANCE * CURRENT, without, CURRENT, found)]
     assert kinds == ["clock"]
 
 
@@ -84,4 +84,4 @@ OFFSETS = np.random.default_rng(2).normal(5e-6, 2e-6, 6)
 )
 def test_the_plateaus_tell_the_resistance(resistance, given, words):
     finding = resistance_finding(resistance * LEVELS + OFFSETS, LEVELS, given)
-    assert (finding is None) if words is None else (words in finding.sentence)
+    assert (finding is None) if words is None else (words in str(finding))

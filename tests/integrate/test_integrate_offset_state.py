@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arpaia2022.experiment import ExperimentInputs, synthesise
+from arpaia2022.sensors import PAPER_COIL
 
 from femfit.core.errors import TableError
-from femfit.fit.hysteresis import LabRun, identify_field
-from femfit.integrate.experiment import ExperimentInputs, synthesise
 from femfit.integrate.field_block import joined
+from femfit.integrate.identified_field import LabRun, identify_field
 from femfit.integrate.kalman import KalmanIntegrator
 from femfit.integrate.offset_filter import OffsetFilter
-from femfit.integrate.uncertainty import PAPER_COIL, LinearSigma, Noise
+from femfit.integrate.uncertainty import LinearSigma, Noise
 from femfit.tables.coil_block import CoilBlock
 
 DT = 1e-3
@@ -128,7 +129,7 @@ def test_nothing_is_known_before_the_first_reading(one_state, cuts, experiment):
     stretch = experiment.record[60_000:62_000]
     hall = stretch.hall.copy()
     hall[:700] = np.nan
-    integrator = KalmanIntegrator(PAPER_COIL, NOISE, DT, sensitivities=True) if one_state else HALL
+    integrator = KalmanIntegrator(PAPER_COIL, NOISE, DT) if one_state else HALL
     late = run(integrator, CoilBlock(stretch.time, stretch.voltage, hall), cuts)
     assert np.all(np.isnan(late.field[:700]))
     np.testing.assert_allclose(late.field[700:], run(integrator, stretch[700:]).field, rtol=1e-12)

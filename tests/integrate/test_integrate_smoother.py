@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arpaia2022.sensors import PAPER_COIL
 
 from femfit.integrate.increments import LastSample, increments
 from femfit.integrate.kalman import KalmanIntegrator
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.smoother import smooth
-from femfit.integrate.uncertainty import PAPER_COIL, LinearSigma, Noise
+from femfit.integrate.uncertainty import LinearSigma, Noise
 from femfit.tables.coil_block import CoilBlock
 
 DT = 1e-3
@@ -90,7 +91,7 @@ def test_a_smoothed_fields_responses_are_what_a_systematic_error_does_to_it(name
         "reference_unit": replace(record, hall=record.hall + change),
         "voltage_unit": replace(record, voltage=record.voltage + change),
     }[name]
-    integrator = KalmanIntegrator(PAPER_COIL, NOISE, DT, sensitivities=True)
+    integrator = KalmanIntegrator(PAPER_COIL, NOISE, DT)
     if two_states:
         integrator = OffsetFilter(PAPER_COIL, NOISE, DT)
     smoothed = smooth(integrator, record)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from arpaia2022.sensors import PAPER_COIL, paper_noise
 
 from femfit.core.errors import TableError
 from femfit.integrate.methods import (
@@ -12,15 +13,7 @@ from femfit.integrate.methods import (
     sample_time,
     white_sigma,
 )
-from femfit.integrate.uncertainty import (
-    PAPER_COIL,
-    LinearSigma,
-    Noise,
-    Responses,
-    Systematics,
-    increment_variance,
-    paper_noise,
-)
+from femfit.integrate.uncertainty import LinearSigma, Noise, Responses, Systematics, increment_variance
 from femfit.tables.coil_block import CoilBlock
 
 DT = 1e-3
@@ -29,18 +22,20 @@ DT = 1e-3
 def test_the_literal_increment_is_equation_11():
     voltage, dt = np.array([0.010, 0.012]), np.array([1.0 / 204.8e3])
     sigma = 2.05e-3 + 3e-6 * voltage
-    area, spread = 0.059394, 2.29e-6
-    expected = dt**2 / (4 * area**2) * (spread**2 / area**2 * np.sum(voltage) ** 2 + np.sum(sigma**2))
-    np.testing.assert_allclose(increment_variance(paper_noise("hall"), PAPER_COIL, voltage, dt), expected, rtol=1e-12)
+    area = 0.059394
+    # The area's term, 2.29e-6 m2 of it, is a ten-millionth of the voltage's and is left out.
+    expected = dt**2 / (4 * area**2) * np.sum(sigma**2)
+    assert (2.29e-6 / area * np.sum(voltage)) ** 2 < 2e-7 * np.sum(sigma**2)
+    np.testing.assert_allclose(increment_variance(paper_noise(True), PAPER_COIL, voltage, dt), expected, rtol=1e-12)
 
 
-def test_the_area_is_no_noise_in_the_gum_treatment():
+def test_the_area_is_no_noise():
     noise = Noise(LinearSigma(0.0), LinearSigma(1e-5), 1e-3)
     assert increment_variance(noise, PAPER_COIL, np.array([1.0, 1.0]), np.array([DT]))[0] == 0.0
 
 
 def test_the_literal_sigmas_keep_their_spectral_density():
-    full, slow = paper_noise("current"), paper_noise("current", 204.8e3 / 16)
+    full, slow = paper_noise(False), paper_noise(False, 204.8e3 / 16)
     assert slow.voltage.floor == pytest.approx(full.voltage.floor / 4)
     assert slow.reference.relative == pytest.approx(full.reference.relative / 4)
 

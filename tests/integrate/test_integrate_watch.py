@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from arpaia2022.sensors import PAPER_COIL, PAPER_CURRENT_TO_FIELD
 
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
 from femfit.integrate.record_watch import RecordWatch
-from femfit.integrate.uncertainty import PAPER_COIL, SensingCoil
+from femfit.integrate.uncertainty import SensingCoil
 from femfit.tables.coil_block import CoilBlock
 
 DT = 1e-3
@@ -17,14 +18,15 @@ def stretch(experiment):
     return experiment.record[58_000:120_000]
 
 
-def found(record, coil=PAPER_COIL, block=5000, of_hall=True):
-    options = IntegrationOptions("cs1-offset" if of_hall else "cs2", coil)
-    watch = RecordWatch(coil.area_m2, DT)
+def found(record, coil=PAPER_COIL, block=5000, of_hall=True, ratio=PAPER_CURRENT_TO_FIELD):
+    options = IntegrationOptions("cs1-offset" if of_hall else "cs2", coil, current_to_field=ratio)
+    reference, scale = ("hall_T", 1.0) if of_hall else ("current_A", 1.0 / ratio)
+    watch = RecordWatch(coil.area_m2, DT, reference, scale)
     blocks = [record[k : k + block] for k in range(0, len(record), block)]
     state = watch.start()
     for given, out in integrate_blocks(make_integrator(options, blocks[0]), blocks):
         state = watch.advance(state, given, out)
-    return {finding.kind: finding.sentence for finding in watch.findings(state, of_hall)}
+    return {finding.code: str(finding) for finding in watch.findings(state)}
 
 
 def changed(record, **columns):
@@ -87,7 +89,24 @@ def test_a_wrong_area_is_found_and_the_right_one_proposed(stretch):
     proposed = float(findings["gain"].split("an area of ")[1].split()[0])
     # The regression over ramps of 1 T with 10 uT of noise.
     assert proposed == pytest.approx(0.059394, rel=1e-3)
-    assert findings["innovations"].endswith("Suspect: the coil's area.")
+    assert "Suspect: the coil's area" in findings["innovations"]
+
+
+def test_a_wrong_ratio_of_current_to_field_is_found_and_the_right_one_proposed(stretch):
+    record = changed(stretch, hall=None)
+    assert "gain" not in found(record, of_hall=False)
+    finding = found(record, of_hall=False, ratio=380.0)["gain"]
+    proposed = float(finding.split("is wrong; ")[1].split()[0])
+    # The magnet saturates by a per cent towards its top.
+    assert proposed == pytest.approx(PAPER_CURRENT_TO_FIELD, rel=0.02)
+
+
+def test_without_a_ratio_the_signs_alone_are_compared(stretch):
+    watch = RecordWatch(PAPER_COIL.area_m2, DT, "current_A")
+    state = watch.advance(watch.start(), stretch)
+    assert watch.findings(state) == ()
+    wired = watch.advance(watch.start(), changed(stretch, voltage=-stretch.voltage))
+    assert [finding.code for finding in watch.findings(wired)] == ["sign"]
 
 
 def test_missing_readings_are_no_fault(stretch):

@@ -6,13 +6,14 @@
 from pathlib import Path
 
 import numpy as np
+from arpaia2022.experiment import PAPER_RAMP_RATES, ExperimentInputs, synthesise
+from arpaia2022.printed import PAPER
+from arpaia2022.reproduce import course_and_noise
+from arpaia2022.sensors import PAPER_COIL
+from arpaia2022.study import experiment_figures
 
-from femfit.fit.hysteresis import LabRun, identify_field
-from femfit.integrate.experiment import PAPER_RAMP_RATES, ExperimentInputs, make_course, synthesise
+from femfit.integrate.identified_field import LabRun, identify_field
 from femfit.integrate.methods import IntegrationOptions, make_integrator
-from femfit.integrate.paper_tables import PAPER
-from femfit.integrate.study import experiment_figures, paper_inputs
-from femfit.integrate.uncertainty import PAPER_COIL
 
 PAGE = Path(__file__).parents[2] / "docs" / "integrators.md"
 MAGNETS = ((10, 32.0, (320.0, 280.0, 240.0, 160.0, 80.0)), (11, 100.0, (320.0, 120.0, 320.0, 200.0)))
@@ -28,12 +29,6 @@ def field_model():
         integrator = make_integrator(IntegrationOptions("cs1-offset", PAPER_COIL), lab)
         runs.append(LabRun(lab.time, lab.current, integrator.advance(integrator.start(), lab)[1].field))
     return identify_field(runs)
-
-
-def course_and_noise(ramp_rate, sample_rate, seed=1):
-    """The experiment at a ramp rate, wandering alike at every sample rate, and the generator of its white noise."""
-    wander, noise = np.random.default_rng([seed, round(10 * ramp_rate)]).spawn(2)
-    return make_course(paper_inputs(ramp_rate, sample_rate), wander), noise
 
 
 def offset_cell(row):
@@ -163,7 +158,9 @@ Sensors 22 (2022) 182, cycled a magnet between 0 and 320 A and integrated the vo
 204.8 kS/s. Their records are not published. Here the experiment is synthetic, at the same rate: written to raw float32
 files piece by piece, truth apart, and integrated from there. This page is written by
 `python -m pytest -m benchmark -s tests/benchmarks/test_benchmark_paper_tables.py`; a test makes the experiment again at
-1 kS/s with the same wander, and compares.
+1 kS/s with the same wander, and compares. One table or figure at 1 kS/s, in a minute:
+`python notebooks/arpaia2022/reproduce.py table-1` (`table-2`, `table-3`, `figure-5`, `figure-6`, `figure-7`,
+`figure-8`).
 
 **Put in:** the cycles, remanence, eddy transient, coil, mean and limits of the offset voltage (all the paper's); how
 offset, supply and Hall probe wander within (assumed: 1/f with 4 µV, 1 mA and 1 µT rms); the distance of the true field

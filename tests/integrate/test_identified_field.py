@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError, ModelFileError
-from femfit.fit.hysteresis import LabRun, identify_field, usual_terms
-from femfit.model.field_of_current import (
+from femfit.integrate.field_of_current import (
     FieldModel,
     FieldTerms,
     field_columns,
@@ -15,6 +14,7 @@ from femfit.model.field_of_current import (
     read_field_model,
     write_field_model,
 )
+from femfit.integrate.identified_field import LabRun, identify_field, usual_terms
 
 TERMS = FieldTerms(320.0, 3, (20.0, 80.0), (10.0,))
 TRUTH = np.array([0.6, 0.7, 0.1, 0.02, 1e-5, 4e-6, 8e-6, 3e-6, 5e-6, 2e-6, 4e-7])

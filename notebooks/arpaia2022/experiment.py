@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arpaia2022.sensors import PAPER_COIL
 from femfit.core.arrays import FloatArray
-from femfit.integrate.lanes import Lanes, affine_lanes
-from femfit.integrate.uncertainty import PAPER_COIL, SensingCoil
-from femfit.model.field_of_current import play_paths
+from femfit.integrate.field_of_current import play_paths
+from femfit.integrate.parallel_prefix import Folding, affine_recursion
+from femfit.integrate.uncertainty import SensingCoil
 from femfit.tables.coil_block import CoilBlock
 
 PAPER_RAMP_RATES = (3.2, 32.0, 100.0)
@@ -248,8 +249,10 @@ def _eddy_field(inputs: ExperimentInputs, time: FloatArray, static: FloatArray) 
     share = inputs.eddy_relative * ramp / (tau * (1.0 - np.exp(-ramp / tau)))
     keep = float(np.exp(-_GRID / tau))
     drive = share * tau / _GRID * (1.0 - keep) * np.diff(static, prepend=static[0])
-    lanes = Lanes(len(time))
-    return lanes.unfold(affine_lanes(lanes.fold(np.full(len(time), keep), 1.0), [lanes.fold(drive, 0.0)], [0.0])[0])
+    folding = Folding(len(time))
+    return folding.unfold(
+        affine_recursion(folding.fold(np.full(len(time), keep), 1.0), [folding.fold(drive, 0.0)], [0.0])[0]
+    )
 
 
 def _offset(inputs: ExperimentInputs, time: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -15,7 +15,7 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
-from femfit.model.field_of_current import FieldModel, FieldTerms, field_columns, precycled
+from femfit.integrate.field_of_current import FieldModel, FieldTerms, field_columns, precycled
 
 PATH_INTERVAL = 0.01
 """Seconds of a lab run that are averaged to one step of the current's path."""

@@ -6,27 +6,23 @@ P. Arpaia et al., Sensors 22 (2022) 182, Figures 5 to 8.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from femfit.integrate.field_block import FieldBlock
 from femfit.integrate.methods import Method
-from femfit.report.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION, new_figure, styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLOURS: Mapping[Method, str] = {
-    "trapezoid": VERMILION,
-    "ffa1": BLUE,
-    "ffa2": ORANGE,
-    "cs1": INK,
-    "cs2": GREEN,
-    "cs1-offset": SKY,
-    "cs2-identified": PURPLE,
+    "trapezoid": "#d55e00",
+    "ffa1": "#0072b2",
+    "ffa2": "#e69f00",
+    "cs1": "#24292f",
+    "cs2": "#009e73",
+    "cs1-offset": "#56b4e9",
+    "cs2-identified": "#cc79a7",
 }
-"""Of the methods."""
+"""Okabe and Ito's palette, which colour-blind readers can tell apart."""
 
 POINTS = 4000
 """Of a curve."""
@@ -35,8 +31,7 @@ MAGNIFIED = (0.1, 1e-3)
 """Half heights of the lower rows of Figure 7 about the field on the last flat-top, T."""
 
 
-@styled
-def offsets_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: Sequence[Method]) -> "Figure":
+def offsets_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: Sequence[Method]) -> Figure:
     """Figures 5 and 6: the offset voltage that each method finds, a panel for each ramp rate.
 
     Parameters
@@ -44,7 +39,7 @@ def offsets_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods:
     blocks : mapping of (mapping of FieldBlock)
         By ramp rate in A/s, then method.
     """
-    figure = new_figure(5.2)
+    figure = _new_figure(5.2)
     axes = figure.subplots(len(blocks), 1, squeeze=False)[:, 0]
     for panel, (rate, found) in zip(axes, blocks.items(), strict=True):
         for method in methods:
@@ -57,8 +52,7 @@ def offsets_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods:
     return figure
 
 
-@styled
-def fields_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: Sequence[Method]) -> "Figure":
+def fields_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: Sequence[Method]) -> Figure:
     """Figure 7: the field by method, a column for each ramp rate, magnified from row to row about the flat-tops.
 
     Parameters
@@ -71,7 +65,7 @@ def fields_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: 
     Figure
         In T, then mT beside the field on the flat-tops.
     """
-    figure = new_figure(6.0)
+    figure = _new_figure(6.0)
     axes = figure.subplots(1 + len(MAGNIFIED), len(blocks), sharex="col", sharey="row", squeeze=False)
     for column, (rate, found) in zip(axes.T, blocks.items(), strict=True):
         top = float(np.nanquantile(found["cs1"].field, 0.9))
@@ -91,12 +85,11 @@ def fields_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: 
     return figure
 
 
-@styled
 def flat_top_figure(
     blocks: Mapping[Method, FieldBlock], flat_top: tuple[float, float], methods: Sequence[Method]
-) -> "Figure":
+) -> Figure:
     """Figure 8: the last flat-top."""
-    figure = new_figure(2.8)
+    figure = _new_figure(2.8)
     axes = figure.subplots()
     for method in methods:
         block = blocks[method]
@@ -107,6 +100,10 @@ def flat_top_figure(
     axes.ticklabel_format(axis="y", useOffset=False)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=len(methods))
     return figure
+
+
+def _new_figure(height: float) -> Figure:
+    return Figure(figsize=(7.8, height), layout="constrained")
 
 
 def _thin(block: FieldBlock) -> slice:

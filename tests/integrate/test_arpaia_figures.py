@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-
-from femfit.integrate.experiment import ExperimentInputs, synthesise
-from femfit.integrate.study import PAPER_METHODS, experiment_fields
-from femfit.report.integrator_figures import MAGNIFIED, fields_figure, flat_top_figure, offsets_figure
+from arpaia2022.experiment import ExperimentInputs, synthesise
+from arpaia2022.figures import MAGNIFIED, fields_figure, flat_top_figure, offsets_figure
+from arpaia2022.study import PAPER_METHODS, TABLES, experiment_fields, experiment_figures, table_text
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +20,7 @@ def blocks(experiment):
 
 def test_offsets_have_a_panel_for_each_ramp_rate_and_a_curve_for_each_method(blocks):
     figure = offsets_figure({3.2: blocks, 100.0: blocks}, ("ffa1", "ffa2", "cs1"))
-    assert [axes.get_title(loc="left") for axes in figure.axes] == ["3.2 A/s", "100 A/s"]
+    assert [axes.get_title() for axes in figure.axes] == ["3.2 A/s", "100 A/s"]
     curve = figure.axes[1].get_lines()[2]
     at = np.searchsorted(blocks["cs1"].time, curve.get_xdata())
     np.testing.assert_array_equal(curve.get_ydata(), 1e6 * blocks["cs1"].offset[at])
@@ -44,3 +43,12 @@ def test_the_last_flat_top_is_shown_alone(blocks, experiment):
     (axes,) = flat_top_figure(blocks, (begin, end), ("ffa2", "cs1", "cs2")).axes
     for line in axes.get_lines():
         assert begin < line.get_xdata().min() < line.get_xdata().max() < end
+
+
+def test_each_table_is_made_by_one_command(experiment, blocks):
+    figures = experiment_figures([experiment])
+    for number in TABLES:
+        text = table_text(figures, number)
+        assert f"Table {number}" in text
+        assert all(method in text for method in PAPER_METHODS)
+    assert "60.34" in table_text(figures, 3) or "6.034e+04" in table_text(figures, 3)

@@ -3,10 +3,11 @@
 import re
 
 import pytest
+from arpaia2022.experiment import PAPER_RAMP_RATES
+from arpaia2022.printed import PAPER
+from arpaia2022.reproduce import course_and_noise
+from arpaia2022.study import PAPER_METHODS, experiment_figures
 
-from femfit.integrate.experiment import PAPER_RAMP_RATES
-from femfit.integrate.paper_tables import PAPER
-from femfit.integrate.study import PAPER_METHODS, experiment_figures
 from support.integrators_page import (
     DRAWN,
     DRIFTS,
@@ -16,7 +17,6 @@ from support.integrators_page import (
     PAGE,
     TABLES,
     UNCERTAINTIES,
-    course_and_noise,
     draws,
     printed_cells,
     printed_draws,

@@ -1,9 +1,9 @@
 """First-order recursions over millions of samples, by numpy alone.
 
 x_k = a_k x_(k-1) + b_k and the scalar Riccati recursion P_k = (P_(k-1) + w_k) / (1 + j_k (P_(k-1) + w_k)) are chains of
-maps (affine, Moebius) whose composition is associative. A block is folded into lanes of consecutive samples; all lanes
-step together and compose their maps, the few lane starts follow in order, and a second pass fills in the values. Exact
-up to rounding, whatever the block length.
+maps (affine, Moebius) whose composition is associative. A block is folded into chunks of consecutive samples; all
+chunks step together and compose their maps, the few chunk starts follow in order, and a second pass fills in the
+values. Exact up to rounding, whatever the block length.
 
 References
 ----------
@@ -19,41 +19,41 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 
-LANE_LENGTH = 128
-"""Samples of a lane; blocks of half a million give lanes enough to hide the cost of a numpy call."""
+CHUNK_LENGTH = 128
+"""Samples of a chunk; blocks of half a million give chunks enough to hide the cost of a numpy call."""
 
-# A lane's Moebius map grows by (1 + j w) a sample; rescaled this often it cannot overflow for j w < 1e18.
+# A chunk's Moebius map grows by (1 + j w) a sample; rescaled this often it cannot overflow for j w < 1e18.
 _RESCALE_EVERY = 8
 
 
 @dataclass(frozen=True)
-class Lanes:
+class Folding:
     """How a block of samples is folded."""
 
     samples: int
 
     @property
     def length(self) -> int:
-        """Samples of a lane."""
-        return min(self.samples, LANE_LENGTH)
+        """Samples of a chunk."""
+        return min(self.samples, CHUNK_LENGTH)
 
     @property
     def count(self) -> int:
-        """Number of lanes."""
+        """Number of chunks."""
         return -(-self.samples // self.length)
 
     def fold(self, values: FloatArray, fill: float) -> FloatArray:
-        """Samples (n,) as (length, count), a lane a column; the last lane is filled up with a neutral value."""
+        """Samples (n,) as (length, count), a chunk a column; the last chunk is filled up with a neutral value."""
         whole = np.full(self.length * self.count, fill)
         whole[: self.samples] = values
         return np.ascontiguousarray(whole.reshape(self.count, self.length).T)
 
-    def unfold(self, lanes: FloatArray) -> FloatArray:
+    def unfold(self, folded: FloatArray) -> FloatArray:
         """Back to samples (n,)."""
-        return np.ascontiguousarray(lanes.T).ravel()[: self.samples]
+        return np.ascontiguousarray(folded.T).ravel()[: self.samples]
 
 
-def affine_lanes(a: FloatArray, b: Sequence[FloatArray], starts: Sequence[float]) -> tuple[FloatArray, ...]:
+def affine_recursion(a: FloatArray, b: Sequence[FloatArray], starts: Sequence[float]) -> tuple[FloatArray, ...]:
     """Run x_k = a_k x_(k-1) + b_k for several right sides that share a.
 
     Parameters
@@ -82,15 +82,15 @@ def affine_lanes(a: FloatArray, b: Sequence[FloatArray], starts: Sequence[float]
             np.multiply(a[row], x[row - 1], out=carry)
             x[row] += carry
         value = start
-        for lane, (end, own) in enumerate(zip(ends, x[-1].tolist(), strict=True)):
-            carry[lane] = value
+        for chunk, (end, own) in enumerate(zip(ends, x[-1].tolist(), strict=True)):
+            carry[chunk] = value
             value = end * value + own
         x += np.multiply(product, carry, out=scratch)
         results.append(x)
     return tuple(results)
 
 
-def riccati_lanes(w: FloatArray, j: FloatArray, start: float) -> tuple[FloatArray, FloatArray]:
+def riccati_recursion(w: FloatArray, j: FloatArray, start: float) -> tuple[FloatArray, FloatArray]:
     """Variance of a scalar Kalman filter with F = D = 1: (12), then the update with the information j.
 
     Parameters
@@ -109,8 +109,8 @@ def riccati_lanes(w: FloatArray, j: FloatArray, start: float) -> tuple[FloatArra
     """
     value = start
     variance = np.empty(w.shape[1])
-    for lane, (a, b, c, d) in enumerate(zip(*_moebius_products(w, j), strict=True)):
-        variance[lane] = value
+    for chunk, (a, b, c, d) in enumerate(zip(*_moebius_products(w, j), strict=True)):
+        variance[chunk] = value
         value = (a * value + b) / (c * value + d)
     posterior, share = np.empty_like(w), np.empty_like(w)
     for row in range(len(w)):
@@ -124,7 +124,7 @@ def riccati_lanes(w: FloatArray, j: FloatArray, start: float) -> tuple[FloatArra
 
 
 def _moebius_products(w: FloatArray, j: FloatArray) -> tuple[list[float], ...]:
-    """Matrices [[a, b], [c, d]] of each lane's map P -> (a P + b) / (c P + d), up to a common factor."""
+    """Matrices [[a, b], [c, d]] of each chunk's map P -> (a P + b) / (c P + d), up to a common factor."""
     count = w.shape[1]
     upper, lower = np.array([np.ones(count), np.zeros(count)]), np.array([np.zeros(count), np.ones(count)])
     step = np.empty_like(upper)

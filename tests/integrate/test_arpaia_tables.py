@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from arpaia2022.experiment import ExperimentInputs, flicker, make_course, synthesise
+from arpaia2022.indicators import global_drift, total_uncertainty
+from arpaia2022.printed import PAPER
+from arpaia2022.sensors import PAPER_COIL, paper_noise
+from arpaia2022.study import SETTLING, experiment_fields, experiment_figures, study_lines
 from scipy.signal import lfilter
 
 from femfit.core.errors import TableError
-from femfit.integrate.experiment import ExperimentInputs, flicker, make_course, synthesise
-from femfit.integrate.indicators import global_drift, total_uncertainty
-from femfit.integrate.paper_tables import PAPER
-from femfit.integrate.study import SETTLING, experiment_fields, experiment_figures, study_lines
-from femfit.integrate.uncertainty import PAPER_COIL, paper_noise
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def settled(request):
 @pytest.mark.parametrize(("method", "left", "allowed"), [("cs1", 0.0, 4e-6), ("cs2", -6e-6, 4e-6)])
 def test_the_drift_that_a_one_state_filter_keeps_is_the_change_of_its_lag(method, left, allowed, settled):
     experiment, fields, (first, last) = settled
-    reference = paper_noise("hall" if method == "cs1" else "current", 200.0).reference
+    reference = paper_noise(method == "cs1", 200.0).reference
     top = experiment.field[last].mean()
     gain = fields[method].variance[last].mean() / reference.variance(np.array([top]))[0]
     # e_k = (1 - K) (e_(k-1) + v_o T_s / A): the offset through the filter.

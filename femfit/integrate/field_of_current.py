@@ -20,6 +20,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from femfit.core.errors import ModelFileError
 
 _KIND = "field of current"
 _PLACES = ("zero", "medium", "full")
+
+MOST_TERMS = 50
+"""Highest degree, and most radii or lag times, that a file may have."""
 
 
 @dataclass(frozen=True)
@@ -230,13 +234,7 @@ def field_model_of_sweep(
 
 
 def write_field_model(model: FieldModel, path: Path) -> None:
-    """Write a field model as JSON.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file; its directory is made.
-    """
+    """Write a field model as JSON."""
     data = {
         "kind": _KIND,
         "terms": asdict(model.terms),
@@ -249,32 +247,52 @@ def write_field_model(model: FieldModel, path: Path) -> None:
 def read_field_model(path: Path) -> FieldModel:
     """Read a field model.
 
-    Parameters
-    ----------
-    path : Path
-        Written by :func:`write_field_model`.
-
     Raises
     ------
     ModelFileError
-        If the file holds anything else.
+        If the file is missing, holds anything else, or a number that no field model has.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        if data["kind"] != _KIND:
-            raise ModelFileError(f"{path} must be a {_KIND}; instead received {data['kind']!r}.")
-        given = data["terms"]
-        terms = FieldTerms(
-            float(given["current_max_A"]),
-            int(given["degree"]),
-            tuple(map(float, given["play_radii_A"])),
-            tuple(map(float, given["lag_times_s"])),
-        )
-        coefficients = np.array([float(data["coefficients_T"][name]) for name in terms.names])
-        return FieldModel(terms, coefficients, float(data["rms_T"]))
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, ModelFileError):
-            raise
+        return _parsed(json.loads(path.read_text(encoding="utf-8"), parse_constant=_refused))
+    except (OSError, KeyError, TypeError, ValueError, RecursionError) as error:
+        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ModelFileError(
-            f"{path} cannot be read as a {_KIND}: {error!r}. Identify it again from a lab record."
+            f"{path} cannot be read as a {_KIND}: {reason[:200]}. Identify it again from a lab record."
         ) from error
+
+
+def _parsed(data: Any) -> FieldModel:
+    if data["kind"] != _KIND:
+        raise ValueError(f"its kind must be {_KIND!r}; instead received {str(data['kind'])[:80]!r}")
+    given = data["terms"]
+    degree = given["degree"]
+    if type(degree) is not int or not 0 <= degree <= MOST_TERMS:
+        raise ValueError(f"degree must be a whole number from 0 to {MOST_TERMS}")
+    terms = FieldTerms(
+        _number(given["current_max_A"], "current_max_A", above=0.0),
+        degree,
+        _positive(given["play_radii_A"], "play_radii_A"),
+        _positive(given["lag_times_s"], "lag_times_s"),
+    )
+    coefficients = np.array([_number(data["coefficients_T"][name], name) for name in terms.names])
+    rms = _number(data["rms_T"], "rms_T")
+    if rms < 0.0:
+        raise ValueError(f"rms_T must be >= 0; instead received {rms:g}")
+    return FieldModel(terms, coefficients, rms)
+
+
+def _refused(text: str) -> float:
+    raise ValueError(f"numbers must be finite; instead received {text}")
+
+
+def _number(value: Any, name: str, above: float = -math.inf) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not above < value < math.inf:
+        least = "" if above == -math.inf else f" > {above:g}"
+        raise ValueError(f"{name} must be a finite number{least}; instead received {str(value)[:40]}")
+    return float(value)
+
+
+def _positive(values: Any, name: str) -> tuple[float, ...]:
+    if not isinstance(values, list) or len(values) > MOST_TERMS:
+        raise ValueError(f"{name} must be a list of at most {MOST_TERMS} numbers")
+    return tuple(_number(value, name, above=0.0) for value in values)

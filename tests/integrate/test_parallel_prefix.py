@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from femfit.integrate.lanes import LANE_LENGTH, Lanes, affine_lanes, riccati_lanes
+from femfit.integrate.parallel_prefix import CHUNK_LENGTH, Folding, affine_recursion, riccati_recursion
 
 # Rounding of some thousand operations, each 1e-16.
 ROUNDING = 1e-12
-LENGTHS = [1, 2, LANE_LENGTH - 1, LANE_LENGTH, LANE_LENGTH + 1, 3 * LANE_LENGTH, 5000]
+LENGTHS = [1, 2, CHUNK_LENGTH - 1, CHUNK_LENGTH, CHUNK_LENGTH + 1, 3 * CHUNK_LENGTH, 5000]
 
 
 @pytest.mark.parametrize("samples", LENGTHS)
@@ -17,10 +17,10 @@ def test_affine_recursion_is_that_of_a_loop(samples):
     x, expected = 0.7, np.empty(samples)
     for k in range(samples):
         expected[k] = x = a[k] * x + b[k]
-    lanes = Lanes(samples)
-    first, second = affine_lanes(lanes.fold(a, 1.0), [lanes.fold(b, 0.0), lanes.fold(0 * b, 0.0)], [0.7, 1.0])
-    np.testing.assert_allclose(lanes.unfold(first), expected, rtol=ROUNDING, atol=ROUNDING)
-    np.testing.assert_allclose(lanes.unfold(second), np.cumprod(a), rtol=ROUNDING)
+    folding = Folding(samples)
+    first, second = affine_recursion(folding.fold(a, 1.0), [folding.fold(b, 0.0), folding.fold(0 * b, 0.0)], [0.7, 1.0])
+    np.testing.assert_allclose(folding.unfold(first), expected, rtol=ROUNDING, atol=ROUNDING)
+    np.testing.assert_allclose(folding.unfold(second), np.cumprod(a), rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("samples", LENGTHS)
@@ -34,8 +34,8 @@ def test_riccati_recursion_is_that_of_a_loop(samples, strength):
         prior = variance + w[k]
         gain[k] = prior * j[k] / (1.0 + prior * j[k])
         expected[k] = variance = (1.0 - gain[k]) * prior
-    lanes = Lanes(samples)
-    posterior, share = riccati_lanes(lanes.fold(w, 0.0), lanes.fold(j, 0.0), 5.0)
+    folding = Folding(samples)
+    posterior, share = riccati_recursion(folding.fold(w, 0.0), folding.fold(j, 0.0), 5.0)
     # 1 - K cancels digits in the loop where K is within 1e-6 of 1; the folded form does not subtract.
-    np.testing.assert_allclose(lanes.unfold(posterior), expected, rtol=1e-9)
-    np.testing.assert_allclose(lanes.unfold(share), 1.0 - gain, rtol=1e-9)
+    np.testing.assert_allclose(folding.unfold(posterior), expected, rtol=1e-9)
+    np.testing.assert_allclose(folding.unfold(share), 1.0 - gain, rtol=1e-9)

@@ -15,10 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from arpaia2022.experiment import PAPER_RAMP_RATES, Experiment, ExperimentInputs
+from arpaia2022.indicators import AVERAGE, global_drift, total_uncertainty
+from arpaia2022.printed import PAPER
+from arpaia2022.sensors import PAPER_COIL, PAPER_CURRENT_TO_FIELD, paper_noise
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.integrate.experiment import PAPER_RAMP_RATES, Experiment, ExperimentInputs, make_course
 from femfit.integrate.field_block import FieldBlock
-from femfit.integrate.indicators import AVERAGE, global_drift, total_uncertainty
+from femfit.integrate.field_of_current import FieldModel
 from femfit.integrate.methods import (
     AnyIntegrator,
     IntegrationOptions,
@@ -26,12 +29,12 @@ from femfit.integrate.methods import (
     integrate_blocks,
     make_integrator,
 )
-from femfit.integrate.paper_tables import PAPER
-from femfit.integrate.uncertainty import PAPER_COIL
-from femfit.model.field_of_current import FieldModel
 
 SETTLING = 30.0
 """Seconds after the first flat-top's begin at which (17) starts here, and plateau errors are taken."""
+
+EDDY_SETTLING = ((3.2, 32.0, 100.0), (20.0, 25.0, 30.0))
+"""Ramp rates in A/s, and the seconds that FFA2 waits after each; section 3."""
 
 PAPER_METHODS: tuple[Method, ...] = ("trapezoid", "ffa1", "ffa2", "cs1", "cs2")
 
@@ -64,32 +67,6 @@ class Figures:
     drift: float
     uncertainty_end: float
     plateau_rms: float
-
-
-def paper_study(
-    rng: np.random.Generator,
-    sample_rate: float = 1000.0,
-    ramp_rates: Sequence[float] = PAPER_RAMP_RATES,
-    field_model: FieldModel | None = None,
-) -> tuple[Figures, ...]:
-    """Run every method over the synthetic experiment.
-
-    The paper's methods weigh to the letter (``paper``), cs1-offset and cs2-identified as ``gum``.
-
-    Parameters
-    ----------
-    sample_rate : float
-        Hz; posterior variances and time constants do not depend on it.
-    field_model : FieldModel or None
-        For cs2-identified, which is left out where None.
-    """
-    figures: list[Figures] = []
-    for ramp_rate in ramp_rates:
-        # Apart, so that another sample rate meets the same offsets, supply and probe.
-        wander, noise = rng.spawn(2)
-        course = make_course(paper_inputs(ramp_rate, sample_rate), wander)
-        figures += experiment_figures([course.piece(0, course.samples, noise)], field_model)
-    return tuple(figures)
 
 
 def paper_inputs(ramp_rate: float, sample_rate: float = 1000.0) -> ExperimentInputs:
@@ -141,10 +118,12 @@ def _integrator(method: Method, source: Experiment, field_model: FieldModel | No
     options = IntegrationOptions(
         method,
         PAPER_COIL,
-        treatment="paper" if method in PAPER_METHODS else "gum",
         initial_field=starts.get(method, inputs.remanence),
         zero_reading=inputs.zero_reading,
+        settling=float(np.interp(inputs.ramp_rate, *EDDY_SETTLING)),
+        current_to_field=PAPER_CURRENT_TO_FIELD,
         field_model=field_model,
+        noise=paper_noise(method == "cs1", inputs.sample_rate) if method in PAPER_METHODS else None,
     )
     return make_integrator(options, source.record)
 
@@ -266,3 +245,39 @@ def study_lines(study: Sequence[Figures]) -> list[str]:
             f"{row.ramp_rate:>5g} {row.method:<15} {offset:<38} {drift:<18} {total:<22} {1e6 * row.plateau_rms:.3g}"
         )
     return lines
+
+
+TABLES = {
+    1: ("offset voltage, mean and range over a second, uV", lambda row: _offset(row.offset_mean, row.offset_range)),
+    2: ("global drift, ppm/s", lambda row: f"{1e6 * row.drift:.3g}"),
+    3: ("total uncertainty (18) at the end against cs1, k = 2, uT", lambda row: f"{1e6 * row.uncertainty_end:.4g}"),
+}
+"""Title and cell of each of the paper's tables."""
+
+
+def table_text(figures: Sequence[Figures], number: int) -> str:
+    """One of the paper's tables, here and as printed.
+
+    Parameters
+    ----------
+    number : int
+        1, 2 or 3.
+    """
+    title, cell = TABLES[number]
+    lines = [f"Table {number}: {title}; here / paper", f"{'A/s':>5} {'method':<15}"]
+    for row in figures:
+        printed, theirs = PAPER.get(row.method), ""
+        if printed is not None and row.ramp_rate in PAPER_RAMP_RATES:
+            place = PAPER_RAMP_RATES.index(row.ramp_rate)
+            if number == 1 and printed.offset_mean is not None:
+                limits = None if printed.offset_range is None else printed.offset_range[place]
+                theirs = _offset(printed.offset_mean[place], limits)
+            elif number > 1:
+                theirs = f"{1e6 * (printed.drift if number == 2 else printed.uncertainty_end)[place]:.4g}"
+        lines.append(f"{row.ramp_rate:>5g} {row.method:<15} {cell(row):<20} / {theirs or '-'}")
+    return "\n".join(lines)
+
+
+def _offset(mean: float, limits: tuple[float, float] | None) -> str:
+    spread = "" if limits is None else f" [{1e6 * limits[0]:.0f}, {1e6 * limits[1]:.0f}]"
+    return f"{1e6 * mean:.1f}{spread}"

@@ -1,0 +1,195 @@
+"""From a record of a coil's voltage to a bench table: the flux linkage on each plateau."""
+
+from dataclasses import dataclass, field, replace
+from html import escape
+from json import dumps
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.atomic import replacing, write_text
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding, listing
+from femfit.core.outputs import NOTES, TABLE, require_outputs
+from femfit.effects.conditions import Conditions
+from femfit.integrate.bench_watch import resistance_finding, watch_run
+from femfit.integrate.plateaus import OffsetMethod, PlateauOptions, plateau_flux
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import read_model
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of
+from femfit.tables.measurement_columns import BENCH_COLUMNS, column_values, recognise
+from femfit.tables.measurement_file import read_raw_table
+
+NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]
+
+
+@dataclass(frozen=True, eq=False)
+class BenchFlux:
+    """A bench table whose flux linkage was integrated from a coil's voltage.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        One row a plateau, in the columns of a bench table.
+    noise_Wb : float
+        Standard uncertainty of a row's flux linkage from the voltage's noise, rms over the rows.
+    notes : str
+        What was done, and what the noise leaves out.
+    """
+
+    rows: pd.DataFrame = field(repr=False)
+    noise_Wb: float
+    notes: str
+    findings: tuple[Finding, ...]
+    output: Path | None
+
+    def __str__(self) -> str:
+        lines = [
+            f"{len(self.rows)} plateaus, flux linkage within {self.noise_Wb:.3g} Wb (noise, rms)",
+            self.notes,
+            *(f"{finding.code}: {finding}" for finding in self.findings),
+        ]
+        if self.output is not None:
+            lines.append(f"written: {self.output}, {self.output.with_suffix('.toml')}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready, without the rows."""
+        return {
+            "rows": len(self.rows),
+            "noise_Wb": self.noise_Wb,
+            "notes": self.notes,
+            "findings": [finding.as_dict() for finding in self.findings],
+            "output": None if self.output is None else str(self.output),
+            "sidecar": None if self.output is None else str(self.output.with_suffix(".toml")),
+        }
+
+
+def make_bench_table(
+    record: str | Path,
+    *,
+    output: str | Path | None = None,
+    resistance_ohm: float | None = None,
+    turns_ratio: float = 1.0,
+    method: OffsetMethod = "plateaus",
+    settling_s: float = 0.0,
+    still_A: float = 1e-3,
+    still_m: float = 1e-6,
+    model: str | Path | ActuatorModel | None = None,
+    initial_flux_Wb: float | None = None,
+) -> BenchFlux:
+    """Integrate a coil's voltage run by run, and average it and the other columns on the plateaus.
+
+    Parameters
+    ----------
+    record : path
+        ``time_s, coil_voltage_V, current_A, distance_m``, and any other column of a bench table.
+    output : path
+        The bench table, .csv; its sidecar .toml with noise and notes is written beside it.
+    resistance_ohm : float
+        Of the excitation winding, where the voltage is its own: R i is taken off.
+    turns_ratio : float
+        Turns of the excitation winding over those of the sensing coil.
+    method : str
+        ``plateaus`` (offset voltage from each settled plateau, linear between), ``ffa1`` (from each run's first
+        plateau), or ``trapezoid`` (none: drifts).
+    settling_s, still_A, still_m : float
+        Seconds left out after each change; movements from sample to sample that still belong to a plateau.
+    model, initial_flux_Wb : path or model, float
+        Flux linkage on each run's first plateau, as the model has it or as it is known; 0 where neither is given.
+
+    Raises
+    ------
+    TableError
+        If the record lacks a column, a run has fewer than two plateaus, or both first values are given.
+    OutputError
+        If the record, the model, or a file of another kind would be replaced.
+    """
+    record = Path(record)
+    output = None if output is None else Path(output)
+    if output is not None:
+        if output.suffix != ".csv":
+            raise TableError(f"The bench table is written as .csv; instead received {output}.")
+        given = model if isinstance(model, str | Path) else None
+        inputs = [record, None if given is None else Path(given)]
+        require_outputs(inputs, (output, TABLE), (output.with_suffix(".toml"), NOTES))
+    if model is not None and initial_flux_Wb is not None:
+        raise TableError("Give the first plateau's flux linkage by --model or by --initial-flux-Wb, not by both.")
+    first: ActuatorModel | float = initial_flux_Wb or 0.0
+    begins = f"taken as {first:g} Wb"
+    if model is not None:
+        begins = f"taken from {model.name if isinstance(model, ActuatorModel) else Path(model).name}"
+        first = model if isinstance(model, ActuatorModel) else read_model(Path(model))
+    rows = _read(record)
+    rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
+    table, sigma, findings = _table(rows, PlateauOptions(method, settling_s, still_A, still_m), first)
+    level = resistance_finding(table.pop("coil_voltage_V").to_numpy(), table["current_A"].to_numpy(), resistance_ohm)
+    taken = "no R i taken off" if resistance_ohm is None else f"R i taken off with {resistance_ohm:g} ohm"
+    left = "; the offset voltage, which was not taken off." if method == "trapezoid" else "."
+    notes = (
+        f"Flux linkage integrated from the coil voltage of {record.name} ({method}, {taken}, turns ratio "
+        f"{turns_ratio:g}); on each run's first plateau it was {begins}, not measured. The noise is the rms standard "
+        "uncertainty of the integral from the voltage's noise; it accumulates within a run. Not in it: errors of "
+        f"resistance, turns ratio, voltmeter gain and first value{left}"
+    )
+    result = BenchFlux(table, sigma, notes, (*findings, *([] if level is None else [level])), output)
+    if output is not None:
+        with replacing(output) as partial:
+            table.to_csv(partial, index=False)
+        noted = " ".join([notes, *map(str, result.findings)])
+        write_text(output.with_suffix(".toml"), f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(noted)}\n")
+    return result
+
+
+def _read(record: Path) -> pd.DataFrame:
+    """Columns of a bench record in SI."""
+    names = ("time_s", "coil_voltage_V", *(name for name in BENCH_COLUMNS if name != "flux_linkage_Wb"))
+    raw = read_raw_table(record, "bench record")
+    used, _ = recognise(raw.headers, str(record), names)
+    rows, _ = column_values(raw, used)
+    missing = [name for name in NEEDED if name not in rows]
+    if missing:
+        raise TableError(f"A bench record needs {', '.join(missing)}; {record} has {listing(raw.headers)}.")
+    rows = rows if "run" in rows else rows.assign(run=1.0)
+    rows = rows.dropna(subset=NEEDED)  # a row without one of these is a gap, and said to be one
+    if rows.empty:
+        raise TableError(f"{record} has no row with a time, a voltage, a current and a distance.")
+    return rows
+
+
+def _table(
+    rows: pd.DataFrame, options: PlateauOptions, first: ActuatorModel | float
+) -> tuple[pd.DataFrame, float, list[Finding]]:
+    """The bench table of all runs with the voltage's means, the rms of the flux linkage's noise, and what is wrong."""
+    pieces, variances, findings = [], [], []
+    for number in pd.unique(rows["run"]):
+        run = rows[rows["run"] == number].reset_index(drop=True)
+        time, voltage, induced, current, distance = (
+            run[name].to_numpy() for name in ("time_s", "coil_voltage_V", "induced_V", "current_A", "distance_m")
+        )
+        flux = plateau_flux(time, induced, current, distance, options)
+        seen = watch_run(time, voltage, induced, current, flux)
+        findings += [replace(finding, text=f"Run {number:g}: {finding.text}") for finding in seen]
+        kept = run.drop(columns=["induced_V", "branch", "order"], errors="ignore")
+        means = pd.DataFrame([kept.iloc[a:b].mean() for a, b in zip(flux.first, flux.last, strict=True)])
+        means = means.assign(order=means["time_s"] - time[0], branch=flux.branch)
+        begin = first
+        if isinstance(begin, ActuatorModel):
+            place = means.iloc[:1]
+            values = predict_readings(
+                begin,
+                place["distance_m"].to_numpy(),
+                place["current_A"].to_numpy(),
+                Conditions(nominal=nominal_of(begin)),
+            )
+            begin = float(values["flux_linkage_Wb"][0])
+        pieces.append(means.drop(columns="time_s").assign(flux_linkage_Wb=begin + flux.flux))
+        variances.append(flux.sigma**2)
+    noise = float(np.sqrt(np.mean(np.concatenate(variances))))
+    return pd.concat(pieces, ignore_index=True), noise, findings
