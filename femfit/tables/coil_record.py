@@ -4,8 +4,6 @@ A raw record holds interleaved little-endian float32 columns without header. Its
 beside it, says ``sample_rate_Hz``, ``columns`` and, where it is not 0, ``start_s``.
 """
 
-import json
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -21,7 +19,15 @@ import pyarrow.parquet as pq
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
+from femfit.core.finding import listing
+from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
+from femfit.tables.decode import decode
+from femfit.tables.measurement_columns import UsedColumn, recognise
+from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
+from femfit.tables.raw_table import check_width, typed_numbers
+from femfit.tables.settings_file import finite_number, read_settings
+from femfit.tables.text_table import find_layout, split, text_lines
 
 BLOCK_ROWS = 2**18
 """Samples of a block: small enough for the memory, large enough for numpy."""
@@ -30,6 +36,10 @@ RAW_SUFFIXES = (".bin", ".raw", ".f32")
 COLUMNS = ("coil_voltage_V", "hall_T", "current_A")
 
 _RAW = np.dtype("<f4")
+_HEAD = 2**16
+"""Bytes of a text record by which its layout is found."""
+
+_HIGHEST_RATE_HZ = 1e12
 
 
 @dataclass(frozen=True)
@@ -38,18 +48,24 @@ class CoilRecord:
 
     Parameters
     ----------
-    columns : tuple of str
-        In the file, without the time.
+    used : tuple of UsedColumn
+        The time and what else is read, each with its header and its factor to SI.
     samples : int or None
-        Rows; None where only reading tells (CSV).
-    raw : mapping
-        Sidecar of a raw record, empty otherwise.
+        Rows; None where only reading shows it (CSV).
+    layout : mapping
+        Of a raw record its sidecar, of a text record the arguments of ``pandas.read_csv``.
     """
 
     path: Path
-    columns: tuple[str, ...]
+    headers: tuple[str, ...]
+    used: tuple[UsedColumn, ...]
     samples: int | None
-    raw: Mapping[str, Any]
+    layout: Mapping[str, Any]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns in the file, without the time."""
+        return tuple(name for name in COLUMNS if name in {column.name for column in self.used})
 
     def blocks(self, rows: int = BLOCK_ROWS) -> Iterator[CoilBlock]:
         """The record's blocks in order; rows without a time or a voltage are left out and show as gaps.
@@ -82,26 +98,53 @@ class CoilRecord:
             raise TableError(f"{self.path} has no row with a time and a voltage.")
 
     def _tables(self, rows: int) -> Iterator[dict[str, FloatArray]]:
-        if self.raw:
+        if self.path.suffix in RAW_SUFFIXES:
             yield from self._raw_tables(rows)
-        elif self.path.suffix == ".parquet":
-            names = ["time_s", *self.columns]
-            with pq.ParquetFile(self.path) as file:
-                for batch in file.iter_batches(batch_size=rows, columns=names):
-                    yield {name: self._numbers(batch.column(name).to_pandas(), name) for name in names}
-        else:
-            with pd.read_csv(self.path, chunksize=rows, usecols=["time_s", *self.columns]) as chunks:
-                for chunk in chunks:
-                    yield {str(name): self._numbers(chunk[name], str(name)) for name in chunk}
-
-    def _numbers(self, column: "pd.Series[Any]", name: str) -> FloatArray:
+            return
         try:
-            return np.asarray(column.to_numpy(dtype=np.float64, na_value=np.nan))
-        except (ValueError, TypeError) as error:
-            raise TableError(f"Column {name} of {self.path} must hold numbers; {error}. Repair these cells.") from error
+            tables = self._parquet_tables(rows) if self.path.suffix == ".parquet" else self._text_tables(rows)
+            for table in tables:
+                yield {c.name: c.factor * self._numbers(table[c.header], c.header) for c in self.used}
+        except (OSError, ValueError, pa.ArrowException) as error:
+            if isinstance(error, TableError):
+                raise
+            raise TableError(f"Coil record {self.path} is damaged: {quoted(error, 300)}.") from error
+
+    def _parquet_tables(self, rows: int) -> Iterator[pd.DataFrame]:
+        headers, first = [column.header for column in self.used], None
+        with pq.ParquetFile(self.path) as file:
+            for batch in file.iter_batches(batch_size=rows, columns=headers):
+                table = batch.to_pandas()
+                for header in headers:  # moments of a clock count from the record's first one
+                    if pd.api.types.is_datetime64_any_dtype(table[header].dtype):
+                        first = table[header].iloc[0] if first is None else first
+                        table[header] = (table[header] - first).dt.total_seconds()
+                yield table
+
+    def _text_tables(self, rows: int) -> Iterator[pd.DataFrame]:
+        names = dict(enumerate(self.headers))
+        try:  # all columns are read, so that a line with too many cells is an error
+            with pd.read_csv(self.path, chunksize=rows, **self.layout) as chunks:
+                yield from (chunk.rename(columns=names) for chunk in chunks)
+        except pd.errors.EmptyDataError:
+            return  # names without rows
+
+    def _numbers(self, column: "pd.Series[Any]", header: str) -> FloatArray:
+        if column.dtype.kind not in "iufM" and self.layout.get("decimal") == ",":
+            column = column.map(lambda cell: cell.replace(",", ".") if isinstance(cell, str) else cell)
+        values = typed_numbers(column)
+        if column.dtype.kind in "iuf":
+            return values
+        bad = np.flatnonzero(np.isnan(values) & column.notna().to_numpy())
+        for k in bad[:1]:
+            raise TableError(
+                f"Column {quoted(header)} of {self.path} must hold numbers; instead received "
+                f"{quoted(column.iloc[int(k)])!r}. Repair these cells."
+            )
+        return values
 
     def _raw_tables(self, rows: int) -> Iterator[dict[str, FloatArray]]:
-        names, rate, begin = self.raw["columns"], float(self.raw["sample_rate_Hz"]), float(self.raw.get("start_s", 0.0))
+        names, rate, begin = self.layout["columns"], self.layout["sample_rate_Hz"], self.layout["start_s"]
         done = 0
         with self.path.open("rb") as file:
             while len(values := np.fromfile(file, _RAW, rows * len(names))):
@@ -111,13 +154,13 @@ class CoilRecord:
                 yield {"time_s": time, **{name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}}
 
 
-def open_coil_record(path: Path) -> CoilRecord:
+def open_coil_record(path: str | Path) -> CoilRecord:
     """Look at a coil record without reading it.
 
     Parameters
     ----------
-    path : Path
-        ``.csv``, ``.parquet``, or ``.bin``, ``.raw``, ``.f32`` with a sidecar.
+    path : str or Path
+        ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; else a text table of any dialect.
 
     Raises
     ------
@@ -127,51 +170,91 @@ def open_coil_record(path: Path) -> CoilRecord:
     path = Path(path)
     if not path.is_file():
         raise TableError(f"There is no coil record {path}. Give a .csv, .parquet, .bin, .raw or .f32 file.")
-    raw: dict[str, Any] = {}
+    layout: dict[str, Any] = {}
+    samples = None
     try:
         if path.suffix in RAW_SUFFIXES:
-            raw = _sidecar(path)
-            names, samples = ["time_s", *raw["columns"]], path.stat().st_size // (_RAW.itemsize * len(raw["columns"]))
+            layout = _raw_layout(path)
+            headers = ["time_s", *layout["columns"]]
+            samples = path.stat().st_size // (_RAW.itemsize * len(layout["columns"]))
         elif path.suffix == ".parquet":
-            head = pq.ParquetFile(path)
-            names, samples = list(head.schema_arrow.names), head.metadata.num_rows
+            with pq.ParquetFile(path) as file:
+                headers, samples = list(file.schema_arrow.names), file.metadata.num_rows
         else:
-            names, samples = [str(name) for name in pd.read_csv(path, nrows=0).columns], None
+            headers, layout = _text_layout(path)
     except (OSError, ValueError, pa.ArrowException) as error:
         if isinstance(error, TableError):
             raise
-        raise TableError(f"Coil record {path} cannot be read: {error}") from error
-    missing = [name for name in ("time_s", "coil_voltage_V") if name not in names]
+        raise TableError(f"Coil record {path} cannot be read: {quoted(error, 300)}.") from error
+    check_width(len(headers), str(path))
+    used, _ = recognise(headers, str(path), ("time_s", *COLUMNS))
+    missing = [name for name in ("time_s", "coil_voltage_V") if name not in {column.name for column in used}]
     if missing:
         raise TableError(
             f"A coil record needs the columns time_s and coil_voltage_V, and hall_T or current_A for a filter; {path} "
-            f"has {', '.join(names) or 'none'}. Rename or add {' and '.join(missing)}."
+            f"has {listing(headers, 20) or 'none'}. Rename or add {' and '.join(missing)}."
         )
-    return CoilRecord(path, tuple(name for name in COLUMNS if name in names), samples, raw)
+    return CoilRecord(path, tuple(headers), tuple(used), samples, layout)
 
 
-def _sidecar(path: Path) -> dict[str, Any]:
-    for candidate in (path.with_suffix(".toml"), path.with_suffix(".json")):
-        if candidate.is_file():
-            text = candidate.read_text(encoding="utf-8")
-            data: dict[str, Any] = tomllib.loads(text) if candidate.suffix == ".toml" else json.loads(text)
-            break
-    else:
+def _text_layout(path: Path) -> tuple[list[str], dict[str, Any]]:
+    """The headers of a text record, and how pandas reads what stands below them."""
+    with path.open("rb") as file:
+        content = file.read(_HEAD)
+        complete = not file.read(1)
+    if not complete:
+        if b"\n" not in content:
+            raise TableError(f"Line 1 of {path} has more than {_HEAD} characters. Check that it is a text table.")
+        content = content[: max(content.rfind(b"\n"), 0) + 1] or content
+        content += b"\x00" * (len(content) % 2 and b"\x00" in content[:64])  # the other half of a UTF-16 line end
+    text, encoding = decode(content, str(path))
+    lines = text_lines(text, str(path))
+    if not lines:
+        raise TableError(f"{path} is empty; it needs a line of column names and rows of numbers.")
+    lines, layout = find_layout(lines, str(path))
+    rows = [split(line.text, layout.delimiter) for line in lines if line.number >= layout.first and not line.comment]
+    marked = (cell for row in rows for cell in row if "," in cell and looks_numeric(cell))
+    skipped = layout.first - 1 if layout.first <= lines[-1].number else lines[-1].number
+    arguments: dict[str, Any] = {
+        "encoding": encoding,
+        "encoding_errors": "replace",
+        "sep": r"\s+" if layout.delimiter == " " else layout.delimiter,
+        "decimal": find_decimal(marked, str(path), ","),
+        "header": None,
+        "skiprows": skipped,
+        "skipinitialspace": True,
+        "na_values": sorted(EMPTY),
+    }
+    return list(layout.headers), arguments
+
+
+def _raw_layout(path: Path) -> dict[str, Any]:
+    """The checked sidecar of a raw record."""
+    sides = [side for side in (path.with_suffix(".toml"), path.with_suffix(".json")) if side.is_file()]
+    if not sides:
         raise TableError(
             f"{path} needs a sidecar {path.stem}.toml or {path.stem}.json beside it, with sample_rate_Hz and columns."
         )
-    rate, columns = data.get("sample_rate_Hz"), data.get("columns")
-    if not (isinstance(rate, int | float) and rate > 0 and isinstance(columns, list) and columns):
+    data = read_settings(sides[0], 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]')
+    rate, columns, start = data.get("sample_rate_Hz"), data.get("columns"), data.get("start_s", 0.0)
+    named = isinstance(columns, list) and len(columns) > 0 and all(isinstance(name, str) for name in columns)
+    rate, start = finite_number(rate), finite_number(start)
+    if not (rate is not None and 0 < rate <= _HIGHEST_RATE_HZ and isinstance(columns, list) and named):
         raise TableError(
-            f'{candidate} needs sample_rate_Hz > 0 and columns = ["coil_voltage_V", ...]; instead received '
-            f"sample_rate_Hz = {rate!r}, columns = {columns!r}."
+            f'{sides[0]} needs sample_rate_Hz > 0 and columns = ["coil_voltage_V", ...]; instead received '
+            f"sample_rate_Hz = {quoted(data.get('sample_rate_Hz'))}, columns = {quoted(columns)}."
         )
+    if len(set(columns)) < len(columns):
+        raise TableError(f"{sides[0]} must name each column once; instead received columns = {quoted(columns)}.")
+    if start is None:
+        received = quoted(data["start_s"])
+        raise TableError(f"start_s in {sides[0]} must be a number of seconds; instead received {received}.")
     if path.stat().st_size % (_RAW.itemsize * len(columns)):
         raise TableError(
             f"{path} must hold whole rows of {len(columns)} float32; its {path.stat().st_size} bytes do not. Check the "
             "sidecar's columns."
         )
-    return data
+    return {"sample_rate_Hz": rate, "start_s": start, "columns": columns}
 
 
 class RecordWriter:

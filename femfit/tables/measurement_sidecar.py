@@ -1,17 +1,14 @@
 """The sidecar of a measurement: declared noise per channel, test object and notes, in a ``.toml`` beside it."""
 
-import json
-import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
 from femfit.tables.measurement_columns import match_column
+from femfit.tables.settings_file import finite_number, read_settings
 
 
 @dataclass(frozen=True)
@@ -43,26 +40,6 @@ def read_sidecar(measurement: Path, channels: Sequence[str]) -> Sidecar:
     return Sidecar()
 
 
-def read_settings(file: Path, example: str) -> dict[str, Any]:
-    """Read a small TOML or JSON file of settings.
-
-    Raises
-    ------
-    TableError
-        If it cannot be read; ``example`` shows what a line of it looks like.
-    """
-    try:
-        text = file.read_text(encoding="utf-8")
-        data = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
-    except (OSError, ValueError, RecursionError) as error:
-        kind = "TOML" if file.suffix == ".toml" else "JSON"
-        reason = "it is nested too deeply" if isinstance(error, RecursionError) else quoted(error, 200)
-        raise TableError(f"{file} must be {kind}, with lines like {example}; {reason}.") from error
-    if not isinstance(data, dict):
-        raise TableError(f"{file} must hold settings by name, like {example}; instead received {quoted(data)}.")
-    return data
-
-
 def _parsed(file: Path, channels: Sequence[str]) -> Sidecar:
     data = read_settings(file, "force_N = 2e-4")
     declared = data.pop("noise", {})
@@ -77,21 +54,11 @@ def _parsed(file: Path, channels: Sequence[str]) -> Sidecar:
             text = f"{quoted(key)!r} in {file.name} is no channel of this kind of file ({', '.join(channels)})"
             findings.append(Finding("unused-setting", "info", f"{text} and was not used."))
             continue
-        sigma = _number(value)
-        if not 0.0 < sigma < math.inf:
+        sigma = finite_number(value)
+        if sigma is None or sigma <= 0.0:
             raise TableError(
                 f"The noise {quoted(key)} in {file} must be a standard deviation > 0 in the unit of its name, for "
                 f"example 2e-4; instead received {quoted(value)}."
             )
         noise[column.name] = sigma * column.factor
     return Sidecar(noise, texts.get("test_object", ""), texts.get("notes", ""), tuple(findings))
-
-
-def _number(value: object) -> float:
-    """A number of a settings file as float; NaN for anything else, infinite for what is too large."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return math.nan
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf

@@ -3,7 +3,6 @@
 Written by the sweep and by the importer of FEMM tables, read by the fit; both kinds look the same.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
@@ -14,6 +13,9 @@ import numpy as np
 
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
+from femfit.core.finding import listing
+from femfit.core.quoted import quoted
+from femfit.tables.settings_file import read_settings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 REQUIRED = ("current_A", "distance_m", "force_N")
 TABLE_STEM = "sweep"
 MANIFEST_NAME = "manifest.json"
+KINDS = ("sweep", "import")
+"""Kinds of manifest; what such a table holds was checked when it was made."""
 
 
 @dataclass(frozen=True)
@@ -78,49 +82,47 @@ def write_sweep_table(table: SweepTable, directory: Path) -> Path:
     return parquet
 
 
-def read_sweep_table(path: Path) -> SweepTable:
+def read_sweep_table(path: str | Path) -> SweepTable:
     """Read a sweep table.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         A run directory, or its ``.parquet`` or ``.csv`` file; the manifest beside it is read where there is one.
 
     Raises
     ------
     TableError
         If there is no such file, a required column is missing, empty or not numeric, or no row is usable.
-
-    Examples
-    --------
-    >>> import femfit as ff
-    >>> table = ff.read_sweep("runs/rig")
-    >>> table.rows["current_A"].max()
-    np.float64(1.4)
     """
     import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
+    import pyarrow as pa  # noqa: PLC0415
 
-    path = Path(path)
-    file = _table_file(path)
+    from femfit.tables.raw_table import check_width  # noqa: PLC0415
+    from femfit.tables.suspected_units import too_large  # noqa: PLC0415
+
+    file = _table_file(Path(path))
     try:
+        if file.suffix != ".parquet":
+            with file.open("rb") as head:
+                check_width(head.readline().count(b",") + 1, str(file))
         rows = pd.read_parquet(file) if file.suffix == ".parquet" else pd.read_csv(file)
-    except (OSError, ValueError) as error:
-        raise TableError(f"Sweep table {file} cannot be read: {error}") from error
+    except (OSError, ValueError, pa.ArrowException) as error:
+        if isinstance(error, TableError):
+            raise
+        raise TableError(f"Sweep table {file} cannot be read: {quoted(error, 300)}") from error
     _check(rows, file)
-    return SweepTable(rows, _read_manifest(file.with_name(MANIFEST_NAME)))
-
-
-def _read_manifest(file: Path) -> dict[str, Any]:
-    if not file.is_file():
-        return {}
-    again = "Run the sweep or the import again."
-    try:
-        manifest = json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise TableError(f"{file} must be JSON; {error}. {again}") from error
-    if not isinstance(manifest, dict) or not isinstance(manifest.get("actuator") or {}, dict):
-        raise TableError(f"{file} must be a JSON object whose actuator is an object or null; it is not. {again}")
-    return manifest
+    manifest_file = file.with_name(MANIFEST_NAME)
+    manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
+    wrong = [name for name in ("actuator", "versions") if not isinstance(manifest.get(name, {}), dict)]
+    if wrong:
+        raise TableError(f"{wrong[0]} in {manifest_file} must be a table of settings. Run the sweep or import again.")
+    if manifest.get("kind") not in KINDS and too_large("distance_m", rows["distance_m"].to_numpy(dtype=float)):
+        raise TableError(
+            f"Column distance_m of {file} goes up to {rows['distance_m'].max():g} m, which no actuator works over: it "
+            f"seems to be in mm. Convert it with femfit import {file} --unit distance_m=mm."
+        )
+    return SweepTable(rows, manifest)
 
 
 def _table_file(path: Path) -> Path:
@@ -141,7 +143,7 @@ def _check(rows: "pd.DataFrame", file: Path) -> None:
     if missing:
         raise TableError(
             f"Sweep table {file} must have the columns {', '.join(REQUIRED)}; {', '.join(missing)} missing "
-            f"(it has {', '.join(map(str, rows.columns))}). For a table of another program use femfit import."
+            f"(it has {listing(rows.columns, 20)}). For a table of another program use femfit import."
         )
     if rows.empty:
         raise TableError(f"Sweep table {file} has no rows.")
@@ -150,7 +152,7 @@ def _check(rows: "pd.DataFrame", file: Path) -> None:
         raise TableError(f"Sweep table {file} has no row with status ok.")
     for name in REQUIRED:
         if not is_numeric_dtype(usable[name]):
-            raise TableError(f"Column {name} of {file} must be numeric; it holds {usable[name].iloc[0]!r}.")
+            raise TableError(f"Column {name} of {file} must be numeric; it holds {quoted(usable[name].iloc[0])!r}.")
         if not np.isfinite(usable[name].to_numpy(dtype=float)).all():
             raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")
     if (usable["distance_m"] <= 0).any():

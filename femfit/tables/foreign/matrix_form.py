@@ -24,7 +24,7 @@ _LABEL = re.compile(
 _LONGEST_CORNER = 200
 _LABEL_WORDS = frozenset(name for axis in ("current", "distance", "force") for name in COLUMN_NAMES[QUANTITIES[axis]])
 _EVEN = 0.02
-"""Spread of an axis' steps over their mean up to which it is even."""
+"""Spread of the steps of positions over their mean up to which the corner is one of them."""
 
 
 def axis_labels(cells: tuple[str, ...], decimal: str) -> tuple[FloatArray, str | None] | None:
@@ -184,7 +184,8 @@ def _monotone(axis: FloatArray) -> bool:
 
 
 def _is_axis(axis: FloatArray) -> bool:
-    """Whether numbers are such as people set: evenly spaced, or of at most three digits."""
+    """Whether numbers are such as people set: of at most four digits, or even between two such numbers."""
+    short = np.array([float(f"{value:.4g}") == float(f"{value:.9g}") for value in axis])
     steps = np.diff(axis)
-    even = float(np.ptp(steps)) <= _EVEN * abs(float(steps.mean()))
-    return even or all(float(f"{value:.3g}") == float(f"{value:.9g}") for value in axis)
+    even = float(np.ptp(steps)) <= 1e-4 * abs(float(steps.mean()))
+    return bool(short.all() or (even and short[0] and short[-1]))
