@@ -1,10 +1,10 @@
-"""The closed loop: Figures 15 to 19 of the paper."""
+"""Figures of the closed loop."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, VERMILION, new_figure, styled
+from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure, styled
 from femfit.simulation.study import SpectrumPair, StepSeries
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ NAMES = {
 
 @styled
 def steps_figure(series: StepSeries) -> "Figure":
-    """Figures 15 and 16 of the paper: reference steps, direct measurement against filter.
+    """Reference steps, direct measurement against filter.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def steps_figure(series: StepSeries) -> "Figure":
 
 @styled
 def spectrum_figure(pair: SpectrumPair) -> "Figure":
-    """Figures 17 and 18 of the paper: spectra of the direct measurement and of the filter, at rest."""
+    """Spectra of the direct measurement and of the filter, at rest."""
     figure = new_figure(2.8)
     axes = figure.subplots()
     for spectrum, colour, label in ((pair.direct, ORANGE, "direct measurement"), (pair.filtered, BLUE, "UKF")):
@@ -68,37 +68,4 @@ def spectrum_figure(pair: SpectrumPair) -> "Figure":
         )
     axes.set(xlabel="frequency (Hz)", ylabel="amplitude (µm)")
     axes.legend(loc="lower left")
-    return figure
-
-
-@styled
-def filters_figure(series: tuple[StepSeries, ...]) -> "Figure":
-    """Figure 19 of the paper: filters side by side over smaller steps.
-
-    Parameters
-    ----------
-    series : tuple of StepSeries
-        One a filter, on the same noise.
-
-    Returns
-    -------
-    Figure
-        Distances, errors of the estimates, and how far the filters are apart.
-    """
-    figure = new_figure(4.6)
-    top, bottom, last = figure.subplots(3, 1, sharex=True, height_ratios=(1.6, 1.0, 0.7))
-    for one, colour, dashes in zip(series, (BLUE, VERMILION), ("-", "--"), strict=False):
-        name = NAMES[one.observer]
-        top.plot(one.time_s, MM * one.estimated_m, dashes, color=colour, linewidth=1.2, label=name)
-        error = MICRO * (one.estimated_m - one.true_m)
-        bottom.plot(one.time_s, error, dashes, color=colour, linewidth=0.9, rasterized=True)
-    first, *others = series
-    for other in others:
-        last.plot(first.time_s, MICRO * (other.estimated_m - first.estimated_m), color=MUTED, linewidth=0.8)
-    top.plot(first.time_s, MM * first.reference_m, color=GREEN, linewidth=0.9, label="reference")
-    top.set_ylabel("distance d (mm)")
-    bottom.set_ylabel("estimate\n− true (µm)")
-    last.set(ylabel="difference\n(µm)", xlabel="time (s)")
-    figure.align_ylabels()
-    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure

@@ -7,15 +7,12 @@ from markupsafe import Markup
 
 from femfit.report.content import ReportContent
 from femfit.report.embed import svg_uri
-from femfit.report.loop_figures import NAMES, filters_figure, spectrum_figure, steps_figure
+from femfit.report.loop_figures import NAMES, spectrum_figure, steps_figure
 from femfit.report.numbers import NO_BREAK, NOTHING, percent, plain, quantity, significant
-from femfit.report.paper import is_papers
 from femfit.report.section import Block, DataTable, Picture, Section, text
-from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.study import ClosedLoopStudy
-from femfit.simulation.study_rows import LossRow, ShiftRow
-from femfit.simulation.table6 import PAPER_RMS_M, HoldRow
+from femfit.simulation.fault import FaultRow
+from femfit.simulation.study import ClosedLoopStudy, HoldRow
 
 MM = 1e3
 MICRO = 1e6
@@ -23,7 +20,7 @@ TITLE = "The closed loop"
 
 
 def loop_section(content: ReportContent) -> Section:
-    """Table 6, the noise bound, what breaks the loop, Figures 15 to 19.
+    """Reference steps, the noise bound, spectra, and what breaks the loop.
 
     Returns
     -------
@@ -33,17 +30,16 @@ def loop_section(content: ReportContent) -> Section:
     study = content.study
     if study is None:
         return Section("loop", TITLE, (text("The loop was not closed: {}", content.why_no_loop),))
-    if not any(row.held for row in study.table6):
+    if not any(row.held for row in study.steps):
         return Section("loop", TITLE, (_setting(study), _all_lost(study)))
-    paper = is_papers(content.actuator)
     blocks: list[Block] = [
         _setting(study),
         *_step_pictures(study),
-        _table6(study, paper=paper),
+        _step_table(study),
         *_spectra(study),
         _hold_table(study),
         _bound(study),
-        *_filters(study),
+        _filters(study),
         _faults(study),
     ]
     return Section("loop", TITLE, tuple(blocks))
@@ -76,7 +72,7 @@ def _all_lost(study: ClosedLoopStudy) -> Block:
     """Where the drawn runs ended, in place of pictures and means of nothing."""
     box = study.design.model.validity
     ends = []
-    for series in study.steps:
+    for series in study.series:
         known = np.flatnonzero(np.isfinite(series.true_m))
         if known.size:
             last = int(known[-1])
@@ -102,7 +98,7 @@ def _all_lost(study: ClosedLoopStudy) -> Block:
 
 def _step_pictures(study: ClosedLoopStudy) -> list[Picture]:
     pictures = []
-    for number, series in enumerate(study.steps, start=15):
+    for series in study.series:
         name = NAMES[series.controller]
         pictures.append(
             Picture(
@@ -110,27 +106,20 @@ def _step_pictures(study: ClosedLoopStudy) -> list[Picture]:
                 svg_uri(steps_figure(series), f"steps-{series.controller}"),
                 f"Distance over time with the {name} controller, direct measurement and filter.",
                 text(
-                    "Reference steps with the {} controller fed by the {} (Figure {} of the paper): distances, errors "
-                    "of both measurements, coil voltage.",
+                    "Reference steps with the {} controller fed by the {}: distances, errors of both measurements, "
+                    "coil voltage.",
                     name,
                     NAMES[series.observer],
-                    number,
                 ),
             )
         )
     return pictures
 
 
-def _table6(study: ClosedLoopStudy, *, paper: bool) -> DataTable:
-    header = ["measurement"]
-    controllers = list(dict.fromkeys(row.controller for row in study.table6))
-    for controller in controllers:
-        name = NAMES[controller]
-        header.append(f"{name}, femfit (µm)")
-        if paper:
-            header.append(f"{name}, paper (µm)")
-    rows = {(row.measurement, row.controller): row for row in study.table6}
-    measurements = list(dict.fromkeys(row.measurement for row in study.table6))
+def _step_table(study: ClosedLoopStudy) -> DataTable:
+    controllers = list(dict.fromkeys(row.controller for row in study.steps))
+    rows = {(row.measurement, row.controller): row for row in study.steps}
+    measurements = list(dict.fromkeys(row.measurement for row in study.steps))
     body = []
     for measurement in measurements:
         cells = [NAMES[measurement]]
@@ -138,30 +127,16 @@ def _table6(study: ClosedLoopStudy, *, paper: bool) -> DataTable:
             row = rows[measurement, controller]
             lost = "" if row.held == row.runs else f" ({row.runs - row.held} of {row.runs} runs lost)"
             cells.append(f"{_micro(row.rms_m)}{lost}")
-            if paper:
-                cells.append(NOTHING if row.paper_rms_m is None else _micro(row.paper_rms_m))
         body.append(tuple(cells))
     if "direct" in measurements:
-        ratio = ["direct / UKF"]
-        for controller in controllers:
-            direct, ukf = rows["direct", controller], rows["ukf", controller]
-            ratio.append(plain(direct.rms_m / ukf.rms_m, 3))
-            if paper:
-                ratio.append(plain((direct.paper_rms_m or np.nan) / (ukf.paper_rms_m or np.nan), 3))
-        body.append(tuple(ratio))
-    note = ""
-    if paper:
-        note = " The paper's direct measurement is a property of its sensor, an input here."
-        beyond = min(PAPER_RMS_M[c, "direct"] / PAPER_RMS_M[c, "ukf"] for c in CONTROLLERS)
-        if beyond > max(row.bound for row in study.holds):
-            note += " Its ratios lie beyond the bound of the next table, which holds for white noise."
+        ratios = (rows["direct", c].rms_m / rows["ukf", c].rms_m for c in controllers)
+        body.append(("direct / UKF", *(plain(ratio, 3) for ratio in ratios)))
     return DataTable(
         text(
-            "Table 6: rms of true minus measured distance over the reference steps, {} runs each.{}",
-            study.table6[0].runs,
-            note,
+            "Rms of true minus measured distance over the reference steps, {} runs each.",
+            study.steps[0].runs,
         ),
-        tuple(header),
+        ("measurement", *(f"{NAMES[controller]} (µm)" for controller in controllers)),
         tuple(body),
     )
 
@@ -177,13 +152,12 @@ def _spectra(study: ClosedLoopStudy) -> list[Picture]:
             svg_uri(spectrum_figure(pair), f"spectrum-{pair.controller}"),
             f"Spectra of direct and filtered distance with the {NAMES[pair.controller]} controller.",
             text(
-                "Spectra at rest with the {} controller (Figure {} of the paper): at low frequency both show the "
-                "body's own motion, above it the filter leaves the sensor's white noise behind.",
+                "Spectra at rest with the {} controller: at low frequency both show the body's own motion, above it "
+                "the filter leaves the sensor's white noise behind.",
                 NAMES[pair.controller],
-                number,
             ),
         )
-        for number, pair in enumerate(study.spectra, start=17)
+        for pair in study.spectra
     ]
 
 
@@ -240,24 +214,12 @@ def _bound(study: ClosedLoopStudy) -> Block:
     )
 
 
-def _filters(study: ClosedLoopStudy) -> list[Picture]:
-    if not study.small_steps:
-        return []
-    names = " and ".join(NAMES[one.observer] for one in study.small_steps)
-    return [
-        Picture(
-            "filters",
-            svg_uri(filters_figure(study.small_steps), "filters"),
-            f"{names} over small reference steps.",
-            text(
-                "{} with the backstepping controller over smaller steps (Figure 19 of the paper), on the same noise.{} "
-                "With a wrong first estimate: {}.",
-                names,
-                _filters_at_rest(study),
-                "; ".join(_acquired(study.acquisition)),
-            ),
-        )
-    ]
+def _filters(study: ClosedLoopStudy) -> Block:
+    return text(
+        "UKF and EKF on the same noise.{} With a wrong first estimate: {}.",
+        _filters_at_rest(study),
+        "; ".join(_acquired(study.acquisition)),
+    )
 
 
 def _filters_at_rest(study: ClosedLoopStudy) -> str:
@@ -271,7 +233,7 @@ def _filters_at_rest(study: ClosedLoopStudy) -> str:
     return f" At rest their noise differs by {percent(max(apart))} at most." if apart else ""
 
 
-def _acquired(rows: Iterable[LossRow]) -> list[str]:
+def _acquired(rows: Iterable[FaultRow]) -> list[str]:
     found = []
     for row in rows:
         believed = row.experiment.believed_m
@@ -283,8 +245,7 @@ def _acquired(rows: Iterable[LossRow]) -> list[str]:
 
 def _faults(study: ClosedLoopStudy) -> DataTable:
     """A row a loop and fault, a column a distance."""
-    entries = [(row.experiment, _loss(row)) for row in (*study.direct_feedback, *study.hall_bias_three_states)]
-    entries += [(row.experiment, _shift(row)) for row in (*study.hall_bias, *study.force_error)]
+    entries = [(row.experiment, _consequence(row)) for row in study.faults]
     distances = sorted({experiment.targets_m[0] for experiment, _ in entries})
     cells: dict[tuple[str, str], dict[float, str]] = {}
     for experiment, end in entries:
@@ -307,17 +268,13 @@ def _fault(experiment: Experiment) -> str:
     return derivative if experiment.noise_V is None else f"{derivative}, noise {quantity(experiment.noise_V, 'V', 2)}"
 
 
-def _loss(row: LossRow) -> str:
-    if row.last_loss_s is None:
-        rms = "" if row.estimate_rms_m is None else f", measured within {_micro(row.estimate_rms_m)} µm rms"
-        return f"all {row.runs} held{rms}"
-    names = ", ".join(name.lower().replace("_", " ") for name in row.outcomes if name != "HELD")
-    when = f"within {quantity(row.last_loss_s, 's')}" if row.last_loss_s else "at once"
-    return f"{row.runs - row.held} of {row.runs} lost {when} ({names})"
-
-
-def _shift(row: ShiftRow) -> str:
-    lost = "" if row.held == row.runs else f"; {row.runs - row.held} of {row.runs} lost"
-    if not np.isfinite(row.position_shift_m):
-        return f"too few runs held for a mean{lost}"
-    return f"{_micro(row.position_shift_m)} ± {significant(MICRO * row.shift_error_m, 2)} µm{lost}"
+def _consequence(row: FaultRow) -> str:
+    lost = ""
+    if row.held < row.runs:
+        names = ", ".join(name.lower().replace("_", " ") for name in row.outcomes if name != "HELD")
+        when = f"within {quantity(row.last_loss_s, 's')}" if row.last_loss_s else "at once"
+        lost = f"{row.runs - row.held} of {row.runs} lost {when} ({names})"
+    if np.isfinite(row.position_shift_m):
+        shift = f"{_micro(row.position_shift_m)} ± {significant(MICRO * row.shift_error_m, 2)} µm"
+        return f"{shift}; {lost}" if lost else shift
+    return lost or f"all {row.runs} held, measured within {_micro(row.estimate_rms_m)} µm rms"

@@ -78,7 +78,7 @@ def _loop(content: ReportContent) -> Markup:
     study = content.study
     if study is None:
         return text("<strong>Loop.</strong> Not closed: {}", content.why_no_loop)
-    filtered = [row for row in study.table6 if row.measurement == "ukf"]
+    filtered = [row for row in study.steps if row.measurement == "ukf"]
     lost, runs = sum(row.runs - row.held for row in filtered), sum(row.runs for row in filtered)
     span = text(
         "Steps between {} and {} mm",

@@ -1,9 +1,4 @@
-"""What a closed loop of a model needs: reference distances, controllers, filters, all derived from the model.
-
-References
-----------
-A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, section 5; Table 6 for the noise of the direct measurement.
-"""
+"""What a closed loop of a model needs: reference distances, controllers, filters, all derived from the model."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,8 +15,15 @@ from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import default_noise, initial_covariance, with_memory
 from femfit.filters.square_root import SquareRootUnscentedFilter
 from femfit.filters.unscented import UnscentedFilter
-from femfit.model.actuator_model import ActuatorModel, Circuit
+from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor
 from femfit.simulation.backstepping import Backstepping, design_backstepping
+from femfit.simulation.constants import (
+    BIAS_DEVIATION_V,
+    COVERED_PART,
+    DESIGN_POINTS,
+    FIRST_DEVIATION_M,
+    UNKNOWN_NOISE_PART,
+)
 from femfit.simulation.controller import Controller
 from femfit.simulation.observer import DirectObserver, FilterObserver, Observer
 from femfit.simulation.operating_point import OperatingPoint, current_for_force, current_range, operating_point
@@ -33,23 +35,6 @@ ObserverName = Literal["direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4"
 
 CONTROLLERS: tuple[ControllerName, ...] = ("backstepping", "pid")
 OBSERVERS: tuple[ObserverName, ...] = ("direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4")
-
-PAPER_HALL_NOISE_V = 3.2e-3
-"""White noise of a Hall sample that gives Table 6's 12.32e-5 m of direct measurement between 22 and 30 mm."""
-
-BIAS_DEVIATION_V = 0.02
-"""First standard deviation of the Hall bias: the paper's sensor was 44 mV off its nominal quiescent output."""
-
-FIRST_DEVIATION_M = 1e-3
-"""First standard deviation of the distance, for a body that is put on a support."""
-
-SUPPORT_TIME_CONSTANTS = 5.0
-"""Time constants of the slowest unstable pole for which a filter sees the supported body before the loop is closed."""
-
-DESIGN_POINTS = 9
-
-COVERED_PART = 0.95
-"""Of the swept currents: what the driver's voltage may ask for at rest, with room for what back-EMF adds in motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +136,7 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
     Parameters
     ----------
     noise_V : float or None
-        White noise of a Hall sample; None: the model's own, or the paper's where the model has none.
+        White noise of a Hall sample; None: the model's own, or a part of the output's range where it has none.
 
     Raises
     ------
@@ -182,9 +167,13 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
         backstepping=design_backstepping(model, points),
         pid=pid,
         reference_rate_rad_s=reference_rate(model, targets),
-        noise_V=(sensor.noise_V or PAPER_HALL_NOISE_V) if noise_V is None else noise_V,
+        noise_V=_hall_noise(sensor) if noise_V is None else noise_V,
         why_no_pid=why_no_pid,
     )
+
+
+def _hall_noise(sensor: HallSensor) -> float:
+    return sensor.noise_V or UNKNOWN_NOISE_PART * (sensor.output_max_V - sensor.output_min_V)
 
 
 def _pid_or_why(model: ActuatorModel, point: OperatingPoint) -> tuple[Pid | None, str]:

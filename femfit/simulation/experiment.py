@@ -2,14 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.filters.direct import hall_inverse
 from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.constants import FIRST_DEVIATION_M
 from femfit.simulation.controller import SplitController
-from femfit.simulation.design import FIRST_DEVIATION_M, ControllerName, LoopDesign, ObserverName
+from femfit.simulation.design import ControllerName, LoopDesign, ObserverName
 from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
 from femfit.simulation.observer import SplitObserver
 from femfit.simulation.operating_point import operating_point
@@ -24,6 +26,8 @@ class Experiment:
 
     Parameters
     ----------
+    observer : str
+        ``exact``, alone in its batch: the controller knows the true state.
     targets_m : tuple of float
         Reference distances in turn; one for a hold.
     force_scale : float
@@ -32,12 +36,14 @@ class Experiment:
         Of the Hall sensor, as in :class:`femfit.simulation.sensor.SensorErrors`.
     noise_V : float or None
         Of the Hall sensor; None: the design's.
+    start_error_m : float
+        How far the body truly starts from the first reference distance.
     believed_m : float or None
         Distance that the observer starts with; None: the true one. The filter is told of so large an error.
     """
 
     controller: ControllerName
-    observer: ObserverName
+    observer: ObserverName | Literal["exact"]
     targets_m: tuple[float, ...]
     force_scale: float = 1.0
     offset_V: float = 0.0
@@ -47,6 +53,7 @@ class Experiment:
     dropout_probability: float = 0.0
     noise_V: float | None = None
     believed_m: float | None = None
+    start_error_m: float = 0.0
     velocity_cutoff_rad_s: float = np.inf
 
 
@@ -111,6 +118,7 @@ def run_experiments(
     )
     starts = np.array([[e.targets_m[0], 0.0, operating_point(truth, e.targets_m[0]).current_A] for e in experiments])
     beliefs = starts.copy()
+    starts[:, 0] += [e.start_error_m for e in experiments]
     beliefs[:, 0] = [e.targets_m[0] if e.believed_m is None else e.believed_m for e in experiments]
     result = run_loop(
         loop,
@@ -128,10 +136,12 @@ def _rows(mask: Sequence[bool], runs: int) -> IntArray:
     return np.flatnonzero(np.repeat(mask, runs))
 
 
-def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int) -> SplitObserver:
-    """One observer for all experiments that can share it."""
+def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int) -> SplitObserver | None:
+    """One observer for all experiments that can share it; None where the state is known exactly."""
+    if any(e.observer == "exact" for e in experiments):
+        return None
 
-    def kind(e: Experiment) -> tuple[ObserverName, float, float]:
+    def kind(e: Experiment) -> tuple[Any, float, float]:
         return e.observer, abs((e.believed_m or e.targets_m[0]) - e.targets_m[0]), e.velocity_cutoff_rad_s
 
     parts = []

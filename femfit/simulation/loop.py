@@ -28,6 +28,8 @@ class ClosedLoop:
     ----------
     errors : SensorErrors
         What is wrong with the sensor.
+    observer : Observer or None
+        None: the controller knows the exact state.
     controller : Controller
         From estimate and reference to a voltage.
     """
@@ -35,7 +37,7 @@ class ClosedLoop:
     plant: Plant
     sensor: HallSensor
     errors: SensorErrors
-    observer: Observer[Any]
+    observer: Observer[Any] | None
     controller: Controller
     reference: Reference
 
@@ -155,35 +157,40 @@ def run_loop(
     model = loop.plant.model
     runs, steps = len(start), len(loop.reference.distance)
     step = model.sample_time_s
-    kept = runs if recorded is None else min(recorded, runs)
-    record = np.full((len(TimeSeries.__dataclass_fields__), steps, kept), np.nan)
+    kept = slice(0, runs if recorded is None else min(recorded, runs))
+    record = np.full((len(TimeSeries.__dataclass_fields__), steps, kept.stop), np.nan)
     sums = np.zeros((len(windows), 5, runs))
-    seen = replace(model, sensor=loop.sensor)
+    plant_sensor = replace(model, sensor=loop.sensor)
     state = loop.plant.start(start)
     belief = state[:, :3] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
-    sensor, observer = initial_sensor_state(runs), loop.observer.start(belief)
+    sensor = initial_sensor_state(runs)
+    seen = None if loop.observer is None else loop.observer.start(belief)
     memory = loop.controller.initial_memory(belief)
     voltage = np.clip(model.require_circuit().resistance_ohm * belief[:, 2], *_clamp(model))
     outcome, when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
     alive = np.ones(runs, dtype=bool)
+    held_volts = hall_voltage(plant_sensor, state)
     for k in range(-supported_steps, 0):
-        volts = hall_voltage(seen, state)
-        sensor = read_sensor(loop.sensor, loop.errors, sensor, volts, 0.0, step, random)
-        observer = loop.observer.observe(observer, voltage, sensor.reading_V, first=k == -supported_steps)
+        sensor = read_sensor(loop.sensor, loop.errors, sensor, held_volts, 0.0, step, random)
+        if loop.observer is not None:
+            seen = loop.observer.observe(seen, voltage, sensor.reading_V, first=k == -supported_steps)
     for k in range(steps):
-        volts = hall_voltage(seen, state, k * step)
+        volts = hall_voltage(plant_sensor, state, k * step)
         sensor = read_sensor(loop.sensor, loop.errors, sensor, volts, k * step, step, random)
-        observer = loop.observer.observe(observer, voltage, sensor.reading_V, first=k == 0 and not supported_steps)
-        estimate, quality = loop.observer.estimate(observer), loop.observer.normalised_innovation_squared(observer)
+        estimate, diverged, quality = state[:, :3], np.zeros(runs, dtype=np.bool_), np.full(runs, np.nan)
+        if loop.observer is not None:
+            seen = loop.observer.observe(seen, voltage, sensor.reading_V, first=k == 0 and not supported_steps)
+            estimate, diverged = loop.observer.estimate(seen), loop.observer.diverged(seen)
+            quality = loop.observer.normalised_innovation_squared(seen)
         usable = np.asarray(np.isfinite(estimate).all(axis=1))
-        diverged = loop.observer.diverged(observer)
         outcome, when, alive = _judge(model, state, diverged, usable, outcome, when, k * step)
         belief = np.where((alive & usable)[:, None], estimate, belief)
         reference = loop.reference.at(k)
         voltage, memory = loop.controller.command(memory, belief, reference)
         wanted = np.broadcast_to(reference.distance, (runs,))
-        row = np.stack([*state.T[:3], *belief.T, voltage, sensor.reading_V, wanted, quality])
-        record[:, k] = np.where(alive, row, np.nan)[:, :kept]
+        if kept.stop:
+            row = [*state.T[:3], *belief.T, voltage, sensor.reading_V, wanted, quality]
+            record[:, k] = np.where(alive[kept], np.stack([part[kept] for part in row]), np.nan)
         _accumulate(sums, windows, k, state[:, 0], belief[:, 0], reference.distance, quality)
         state = np.where(alive[:, None], loop.plant.step(state, voltage), state)
         if not np.any(alive):

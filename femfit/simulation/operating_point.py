@@ -20,9 +20,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.filters.theory import holding_current
 from femfit.model.actuator_model import ActuatorModel
-
-USABLE_PART = 0.3
-"""Fastest pole that a loop is designed with, times the sample time: a third of it turns by 0.1 rad a sample."""
+from femfit.simulation.constants import USABLE_PART
 
 _NEWTON_STEPS = 40
 

@@ -1,4 +1,4 @@
-"""How a closed loop ended: a name and a sentence that says what to do."""
+"""How a closed loop ended: a name and a sentence; why, and what to do, is said by :mod:`femfit.simulation.why_lost`."""
 
 from enum import IntEnum
 
@@ -14,26 +14,17 @@ class LoopOutcome(IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What happened and what to do about it."""
+        """What happened."""
         return _SENTENCES[self]
 
 
 _SENTENCES = {
     LoopOutcome.HELD: "The body was held over the whole time.",
-    LoopOutcome.PULLED_IN: (
-        "The body is lost: it came closer than the model's shortest distance and hits the electromagnet. It takes a "
-        "filter instead of the direct measurement, less sensor noise, a truer force law or a larger reference distance."
-    ),
-    LoopOutcome.FELL: (
-        "The body is lost: it fell beyond the model's longest distance. It takes a filter instead of the direct "
-        "measurement, less sensor noise, a truer force law, a smaller reference distance or a higher supply voltage."
-    ),
-    LoopOutcome.CURRENT_OUT_OF_RANGE: (
-        "The current left the range of the model, so its force there is not known. Narrow the driver's clamp or sweep "
-        "and fit a wider range of currents."
-    ),
+    LoopOutcome.PULLED_IN: "The body came closer than the model's shortest distance and hits the electromagnet.",
+    LoopOutcome.FELL: "The body fell beyond the model's longest distance.",
+    LoopOutcome.CURRENT_OUT_OF_RANGE: "The current left the range of the model, so that its force there is not known.",
     LoopOutcome.FILTER_DIVERGED: (
         "The filter diverged before anything else went wrong: its estimate left the model, was no number, or its "
-        "innovations stayed out of their band. Check the sensor's offset (4-state filter), the noise and the force law."
+        "innovations stayed out of their band."
     ),
 }

@@ -34,11 +34,9 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.constants import DERIVATIVE_FILTER_RATIO
 from femfit.simulation.controller import Controller, Reference
 from femfit.simulation.operating_point import OperatingPoint, current_for_acceleration, usable_coil_pole
-
-DERIVATIVE_FILTER_RATIO = 3.0
-"""N / p_c."""
 
 
 @dataclass(frozen=True, eq=False)

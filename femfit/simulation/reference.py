@@ -24,6 +24,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.constants import USED_AUTHORITY
 from femfit.simulation.controller import Reference
 from femfit.simulation.operating_point import (
     current_for_acceleration,
@@ -31,9 +32,6 @@ from femfit.simulation.operating_point import (
     usable_coil_pole,
     zero_order_hold,
 )
-
-USED_AUTHORITY = 0.5
-"""Part of the voltage between holding and clamp that the reference may use."""
 
 
 def reference_steps(targets: Sequence[float], steps: int, sample_time: float, rate: float) -> Reference:

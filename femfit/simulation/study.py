@@ -1,58 +1,49 @@
-"""The closed-loop study of one model: Table 6, the noise bound, and what breaks the loop.
+"""Which loops of a model hold, how well its filters measure, and what a fault costs.
 
-Experiments that share a filter run as one batch, so that the study takes seconds. Definitions:
+All experiments of one length run as one batch on the same noise, so that the study takes seconds and what differs
+between two rows is not hidden by the noise.
 
-- *Table 6* follows the paper: rms of (true - measured distance) over the whole run through the model's reference steps.
-- *Holds* are at rest: the loop is closed once the filter has settled on the supported body, and statistics start four
-  more time constants of the unstable pole later, at the smallest and at the largest reference distance. Direct and
-  filtered rms come from the same Hall readings; the bound is 1/sqrt(2 lambda t_s) at that distance.
-- *Position* errors are true distance minus reference, *estimate* errors are estimated minus true distance.
-
-References
-----------
-A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, section 5, Table 6 and Figures 15 to 19.
+- *Steps* follow the reference distances: root mean square of measured minus true distance over the whole run.
+- *Holds* are at rest, at the smallest and the largest reference distance: the loop is closed once the filter has
+  settled on the supported body, and the statistics start four time constants of the unstable pole later. Direct and
+  filtered distance come from the same Hall readings; no filter passes 1/sqrt(2 lambda t_s).
+- *Faults* are holds with something wrong: a Hall offset, a wrong force law, a wrong first estimate, no filter.
 """
 
 from dataclasses import dataclass
+from html import escape
+from itertools import product
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.filters.consistency import ConsistencyBand, consistency_band
+from femfit.filters.theory import noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.design import (
-    SUPPORT_TIME_CONSTANTS,
-    ControllerName,
-    LoopDesign,
-    ObserverName,
-    design_loop,
-)
+from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
+from femfit.simulation.design import LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
+from femfit.simulation.fault import FaultRow, fault_row
 from femfit.simulation.loop import LoopResult
 from femfit.simulation.reference import reference_steps
 from femfit.simulation.spectrum import Spectrum, amplitude_spectrum
-from femfit.simulation.study_rows import LossRow, ShiftRow, loss_row, shift_row
-from femfit.simulation.table6 import HoldRow, Table6Row, hold_row, table6_row
+from femfit.simulation.study_text import study_lines
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
 
 SETTLE, WINDOW = 4.0, 10.0
 """Time constants of the slowest unstable pole before the statistics of a hold, and of them."""
 
-HOLD_RUNS, FAULT_RUNS, STEP_RUNS, LOSS_RUNS = 64, 12, 8, 8
-HALL_BIAS_V, FORCE_ERROR, FILTERED_NOISE_V = 0.02, 0.01, 0.8e-3
-LOSS_TIME_S = 1.0
-SPECTRUM_RUNS = 16
+RUNS = 16
+"""Repeats of a hold: an rms over ten time constants of each is known to 6 %."""
+
+STEP_RUNS, ACQUISITION_RUNS = 8, 8
+HALL_OFFSET_V, FORCE_ERROR = 0.02, 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class StepSeries:
-    """One recorded run over reference steps.
-
-    Parameters
-    ----------
-    time_s, reference_m, true_m, direct_m, estimated_m, voltage_V, current_A : array, shape (steps,)
-        What the figures draw.
-    """
+    """One recorded run over reference steps; arrays of shape (steps,)."""
 
     controller: str
     observer: str
@@ -65,9 +56,53 @@ class StepSeries:
     current_A: FloatArray
 
 
+@dataclass(frozen=True)
+class StepRow:
+    """How well one measurement follows the true distance over the reference steps.
+
+    Parameters
+    ----------
+    measurement : str
+        ``direct`` or the filter that feeds the loop.
+    rms_m : float
+        Over the runs that were held; NaN if none was.
+    """
+
+    controller: str
+    measurement: str
+    rms_m: float
+    held: int
+    runs: int
+
+
+@dataclass(frozen=True)
+class HoldRow:
+    """Direct against filtered noise at rest.
+
+    Parameters
+    ----------
+    ratio, bound : float
+        Direct over filtered rms, and 1/sqrt(2 lambda t_s), which no filter of white noise passes.
+    innovation_band : ConsistencyBand
+        95 % for the mean of the normalised innovations squared.
+    """
+
+    controller: str
+    filter: str
+    distance_m: float
+    direct_rms_m: float
+    filtered_rms_m: float
+    ratio: float
+    bound: float
+    normalised_innovation_squared: float
+    innovation_band: ConsistencyBand
+    held: int
+    runs: int
+
+
 @dataclass(frozen=True, eq=False)
 class SpectrumPair:
-    """Spectra of direct and filtered distance at rest, Figures 17 and 18."""
+    """Spectra of direct and filtered distance at rest."""
 
     controller: str
     direct: Spectrum
@@ -80,39 +115,35 @@ class ClosedLoopStudy:
 
     Parameters
     ----------
-    direct_feedback : tuple of LossRow
-        Raw derivative at the design's noise, filtered derivative at 0.8 mV.
-    hall_bias : tuple of ShiftRow
-        Four states with -20 and +20 mV.
-    hall_bias_three_states : tuple of LossRow
-        What 20 mV do to a filter that does not estimate the bias.
-    force_error : tuple of ShiftRow
-        Three states, the plant's force 1 % larger than the model's.
-    acquisition : tuple of LossRow
-        UKF and EKF started at the wrong end of the range.
-    steps : tuple of StepSeries
-        Figures 15 and 16: reference steps with both controllers, UKF.
-    small_steps : tuple of StepSeries
-        Figure 19: UKF and EKF over the first three eighths of the range.
+    steps : tuple of StepRow
+        Over the reference distances, one a controller and measurement.
+    faults : tuple of FaultRow
+        What breaks the loop, and what it costs.
+    acquisition : tuple of FaultRow
+        Filters started at the wrong end of the range.
+    series : tuple of StepSeries
+        One run of the reference steps a controller.
     spectra : tuple of SpectrumPair
-        Figures 17 and 18; of the controllers that held.
+        At the smallest reference distance, of the controllers that held.
     no_direct : str
-        Why nothing is compared with the direct measurement; empty where it is. Without it, its rms is NaN.
+        Why nothing is compared with the direct measurement, whose rms is then NaN; empty where it is.
     """
 
     design: LoopDesign
     seed: int
-    table6: tuple[Table6Row, ...]
+    steps: tuple[StepRow, ...]
     holds: tuple[HoldRow, ...]
-    direct_feedback: tuple[LossRow, ...]
-    hall_bias: tuple[ShiftRow, ...]
-    hall_bias_three_states: tuple[LossRow, ...]
-    force_error: tuple[ShiftRow, ...]
-    acquisition: tuple[LossRow, ...]
-    steps: tuple[StepSeries, ...]
-    small_steps: tuple[StepSeries, ...]
+    faults: tuple[FaultRow, ...]
+    acquisition: tuple[FaultRow, ...]
+    series: tuple[StepSeries, ...]
     spectra: tuple[SpectrumPair, ...]
     no_direct: str = ""
+
+    def __str__(self) -> str:
+        return "\n".join(study_lines(self))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
 
 
 def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None = None) -> ClosedLoopStudy:
@@ -133,21 +164,16 @@ def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None
         If the body cannot be held at the reference distances.
     """
     design = design_loop(model, noise_V)
-    holds, spectra = _holds(design, seed)
-    table6, steps, small_steps = _steps(design, seed)
-    hall_bias, three_states, force_error = _faults(design, seed)
+    steps, series = _steps(design, seed)
+    holds, faults, spectra = _holds(design, seed)
     return ClosedLoopStudy(
         design=design,
         seed=seed,
-        table6=table6,
-        holds=holds,
-        direct_feedback=() if design.why_no_direct else _direct_feedback(design, seed),
-        hall_bias=hall_bias,
-        hall_bias_three_states=three_states,
-        force_error=force_error,
-        acquisition=_acquisition(design, seed),
         steps=steps,
-        small_steps=small_steps,
+        holds=holds,
+        faults=faults,
+        acquisition=_acquisition(design, seed),
+        series=series,
         spectra=spectra,
         no_direct=design.why_no_direct,
     )
@@ -157,46 +183,51 @@ def _ends(design: LoopDesign) -> tuple[float, float]:
     return design.points[0].distance_m, design.points[-1].distance_m
 
 
-def _hold_window(design: LoopDesign) -> slice:
-    return slice(design.steps(SETTLE), design.steps(SETTLE) + design.steps(WINDOW))
+def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[FaultRow, ...], tuple[SpectrumPair, ...]]:
+    """All loops at rest, with and without a fault, in one batch on the same noise."""
+    places = list(product(design.controllers, _ends(design)))
 
+    def everywhere(observer: ObserverName, **fault: float) -> list[Experiment]:
+        return [Experiment(controller, observer, (distance,), **fault) for controller, distance in places]
 
-def _hold(
-    design: LoopDesign, experiments: list[Experiment], seed: int, *, runs: int, noise_blocks: int
-) -> tuple[LoopResult, ...]:
-    window = _hold_window(design)
-    return run_experiments(
-        design,
-        experiments,
-        np.random.default_rng(seed),
-        runs=runs,
-        steps=window.stop,
-        windows=(window,),
-        supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
-        noise_blocks=noise_blocks,
+    clean = [experiment for name in FILTERS for experiment in everywhere(name)]
+    clean4 = everywhere("ukf4")
+    biased = [*everywhere("ukf4", offset_V=-HALL_OFFSET_V), *everywhere("ukf4", offset_V=HALL_OFFSET_V)]
+    offsets = list(zip(biased, [*clean4, *clean4], strict=True))
+    forces = list(zip(everywhere("ukf", force_scale=1.0 + FORCE_ERROR), clean, strict=False))
+    blind = [(e, None) for e in everywhere("ukf", offset_V=HALL_OFFSET_V) if e.controller == "backstepping"]
+    direct = [] if design.why_no_direct else [(e, None) for e in everywhere("direct")]
+    faulty = [*direct, *offsets, *blind, *forces]
+    window = slice(design.steps(SETTLE), design.steps(SETTLE) + design.steps(WINDOW))
+    experiments = [*clean, *clean4, *(e for e, _ in faulty)]
+    results = dict(
+        zip(
+            experiments,
+            run_experiments(
+                design,
+                experiments,
+                np.random.default_rng(seed),
+                runs=RUNS,
+                steps=window.stop,
+                windows=(window,),
+                supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
+                noise_blocks=len(experiments),
+                recorded=RUNS * len(clean),
+            ),
+            strict=True,
+        )
     )
-
-
-def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[SpectrumPair, ...]]:
-    """UKF and EKF on the same noise."""
-    experiments = [Experiment(c, f, (d,)) for f in FILTERS for c in design.controllers for d in _ends(design)]
-    results = _hold(design, experiments, seed, runs=HOLD_RUNS, noise_blocks=len(FILTERS))
-    window = _hold_window(design)
-    rows: list[HoldRow] = []
-    spectra: list[SpectrumPair] = []
-    for experiment, result in zip(experiments, results, strict=True):
-        direct = _direct(design, result)
-        rows.append(hold_row(design, experiment, result, direct, window))
-        if design.why_no_direct:
-            continue
-        if experiment.observer == "ukf" and experiment.targets_m[0] == design.points[0].distance_m:
-            kept = np.flatnonzero(result.held)[:SPECTRUM_RUNS]
-            if not kept.size:
-                continue  # lost runs have no record at rest
-            pair = (direct, result.series.estimated_distance_m)
-            direct_part, filtered = (amplitude_spectrum(x[window][:, kept], design.model.sample_time_s) for x in pair)
-            spectra.append(SpectrumPair(experiment.controller, direct_part, filtered))
-    return tuple(rows), tuple(spectra)
+    measured = {experiment: _direct(design, results[experiment]) for experiment in clean}
+    spectra = tuple(
+        _spectra(design, e, results[e], measured[e], window)
+        for e in clean
+        if e.observer == "ukf"
+        and e.targets_m[0] == design.points[0].distance_m
+        and results[e].held.any()
+        and not design.why_no_direct
+    )
+    holds = tuple(_hold_row(design, e, results[e], measured[e], window) for e in clean)
+    return holds, tuple(fault_row(e, results[e], results[c] if c else None) for e, c in faulty), spectra
 
 
 def _direct(design: LoopDesign, result: LoopResult) -> FloatArray:
@@ -206,14 +237,38 @@ def _direct(design: LoopDesign, result: LoopResult) -> FloatArray:
     return direct_distance(design, result.series)
 
 
-def _steps(
-    design: LoopDesign, seed: int
-) -> tuple[tuple[Table6Row, ...], tuple[StepSeries, ...], tuple[StepSeries, ...]]:
-    """Reference steps: both controllers over the model's, backstepping over the first three eighths of the range."""
-    near, far = _ends(design)
-    small = (near, near + 0.375 * (far - near), near)
-    paths: list[tuple[ControllerName, tuple[float, ...]]] = [*((c, design.targets_m) for c in design.controllers)]
-    experiments = [Experiment(c, f, targets) for f in FILTERS for c, targets in [*paths, ("backstepping", small)]]
+def _spectra(
+    design: LoopDesign, experiment: Experiment, result: LoopResult, direct: FloatArray, window: slice
+) -> SpectrumPair:
+    held, step = result.held, design.model.sample_time_s
+    pair = (direct, result.series.estimated_distance_m)
+    return SpectrumPair(experiment.controller, *(amplitude_spectrum(x[window][:, held], step) for x in pair))
+
+
+def _hold_row(
+    design: LoopDesign, experiment: Experiment, result: LoopResult, direct: FloatArray, window: slice
+) -> HoldRow:
+    held, distance = result.held, experiment.targets_m[0]
+    direct_rms = _rms((direct - result.series.distance_m)[window][:, held])
+    filtered_rms = _rms(result.windows[0].estimate_rms_m[held])
+    quality = result.windows[0].normalised_innovation_squared[held]
+    return HoldRow(
+        controller=experiment.controller,
+        filter=experiment.observer,
+        distance_m=distance,
+        direct_rms_m=direct_rms,
+        filtered_rms_m=filtered_rms,
+        ratio=direct_rms / filtered_rms,
+        bound=noise_ratio_bound(design.model, distance),
+        normalised_innovation_squared=float(np.mean(quality)) if quality.size else np.nan,
+        innovation_band=consistency_band(max(1, int(held.sum())) * (window.stop - window.start)),
+        held=int(held.sum()),
+        runs=len(held),
+    )
+
+
+def _steps(design: LoopDesign, seed: int) -> tuple[tuple[StepRow, ...], tuple[StepSeries, ...]]:
+    experiments = [Experiment(controller, "ukf", design.targets_m) for controller in design.controllers]
     stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.slowest_pole_rad_s
     results = run_experiments(
         design,
@@ -224,21 +279,19 @@ def _steps(
         supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
         noise_blocks=len(experiments),
     )
-    rows: list[Table6Row] = []
-    steps: list[StepSeries] = []
-    small_steps: list[StepSeries] = []
+    rows: list[StepRow] = []
+    series: list[StepSeries] = []
     for experiment, result in zip(experiments, results, strict=True):
         direct = _direct(design, result)
-        drawn = _step_series(design, experiment, result, direct)
-        if experiment.targets_m == small:
-            small_steps.append(drawn)
-            continue
-        if experiment.observer == "ukf":
-            steps.append(drawn)
-            if not design.why_no_direct:
-                rows.append(table6_row(experiment.controller, "direct", result, direct))
-        rows.append(table6_row(experiment.controller, experiment.observer, result, result.series.estimated_distance_m))
-    return tuple(rows), tuple(steps), tuple(small_steps)
+        series.append(_step_series(design, experiment, result, direct))
+        measured = {experiment.observer: result.series.estimated_distance_m}
+        if not design.why_no_direct:
+            measured = {"direct": direct, **measured}
+        held = result.held
+        for name, distance in measured.items():
+            rms = _rms((distance - result.series.distance_m)[:, held])
+            rows.append(StepRow(experiment.controller, name, rms, int(held.sum()), len(held)))
+    return tuple(rows), tuple(series)
 
 
 def _step_series(design: LoopDesign, experiment: Experiment, result: LoopResult, direct: FloatArray) -> StepSeries:
@@ -261,60 +314,26 @@ def _step_series(design: LoopDesign, experiment: Experiment, result: LoopResult,
     )
 
 
-def _direct_feedback(design: LoopDesign, seed: int) -> tuple[LossRow, ...]:
-    """Raw derivative with both controllers; a derivative filtered at twice the coil's pole, at less noise."""
-    cutoff = 2.0 * design.points[0].coil_pole_rad_s
-    steps = round(LOSS_TIME_S / design.model.sample_time_s)
-    raw = [Experiment(c, "direct", (d,)) for c in design.controllers for d in _ends(design)]
-    smooth = [
-        Experiment("backstepping", "direct", (d,), noise_V=FILTERED_NOISE_V, velocity_cutoff_rad_s=cutoff)
-        for d in _ends(design)
-    ]
-    # Two batches: the first ends as soon as all of its runs are lost
-    return _losses(design, raw, steps, seed) + _losses(design, smooth, steps, seed)
-
-
-def _acquisition(design: LoopDesign, seed: int) -> tuple[LossRow, ...]:
+def _acquisition(design: LoopDesign, seed: int) -> tuple[FaultRow, ...]:
     near, far = _ends(design)
-    ends = ((near, far), (far, near))
+    controller, steps = design.controllers[0], design.steps(WINDOW)
     experiments = [
-        Experiment("backstepping", f, (true,), believed_m=believed) for f in FILTERS for true, believed in ends
+        Experiment(controller, name, (true,), believed_m=believed)
+        for name in FILTERS
+        for true, believed in ((near, far), (far, near))
     ]
-    return _losses(design, experiments, design.steps(WINDOW), seed)
-
-
-def _losses(design: LoopDesign, experiments: list[Experiment], steps: int, seed: int) -> tuple[LossRow, ...]:
     results = run_experiments(
         design,
         experiments,
         np.random.default_rng(seed),
-        runs=LOSS_RUNS,
+        runs=ACQUISITION_RUNS,
         steps=steps,
         windows=(slice(0, steps),),
         noise_blocks=len(experiments),
         recorded=0,
     )
-    return tuple(loss_row(e, r) for e, r in zip(experiments, results, strict=True))
+    return tuple(fault_row(e, r) for e, r in zip(experiments, results, strict=True))
 
 
-def _faults(design: LoopDesign, seed: int) -> tuple[tuple[ShiftRow, ...], tuple[LossRow, ...], tuple[ShiftRow, ...]]:
-    """Hall bias with four states and with three, and a force error with three; each against no fault."""
-    clean4, minus, plus = (_everywhere(design, "ukf4", offset_V=sign * HALL_BIAS_V) for sign in (0.0, -1.0, 1.0))
-    clean, wrong = (_everywhere(design, "ukf", force_scale=1.0 + error) for error in (0.0, FORCE_ERROR))
-    blind = [Experiment("backstepping", "ukf", (d,), offset_V=HALL_BIAS_V) for d in _ends(design)]
-    experiments = [*clean4, *minus, *plus, *clean, *wrong, *blind]
-    results = _hold(design, experiments, seed, runs=FAULT_RUNS, noise_blocks=len(experiments))
-    of = dict(zip(experiments, results, strict=True))
-    bias = [shift_row(e, of[e], of[c]) for part in (minus, plus) for e, c in zip(part, clean4, strict=True)]
-    force = [shift_row(e, of[e], of[c]) for e, c in zip(wrong, clean, strict=True)]
-    return tuple(bias), tuple(loss_row(e, of[e]) for e in blind), tuple(force)
-
-
-def _everywhere(
-    design: LoopDesign, name: ObserverName, offset_V: float = 0.0, force_scale: float = 1.0
-) -> list[Experiment]:
-    return [
-        Experiment(c, name, (d,), offset_V=offset_V, force_scale=force_scale)
-        for c in design.controllers
-        for d in _ends(design)
-    ]
+def _rms(errors: FloatArray) -> float:
+    return float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")

@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
+from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.monte_carlo import monte_carlo
 from femfit.simulation.study import closed_loop_study
 
 pytestmark = pytest.mark.benchmark
@@ -17,8 +17,12 @@ pytestmark = pytest.mark.benchmark
 def test_a_thousand_loops_of_one_second(levitation_model, observer):
     design = design_loop(levitation_model)
     start = time.perf_counter()
-    summary, _ = monte_carlo(
-        design, Experiment("backstepping", observer, design.targets_m), np.random.default_rng(1), runs=1000
+    summary = run_loops(
+        design,
+        Experiment("backstepping", observer, design.targets_m),
+        np.random.default_rng(1),
+        runs=1000,
+        duration_s=1.0,
     )
     print(
         f"\n1000 loops of {summary.steps} steps, {observer}: {time.perf_counter() - start:.1f} s",

@@ -14,10 +14,9 @@ from femfit.report.content import ReportContent
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
+from femfit.simulation.fault import FaultRow
 from femfit.simulation.spectrum import Spectrum
-from femfit.simulation.study import ClosedLoopStudy, SpectrumPair, StepSeries
-from femfit.simulation.study_rows import LossRow, ShiftRow
-from femfit.simulation.table6 import PAPER_RMS_M, HoldRow, Table6Row
+from femfit.simulation.study import ClosedLoopStudy, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 
@@ -88,38 +87,48 @@ def made_up_study(model, held=2, runs=2):
         return Spectrum(np.linspace(0.0, 1000.0, 64), np.full(64, scale * known))
 
     band = ConsistencyBand(0.98, 1.02)
+    nan = float("nan")
     return ClosedLoopStudy(
         design=design_loop(model),
         seed=7,
-        table6=tuple(
-            Table6Row(c, m, known * rms, PAPER_RMS_M.get((c, m)), held, runs)
+        steps=tuple(
+            StepRow(c, m, known * rms, held, runs)
             for c in CONTROLLERS
-            for m, rms in (("direct", 1.46e-4), ("ukf", 2.66e-5), ("ekf", 2.64e-5))
+            for m, rms in (("direct", 1.46e-4), ("ukf", 2.66e-5))
         ),
         holds=tuple(
             HoldRow(c, f, 0.022, known * 7.8e-5, known * rms, known * 5.5, 5.47, known, band, held, runs)
             for c in CONTROLLERS
             for f, rms in (("ukf", 1.4e-5), ("ekf", 1.428e-5))
         ),
-        direct_feedback=(LossRow(Experiment("pid", "direct", (0.022,)), runs, {"PULLED_IN": runs}, 0.071, None),),
-        hall_bias=(ShiftRow(place, runs, held, known * 3e-7, known * 1e-6, known * 4e-7, known * 3e-7),),
-        hall_bias_three_states=(LossRow(place, runs, {"FILTER_DIVERGED": runs}, 0.0, None),),
-        force_error=(
-            ShiftRow(
-                replace(place, offset_V=0.0, force_scale=1.01), runs, held, *(known * x for x in (1, 1, 1e-4, 1e-6))
+        faults=(
+            FaultRow(Experiment("pid", "direct", (0.022,)), runs, {"PULLED_IN": runs}, 0.071, *[nan] * 5),
+            FaultRow(place, runs, {"FILTER_DIVERGED": runs}, 0.0, *[nan] * 5),
+            FaultRow(
+                replace(place, observer="ukf", offset_V=-0.02),
+                runs,
+                outcomes,
+                None if held else 0.1,
+                *(known * x for x in (1e-5, 3e-7, 1e-6, 4e-7, 3e-7)),
+            ),
+            FaultRow(
+                replace(place, offset_V=0.0, force_scale=1.01),
+                runs,
+                outcomes,
+                None if held else 0.1,
+                *(known * x for x in (1e-5, 1e-5, 1e-5, 1e-4, 1e-6)),
             ),
         ),
         acquisition=(
-            LossRow(
+            FaultRow(
                 Experiment("backstepping", "ekf", (0.022,), believed_m=0.03),
                 runs,
                 outcomes,
                 None if held else 0.1,
-                None,
+                *[nan] * 5,
             ),
         ),
-        steps=tuple(series(c, "ukf") for c in CONTROLLERS),
-        small_steps=(series("backstepping", "ukf"), series("backstepping", "ekf")),
+        series=tuple(series(c, "ukf") for c in CONTROLLERS),
         spectra=tuple(SpectrumPair(c, spectrum(1e-5), spectrum(1e-6)) for c in CONTROLLERS),
     )
 

@@ -24,7 +24,7 @@ from femfit.report.candidates_figure import (
 from femfit.report.embed import svg_uri
 from femfit.report.field_figure import colour_range, field_figure, flux_levels
 from femfit.report.hall_figure import hall_figure
-from femfit.report.loop_figures import filters_figure, spectrum_figure, steps_figure
+from femfit.report.loop_figures import spectrum_figure, steps_figure
 from femfit.report.style import new_figure
 from femfit.report.sweep_figures import accuracy_figure, changes_sign, force_curves_figure, force_map_figure
 from femfit.report.sweep_grid import reciprocity, sweep_grid
@@ -51,9 +51,8 @@ def all_figures(content):
         "ranking": ranking_figure(fit.ranking),
         "residuals": residual_figure(rows, [("F1e", law_force(laws[0], rows))]),
         "hall": hall_figure(fit.model, rows),
-        "steps": steps_figure(study.steps[0]),
+        "steps": steps_figure(study.series[0]),
         "spectrum": spectrum_figure(study.spectra[0]),
-        "filters": filters_figure(study.small_steps),
     }
 
 

@@ -1,16 +1,18 @@
 """Closed loops: what holds, what is lost and under which name."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from femfit.model.actuator_model import ValidityBox
+from femfit.model.json_file import write_model
+from femfit.simulation.close_loop import SERIES_COLUMNS, close_loop, run_loops
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
-from femfit.simulation.monte_carlo import monte_carlo
 from femfit.simulation.outcome import LoopOutcome
-from femfit.simulation.time_series_csv import COLUMNS, write_time_series
+from femfit.simulation.plant import with_force_scale
 
 SUPPORT = 300
 
@@ -72,7 +74,6 @@ def test_a_diverging_filter_is_named_and_says_what_to_do(design):
     (result,) = run(design, Experiment("backstepping", "ukf", (0.022,), offset_V=0.1))
     assert set(result.outcomes()) == {LoopOutcome.FILTER_DIVERGED}
     assert np.isnan(result.windows[0].estimate_rms_m).all()
-    assert "4-state" in LoopOutcome.FILTER_DIVERGED.sentence
 
 
 def test_a_current_beyond_the_model_is_named(levitation_model):
@@ -96,20 +97,82 @@ def test_without_noise_the_direct_measurement_is_the_distance(levitation_model):
 
 
 def test_monte_carlo_counts_every_run_and_stores_none(design):
-    summary, result = monte_carlo(
+    summary = run_loops(
         design, Experiment("backstepping", "ukf", (0.022,)), np.random.default_rng(0), runs=30, duration_s=0.1
     )
     assert dict(summary.outcomes) == {"HELD": 30}
     assert (summary.runs, summary.steps) == (30, 200)
     assert 0.5e-5 < summary.estimate_rms_m.median < summary.estimate_rms_m.upper < 5e-5
-    assert result.series.distance_m.shape == (200, 0)
+    assert summary.result.series.distance_m.shape == (200, 0)
 
 
-def test_time_series_are_written_up_to_the_loss(design, tmp_path):
-    (result,) = run(design, Experiment("backstepping", "direct", (0.022,)), runs=2, supported_steps=0)
-    write_time_series(tmp_path / "loops" / "series.csv", result)
+def test_time_series_are_written_up_to_the_loss_whole_or_not_at_all(design, tmp_path, monkeypatch):
+    lost = run_loops(
+        design,
+        Experiment("backstepping", "direct", (0.022,)),
+        np.random.default_rng(1),
+        runs=2,
+        duration_s=0.3,
+        recorded=2,
+    )
+    lost.write_csv(tmp_path / "loops" / "series.csv")
     table = np.genfromtxt(tmp_path / "loops" / "series.csv", delimiter=",", names=True)
-    assert table.dtype.names == COLUMNS
-    assert len(table) == np.isfinite(result.series.distance_m).sum() < 2 * len(result.time_s)
+    series = lost.result.series
+    assert table.dtype.names == ("run", "time_s", *SERIES_COLUMNS)
+    assert len(table) == np.isfinite(series.distance_m).sum() < 2 * lost.steps
     first = table[table["run"] == 1]
-    np.testing.assert_allclose(first["distance_m"], result.series.distance_m[: len(first), 0], rtol=1e-8)
+    np.testing.assert_allclose(first["distance_m"], series.distance_m[: len(first), 0], rtol=1e-8)
+
+    def full_disk(file, *_, **__):
+        Path(file).write_text("half a ro")
+        raise OSError(28, "No space left on device", str(file))
+
+    monkeypatch.setattr(np, "savetxt", full_disk)
+    with pytest.raises(OSError, match="No space"):
+        lost.write_csv(tmp_path / "loops" / "series.csv")
+    assert len(np.genfromtxt(tmp_path / "loops" / "series.csv", delimiter=",", names=True)) == len(table)
+    assert [file.name for file in (tmp_path / "loops").iterdir()] == ["series.csv"]
+
+
+def advice(model, **options):
+    return close_loop(model, runs=4, seconds=0.5, targets_m=(0.022,), **{"estimator": "ukf", **options}).advice
+
+
+def test_a_loop_lost_for_want_of_a_filter_is_advised_to_take_one(levitation_model):
+    assert "Use a filter" in advice(levitation_model, estimator="direct")
+
+
+def test_the_advice_never_names_what_is_done_already(levitation_model):
+    """Noise of a volt on 0.9 V of signal: a filter is in the loop, and the model is the plant's."""
+    words = advice(levitation_model, noise_V=1.0)
+    assert "noise of the Hall voltage" in words
+    assert "Use a filter" not in words
+
+
+def test_a_fault_that_was_asked_for_is_named_as_the_cause(levitation_model):
+    assert "sensor stuck" in advice(levitation_model, stuck_after_s=0.05)
+
+
+def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
+    magnetics = with_force_scale(levitation_model, 1.6).magnetics
+    strong = replace(levitation_model, magnetics=magnetics, name="strong")
+    lost = close_loop(levitation_model, plant=strong, runs=4, seconds=0.5, targets_m=(0.026,), estimator="ukf")
+    assert lost.held == 0
+    assert "not the plant's" in lost.advice
+
+
+def test_gains_that_do_not_fit_are_named_as_the_cause(levitation_model):
+    design = design_loop(levitation_model)
+    lame = replace(design, pid=replace(design.pid, gains_V_m=tuple(0.05 * g for g in design.pid.gains_V_m)))
+    lost = run_loops(lame, Experiment("pid", "ukf4", (0.022,)), np.random.default_rng(1), runs=4, duration_s=1.0)
+    assert lost.held == 0
+    assert "gains of pid" in lost.advice
+    assert "backstepping holds it" in lost.advice
+
+
+def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    loop = close_loop(str(tmp_path / "model.json"), runs=3, seconds=0.2, rng=1)
+    assert str(loop).startswith("Held: 3 of 3 runs")
+    assert loop.advice == ""
+    assert "Held: 3 of 3" in loop._repr_html_()

@@ -9,7 +9,7 @@ import pytest
 from femfit.model.hall import HallSpline
 from femfit.simulation.design import design_loop
 from femfit.simulation.study import closed_loop_study
-from femfit.simulation.text import study_data, study_lines
+from femfit.simulation.study_text import study_data, study_lines
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 
@@ -18,16 +18,12 @@ def study(levitation_model):
     return closed_loop_study(levitation_model, seed=1)
 
 
-def test_table_6_has_all_entries_with_the_papers_beside_them(study):
-    entries = {(row.controller, row.measurement): row for row in study.table6}
-    assert set(entries) == {(c, m) for c in ("backstepping", "pid") for m in ("direct", "ukf", "ekf")}
-    assert entries["backstepping", "direct"].paper_rms_m == 12.32e-5
-    assert entries["pid", "ukf"].paper_rms_m == 1.68e-5
+def test_the_steps_compare_direct_measurement_and_filter_for_both_controllers(study):
+    rms = {(row.controller, row.measurement): row.rms_m for row in study.steps}
+    assert set(rms) == {(c, m) for c in ("backstepping", "pid") for m in ("direct", "ukf")}
     for controller in ("backstepping", "pid"):
-        direct, ukf, ekf = (entries[controller, m].rms_m for m in ("direct", "ukf", "ekf"))
-        assert 1e-4 < direct < 2e-4  # the paper's 12 to 16e-5: the noise is chosen for that
-        assert ekf == pytest.approx(ukf, rel=0.1)
-        assert direct > 4.5 * ukf  # with the steps' transients in it, less than at rest
+        # less than the 5.5 to 6.2 at rest, with the steps' transients in it
+        assert rms[controller, "direct"] > 4.5 * rms[controller, "ukf"]
 
 
 def test_filters_reach_the_noise_bound_at_both_ends_of_the_range(study):
@@ -35,14 +31,14 @@ def test_filters_reach_the_noise_bound_at_both_ends_of_the_range(study):
     for row in study.holds:
         assert row.held >= 0.95 * row.runs
         assert row.ratio > 5.0
-        assert row.ratio == pytest.approx(row.bound, rel=0.15)  # 3 % statistical: 64 runs of ten time constants
+        assert row.ratio == pytest.approx(row.bound, rel=0.18)  # 6 % statistical: 16 runs of ten time constants
 
 
 def test_normalised_innovations_lie_in_their_band(study):
     inside = [row.innovation_band.contains(row.normalised_innovation_squared) for row in study.holds]
     # each of four independent holds (UKF and EKF share theirs) leaves a 95 % band once in twenty
     assert sum(inside) >= 6
-    assert all(abs(row.normalised_innovation_squared - 1.0) < 0.02 for row in study.holds)
+    assert all(abs(row.normalised_innovation_squared - 1.0) < 0.04 for row in study.holds)  # 16 runs of 600
 
 
 def test_ekf_equals_ukf_at_rest_and_is_worse_only_in_acquisition(study):
@@ -54,42 +50,49 @@ def test_ekf_equals_ukf_at_rest_and_is_worse_only_in_acquisition(study):
         assert extended.held < extended.runs or extended.estimate_rms_m > 1.5 * unscented.estimate_rms_m
 
 
-def test_raw_direct_feedback_loses_the_magnet_within_a_second_and_a_filtered_derivative_holds_little_noise(study):
-    raw = [row for row in study.direct_feedback if row.experiment.noise_V is None]
-    smooth = [row for row in study.direct_feedback if row.experiment.noise_V is not None]
+def faults(study, observer, **fields):
+    """Rows of a kind of fault."""
+    return [
+        row
+        for row in study.faults
+        if row.experiment.observer == observer
+        and all(getattr(row.experiment, name) == value for name, value in fields.items())
+    ]
+
+
+def test_without_a_filter_the_body_is_lost_at_once(study):
+    raw = faults(study, "direct")
     assert len(raw) == 4
     for row in raw:
         assert row.held == 0
-        assert row.last_loss_s < 1.0
-    for row in smooth:
-        assert row.experiment.noise_V == 0.8e-3
-        assert row.held == row.runs
+        assert row.last_loss_s < 0.3
 
 
-def test_the_fourth_state_holds_20_mV_of_hall_bias_within_5_um(study):  # noqa: N802 - millivolts
-    assert {row.experiment.offset_V for row in study.hall_bias} == {-0.02, 0.02}
-    for row in study.hall_bias:
+@pytest.mark.parametrize("offset", [-0.02, 0.02])
+def test_the_fourth_state_holds_a_hall_offset_within_micrometres(study, offset):
+    rows = faults(study, "ukf4", offset_V=offset)
+    assert len(rows) == 4
+    for row in rows:
         assert row.held >= 0.8 * row.runs
         assert row.shift_error_m < 3e-6
         assert abs(row.position_shift_m) < 5e-6
-    assert all("FILTER_DIVERGED" in row.outcomes for row in study.hall_bias_three_states)
+    assert all("FILTER_DIVERGED" in row.outcomes for row in faults(study, "ukf", offset_V=0.02))
 
 
 def test_one_per_cent_of_force_costs_a_tenth_of_a_millimetre(study):
-    off = [row.estimate_bias_m for row in study.force_error]
+    rows = faults(study, "ukf", force_scale=1.01)
+    off = [row.estimate_bias_m for row in rows]
     assert 0.03e-3 < min(off) < max(off) < 0.2e-3
     assert np.mean(off) == pytest.approx(0.10e-3, rel=0.35)
-    for row in study.force_error:
+    for row in rows:
         # the integrator puts the estimate on the reference; backstepping has none and is off by more
         factor = 1.6 if row.experiment.controller == "pid" else 15.0
         assert abs(row.position_bias_m) < factor * row.estimate_bias_m
 
 
-def test_series_and_spectra_are_there_for_figures_15_to_19(study):
-    assert [(s.controller, s.observer) for s in study.steps] == [("backstepping", "ukf"), ("pid", "ukf")]
-    assert [s.observer for s in study.small_steps] == ["ukf", "ekf"]
-    assert max(study.small_steps[0].reference_m) == pytest.approx(0.025, abs=1e-4)
-    for series in (*study.steps, *study.small_steps):
+def test_series_and_spectra_are_there_to_be_drawn(study):
+    assert [(s.controller, s.observer) for s in study.series] == [("backstepping", "ukf"), ("pid", "ukf")]
+    for series in study.series:
         lengths = {len(getattr(series, name)) for name in ("time_s", "reference_m", "true_m", "direct_m", "voltage_V")}
         assert len(lengths) == 1
         assert np.isfinite(series.true_m).all()
@@ -99,12 +102,12 @@ def test_series_and_spectra_are_there_for_figures_15_to_19(study):
         assert pair.filtered.amplitude_m[fast].mean() < 0.1 * pair.direct.amplitude_m[fast].mean()
 
 
-def test_the_study_can_be_printed_and_written(study):
-    text = "\n".join(study_lines(study))
-    assert "paper (of another actuator)" in text  # the fixture is not the paper's rig
-    assert "123.20 um" in text
+def test_the_study_says_first_which_controllers_hold_and_knows_no_paper(study):
+    first, *others = str(study).splitlines()
+    assert "backstepping" in first
+    assert "pid" in first
+    assert not any("paper" in line for line in (first, *others))
     data = json.loads(json.dumps(study_data(study), allow_nan=False))
-    assert data["table6"][0]["paper_rms_m"] == 12.32e-5
     assert len(data["holds"]) == len(study.holds)
 
 
@@ -129,15 +132,15 @@ def turning(levitation_model):
 def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning, study):
     alone = closed_loop_study(turning, seed=1)
     assert "it turns at 36.8 mm" in alone.no_direct
-    assert alone.direct_feedback == ()
+    assert not faults(alone, "direct")
     assert alone.spectra == ()
-    assert {row.measurement for row in alone.table6} == {"ukf", "ekf"}
-    assert all(row.held == row.runs for row in alone.table6)
+    assert {row.measurement for row in alone.steps} == {"ukf"}
+    assert all(row.held == row.runs for row in alone.steps)
     for row, usual in zip(alone.holds, study.holds, strict=True):
         assert np.isnan(row.direct_rms_m)
         # The uneven field costs slope: at 30 mm nearly half of it, and the noise grows so much
         assert usual.filtered_rms_m < row.filtered_rms_m < 2.1 * usual.filtered_rms_m
-    assert any("Filters alone" in line and "36.8" in line for line in study_lines(alone))
+    assert any("36.8" in line for line in study_lines(alone))
     assert not any("nan" in line for line in study_lines(alone))
     data = study_data(alone)
     json.dumps(data, allow_nan=False)
@@ -161,7 +164,7 @@ def test_what_a_study_must_leave_out_is_known_from_its_design(turning, sluggish)
 @pytest.mark.long
 def test_a_coil_too_slow_for_a_pid_is_studied_with_the_other_controller(sluggish):
     slow = closed_loop_study(sluggish, seed=1)
-    assert {row.controller for row in slow.table6} == {row.controller for row in slow.holds} == {"backstepping"}
+    assert {row.controller for row in slow.steps} == {row.controller for row in slow.holds} == {"backstepping"}
     assert any(row.held for row in slow.holds)
     assert any("no PID: A PID controller needs a coil that is faster" in line for line in study_lines(slow))
     assert study_data(slow)["pid"] is None

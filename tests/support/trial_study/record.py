@@ -13,8 +13,9 @@ import pandas as pd
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.controller import Reference
-from femfit.simulation.design import SUPPORT_TIME_CONSTANTS, LoopDesign, design_loop
+from femfit.simulation.design import LoopDesign, design_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.reference import reference_steps
 from support.trial_study.levitated_body import MovingTruth

@@ -1,0 +1,36 @@
+"""Every number that decides how a loop is designed and studied, with its kind and source.
+
+Kinds: *derived* (from what is said), *conventional* (a usual choice, any near it would do), *calibrated* (on data that
+are named).
+"""
+
+DESIGN_POINTS = 9
+"""Conventional: points of rest over the reference's range for which controllers are designed."""
+
+DERIVATIVE_FILTER_RATIO = 3.0
+"""Calibrated on the magnet of geometry/emaws-rig.toml at 30 mm: pole of the PID's derivative filter over the coil's.
+With 6 the noise on the voltage reaches the clamp so often that runs are lost; with 3 the loop is a tenth slower."""
+
+USABLE_PART = 0.3
+"""Conventional: fastest pole that a loop is designed with, times the sample time; a third of it turns by 0.1 rad a
+sample (K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), section 7.8: 0.1 to 0.6)."""
+
+USED_AUTHORITY = 0.5
+"""Conventional: part of the voltage between holding and clamp that the reference may use; feedback has the rest."""
+
+COVERED_PART = 0.95
+"""Conventional: part of the swept currents that the driver's voltage may ask for at rest; back-EMF adds in motion."""
+
+BIAS_DEVIATION_V = 0.02
+"""Conventional: first standard deviation of the Hall offset, of the order of the +-25 mV that a ratiometric linear Hall
+element's data sheet allows (Allegro A1321: quiescent output 2.425 to 2.575 V)."""
+
+FIRST_DEVIATION_M = 1e-3
+"""Conventional: first standard deviation of the distance of a body that is put on a support by hand."""
+
+SUPPORT_TIME_CONSTANTS = 5.0
+"""Derived: a filter's own poles are at least as fast as the body's unstable one, so that after five of its time
+constants less than 1 % of the first error is left."""
+
+UNKNOWN_NOISE_PART = 5e-4
+"""Conventional: white noise of a Hall sample over the output's range where the model says none: two of 4096 steps."""
