@@ -14,6 +14,8 @@ _PLACES = {
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
     "BenchTable": "femfit.tables.measurement:BenchTable",
     "FemfitError": "femfit.core.errors:FemfitError",
+    "Filter": "femfit.filters.filter:Filter",
+    "LoopSummary": "femfit.simulation.close_loop:LoopSummary",
     "FitResult": "femfit.fit.result:FitResult",
     "ImportedTable": "femfit.tables.foreign.read:ImportedTable",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
@@ -28,6 +30,9 @@ _PLACES = {
     "write_model": "femfit.model.json_file:write_model",
     "export": "femfit.targets.targets:export",
     "import_table": "femfit.tables.foreign.read:import_table",
+    # The filter and the loop
+    "close_loop": "femfit.simulation.close_loop:close_loop",
+    "kalman_filter": "femfit.filters.kalman_filter:kalman_filter",
     # Why the bench disagrees
     "integrate_coil": "femfit.integrate.integrate_coil:integrate_coil",
     "list_effects": "femfit.effects.catalogue:all_effects",

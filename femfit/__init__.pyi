@@ -5,6 +5,8 @@ from femfit.device.load import read_actuator as read_actuator
 from femfit.device.parts import Actuator as Actuator
 from femfit.effects.catalogue import all_effects as list_effects
 from femfit.field.sweep import run_sweep as run_sweep
+from femfit.filters.filter import Filter as Filter
+from femfit.filters.kalman_filter import kalman_filter as kalman_filter
 from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
@@ -12,6 +14,8 @@ from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
 from femfit.model.json_file import read_model as read_model
 from femfit.model.json_file import write_model as write_model
+from femfit.simulation.close_loop import LoopSummary as LoopSummary
+from femfit.simulation.close_loop import close_loop as close_loop
 from femfit.tables.foreign.read import ImportedTable as ImportedTable
 from femfit.tables.foreign.read import import_table as import_table
 from femfit.tables.measurement import BenchTable as BenchTable
@@ -26,14 +30,18 @@ __all__ = [
     "ActuatorModel",
     "BenchTable",
     "FemfitError",
+    "Filter",
     "FitResult",
     "ImportedTable",
+    "LoopSummary",
     "SweepTable",
     "TimeSeries",
+    "close_loop",
     "export",
     "fit_model",
     "import_table",
     "integrate_coil",
+    "kalman_filter",
     "list_effects",
     "list_laws",
     "read_actuator",

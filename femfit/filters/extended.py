@@ -42,4 +42,5 @@ class ExtendedFilter(Filter):
         mean = state.mean + gain * innovation[:, None]
         kept = np.eye(self.process.order, dtype=dtype) - gain[:, :, None] * slope[:, None, :]
         covariance = kept @ state.covariance @ kept.swapaxes(1, 2) + noise * gain[:, :, None] * gain[:, None, :]
+        covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
         return Correction(moments_of(mean, covariance), innovation, variance)

@@ -6,19 +6,20 @@ innovations is here, once.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import FilterError
-from femfit.filters.cholesky import cholesky
+from femfit.filters.cholesky import cholesky, empty_matrices
+from femfit.filters.constants import BAND_99_9, DIVERGENCE_STEPS
 from femfit.filters.filter_state import FilterState
 from femfit.filters.outcome import FilterOutcome
 from femfit.filters.process import FilterProcess
-
-BAND_99_9 = 10.828
-"""99.9 % quantile of chi-square with one degree of freedom."""
+from femfit.filters.single_step import SingleStep
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Moments:
         Covariance P and lower L with L L^T = P.
     definite : array of bool, shape (runs,)
         Where P is positive definite.
-    points : array, shape (runs, 2n + 1, n), or None
+    points : array, shape (n, 2n + 1, runs), or None
         Sigma points to keep.
     """
 
@@ -45,18 +46,7 @@ class Moments:
 
 
 def moments_of(mean: FloatArray, covariance: FloatArray, points: FloatArray | None = None) -> Moments:
-    """Moments with the covariance symmetrised and factorised.
-
-    Parameters
-    ----------
-    mean : array, shape (runs, n)
-        Means.
-    covariance : array, shape (runs, n, n)
-        Symmetric up to rounding.
-    points : array, shape (runs, 2n + 1, n), or None
-        Sigma points to keep.
-    """
-    covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
+    """Moments with the factor of the covariance, which is symmetric up to rounding."""
     factor, definite = cholesky(covariance)
     return Moments(mean, covariance, factor, definite, points)
 
@@ -87,10 +77,18 @@ class Filter(ABC):
     divergence_steps : int
         A run is named INNOVATIONS_OUT_OF_BAND once more than half of its last (exponentially weighted) so many
         innovations left their 99.9 % band; a true filter leaves it once in a thousand steps.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> filter_ = ff.kalman_filter("model.json", "ekf", hall_bias=False)
+    >>> state = filter_.update(filter_.start([0.022, 0.0, 0.4]), 2.7)
+    >>> state.mean.shape, state.covariance.shape
+    ((1, 3), (1, 3, 3))
     """
 
     process: FilterProcess
-    divergence_steps: int = 200
+    divergence_steps: int = DIVERGENCE_STEPS
 
     @abstractmethod
     def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
@@ -101,15 +99,15 @@ class Filter(ABC):
         """Moments given the measurement."""
 
     @final
-    def start(self, mean: FloatArray, covariance: FloatArray, runs: int = 1) -> FilterState:
-        """Initial state, eq. (19) of the paper.
+    def start(self, mean: ArrayLike, covariance: ArrayLike | None = None, runs: int = 1) -> FilterState:
+        """Initial state.
 
         Parameters
         ----------
         mean : array, shape (n,) or (runs, n)
-            First estimate.
-        covariance : array, shape (n, n) or (runs, n, n)
-            Of its error.
+            First estimate; states that are left out at the end (of effects, the Hall offset) are zero.
+        covariance : array, shape (n, n) or (runs, n, n), or None
+            Of its error; the process's own where None.
         runs : int
             Size of the batch where ``mean`` has the shape (n,).
 
@@ -117,23 +115,25 @@ class Filter(ABC):
         ------
         FilterError
             If shapes do not fit, or the covariance is not positive definite.
-
-        References
-        ----------
-        A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, section 4.1.
         """
         mean = np.asarray(mean)
         dtype = mean.dtype if mean.dtype == np.float32 else np.dtype(np.float64)
         order = self.process.order
+        if covariance is None:
+            covariance = self.process.require_start_covariance()
+            missing = order - mean.shape[-1] if mean.ndim else 0
+            if 0 < missing < order:
+                mean = np.concatenate([mean, np.zeros((*mean.shape[:-1], missing), dtype)], axis=-1)
         if mean.shape[-1:] != (order,) or np.shape(covariance)[-2:] != (order, order):
             raise FilterError(
                 f"Initial mean and covariance must have the shapes ({order},) and ({order}, {order}) for the states "
                 f"{', '.join(self.process.names)}; instead received {mean.shape} and {np.shape(covariance)}."
             )
         runs = len(mean) if mean.ndim == 2 else runs
-        mean = np.broadcast_to(mean, (runs, order)).astype(dtype)
-        covariance = np.broadcast_to(covariance, (runs, order, order)).astype(dtype)
-        factor, definite = cholesky(covariance)
+        mean = np.array(np.broadcast_to(mean, (runs, order)), dtype, order="F")
+        matrices = empty_matrices(runs, order, dtype)
+        matrices[:] = covariance
+        factor, definite = cholesky(matrices)
         if not (np.all(definite) and np.all(np.isfinite(mean))):
             raise FilterError(
                 "The initial covariance must be positive definite and the initial mean finite; give every state an "
@@ -142,7 +142,7 @@ class Filter(ABC):
         unknown = np.full(runs, np.nan, dtype=dtype)
         return FilterState(
             mean=mean,
-            covariance=covariance,
+            covariance=matrices,
             factor=factor,
             points=None,
             innovation=unknown,
@@ -165,11 +165,9 @@ class Filter(ABC):
         FilterState
             Of the next sample, before its measurement.
         """
-        inputs = np.broadcast_to(np.asarray(voltage, dtype=state.mean.dtype), (state.runs,))
-        # A non-finite result is not repaired: it becomes the run's named outcome.
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
-            moments = self._predicted(state, inputs)
-            return self._next(state, moments, state.outcome)
+            # A non-finite result is not repaired: it becomes the run's named outcome.
+            return self._next(state, self._predicted(state, _per_run(state, voltage)), state.outcome)
 
     @final
     def update(self, state: FilterState, measurement: FloatArray | float) -> FilterState:
@@ -180,40 +178,87 @@ class Filter(ABC):
         measurement : array, shape (runs,), or float
             z.
         """
-        values = np.broadcast_to(np.asarray(measurement, dtype=state.mean.dtype), (state.runs,))
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
-            correction = self._corrected(state, values)
+            correction = self._corrected(state, _per_run(state, measurement))
             innovation, variance = correction.innovation, correction.innovation_variance
             outside = innovation**2 > BAND_99_9 * variance
             fraction = state.out_of_band + (outside - state.out_of_band) / self.divergence_steps
-            code = np.where(fraction > 0.5, FilterOutcome.INNOVATIONS_OUT_OF_BAND, FilterOutcome.RUNNING)
-            outcome = np.where(state.outcome == FilterOutcome.RUNNING, code, state.outcome)
+            outcome = state.outcome
+            if (out := (fraction > 0.5) & (outcome == FilterOutcome.RUNNING)).any():
+                outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
             following = self._next(state, correction.moments, outcome)
         return replace(
             following,
             innovation=innovation,
             innovation_variance=variance,
-            out_of_band=fraction.astype(state.mean.dtype),
+            out_of_band=fraction.astype(state.mean.dtype, copy=False),
         )
 
     @final
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: FloatArray | float) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's measurement."""
+        if len(state.mean) == 1 and not state.outcome.item():
+            alone = self._step_alone(state, _number(voltage), _number(measurement))
+            if alone is not None:
+                return alone
         return self.update(self.predict(state, voltage), measurement)
 
+    def _step_alone(self, state: FilterState, voltage: float, measurement: float) -> FilterState | None:  # noqa: ARG002
+        """A quicker step of one healthy run; None where there is none, or where something must be named."""
+        return None
+
+    @final
+    def _next_alone(self, state: FilterState, step: SingleStep) -> FilterState | None:
+        """The state of one run that stays healthy; None where its innovations left their band for too long."""
+        fraction = state.out_of_band.item()
+        fraction += ((step.innovation**2 > BAND_99_9 * step.variance) - fraction) / self.divergence_steps
+        if fraction > 0.5:
+            return None
+        order, entries = len(step.mean), len(step.mean) ** 2
+        flat = [*chain(*step.covariance, *step.factor), *step.mean, step.innovation, step.variance, fraction]
+        numbers = np.array(flat)
+        return FilterState(
+            mean=numbers[2 * entries : -3].reshape(1, order),
+            covariance=numbers[:entries].reshape(1, order, order),
+            factor=numbers[entries : 2 * entries].reshape(1, order, order),
+            points=None,
+            innovation=numbers[-3:-2],
+            innovation_variance=numbers[-2:-1],
+            out_of_band=numbers[-1:],
+            outcome=state.outcome,
+        )
+
     def _next(self, state: FilterState, moments: Moments, outcome: IntArray) -> FilterState:
+        """Name what went wrong; the first name of a run stays."""
         finite = np.isfinite(moments.mean).all(axis=1)
         healthy = finite & moments.definite
-        code = np.where(finite, FilterOutcome.COVARIANCE_LOST, FilterOutcome.NOT_FINITE)
-        code = np.where(healthy, FilterOutcome.RUNNING, code)
-        if self.process.plausible is not None:
-            lost = healthy & ~self.process.plausible(moments.mean)
-            code = np.where(lost, FilterOutcome.LEFT_MODEL, code)
+        mean = moments.mean
+        if not healthy.all():
+            code = np.where(finite, FilterOutcome.COVARIANCE_LOST, FilterOutcome.NOT_FINITE)
+            running = state.outcome == FilterOutcome.RUNNING
+            outcome = np.where(running & ~healthy, code, outcome)
+            mean = np.where(healthy[:, None], mean, np.nan).astype(state.mean.dtype, copy=False)
+        lost = healthy & ~self.process.plausible(mean)
+        if lost.any():
+            running = state.outcome == FilterOutcome.RUNNING
+            outcome = np.where(running & lost, FilterOutcome.LEFT_MODEL, outcome)
         return replace(
             state,
-            mean=np.where(healthy[:, None], moments.mean, np.nan).astype(state.mean.dtype, copy=False),
+            mean=mean,
             covariance=moments.covariance,
             factor=moments.factor,
             points=moments.points,
-            outcome=np.where(state.outcome == FilterOutcome.RUNNING, np.where(code != 0, code, outcome), state.outcome),
+            outcome=outcome,
         )
+
+
+def _per_run(state: FilterState, value: FloatArray | float) -> FloatArray:
+    """A number for each run, in the state's precision."""
+    result = np.empty(state.runs, state.mean.dtype)
+    result[:] = value
+    return result
+
+
+def _number(value: FloatArray | float) -> float:
+    """The number of one run, given alone or as an array of one."""
+    return float(value.item() if isinstance(value, np.ndarray) else value)

@@ -16,9 +16,17 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
-from femfit.filters.noise import FilterNoise, default_noise, operating_distance, process_covariance
+from femfit.filters.constants import BIAS_DEVIATION_V, FARTHEST, NEAREST
+from femfit.filters.noise import (
+    FilterNoise,
+    default_noise,
+    initial_covariance,
+    operating_distance,
+    process_covariance,
+    with_memory,
+)
 from femfit.filters.process import FilterProcess, Measure
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import (
@@ -28,6 +36,7 @@ from femfit.model.dynamics import (
     runge_kutta_jacobian,
     runge_kutta_step,
 )
+from femfit.model.float_steps import float_euler_step, float_hall_voltage
 
 Measurement = Literal["hall_voltage", "distance"]
 Integrator = Literal["euler", "rk4"]
@@ -104,8 +113,10 @@ def levitation_process(
         middle = 0.5 * (model.validity.current_min_A + model.validity.current_max_A)
         per_metre = sensor.sensitivity_V_per_T * sensor.field.derivatives(np.asarray(distance), np.asarray(middle))[1]
         measure, slope, variance = _distance, _distance_slope, float(noise.hall_V / per_metre) ** 2
+    names = (*STATE_NAMES[:3], *model.memory_names, *(STATE_NAMES[3:] if hall_bias else ()))
+    lower, upper = _plausible_range(model, len(names))
     return FilterProcess(
-        names=(*STATE_NAMES[:3], *model.memory_names, *(STATE_NAMES[3:] if hall_bias else ())),
+        names=names,
         step_s=model.sample_time_s,
         transition=partial(_transition, model, advance),
         measure=measure,
@@ -113,7 +124,11 @@ def levitation_process(
         measurement_variance=variance,
         transition_jacobian=partial(_transition_jacobian, model, jacobian),
         measurement_jacobian=slope,
-        plausible=partial(_plausible, model),
+        transition_columns=float_euler_step(model) if integrator == "euler" else None,
+        measure_columns=float_hall_voltage(model) if measurement == "hall_voltage" else None,
+        lower=lower,
+        upper=upper,
+        start_covariance=with_memory(model, initial_covariance(hall_bias_V=BIAS_DEVIATION_V if hall_bias else None)),
     )
 
 
@@ -145,8 +160,12 @@ def require_slow_coil(model: ActuatorModel, distance: float, integrator: Integra
 
 def _transition(model: ActuatorModel, advance: Step, states: FloatArray, voltage: FloatArray) -> FloatArray:
     order = 3 + len(model.memory_names)
-    moved = advance(model, states[:, :order], voltage, model.sample_time_s)
-    return moved if states.shape[1] == order else np.concatenate([moved, states[:, order:]], axis=1)
+    if states.shape[1] == order:
+        return advance(model, states, voltage, model.sample_time_s)
+    result = np.empty(states.shape[::-1]).T
+    result[:, :order] = advance(model, states[:, :order], voltage, model.sample_time_s)
+    result[:, order:] = states[:, order:]
+    return result
 
 
 def _transition_jacobian(model: ActuatorModel, jacobian: Step, states: FloatArray, voltage: FloatArray) -> FloatArray:
@@ -183,18 +202,11 @@ def _distance_slope(states: FloatArray) -> FloatArray:
     return result
 
 
-def _plausible(model: ActuatorModel, states: FloatArray) -> BoolArray:
-    """Within half the smallest to twice the largest distance, and one width of the currents beyond their range.
-
-    The fit's polynomials continue a little outside of the box, which a filter needs while it acquires; further out they
-    mean nothing.
-    """
-    box = model.validity
-    distance, current = states[:, 0], states[:, 2]
-    width = box.current_max_A - box.current_min_A
-    return np.asarray(
-        (distance > 0.5 * box.distance_min_m)
-        & (distance < 2.0 * box.distance_max_m)
-        & (current > box.current_min_A - width)
-        & (current < box.current_max_A + width)
-    )
+def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, FloatArray]:
+    """Distances around the validity domain, and currents up to one width of their range beyond it."""
+    domain = model.validity
+    width = domain.current_max_A - domain.current_min_A
+    lower, upper = np.full(order, -np.inf), np.full(order, np.inf)
+    lower[0], upper[0] = NEAREST * domain.distance_min_m, FARTHEST * domain.distance_max_m
+    lower[2], upper[2] = domain.current_min_A - width, domain.current_max_A + width
+    return lower, upper

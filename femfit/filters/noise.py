@@ -18,21 +18,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.filters.constants import (
+    BIAS_DENSITY,
+    DRIVER_ERROR,
+    FIRST_CURRENT_A,
+    FIRST_DEVIATION_M,
+    FIRST_VELOCITY_M_S,
+    OWN_SHARE,
+    OWN_VARIANCE,
+    UNKNOWN_FORCE_ERROR,
+)
 from femfit.filters.theory import unstable_pole
 from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.dynamics import state_derivative
-
-UNKNOWN_FORCE_ERROR = 1e-3
-"""Force error relative to the weight where the model file records no misfit: the fit's own target."""
-
-DRIVER_ERROR = 1e-3
-"""Error of the winding's voltage relative to the driver's largest: a calibrated 10-bit pulse-width modulator."""
-
-_OWN_VARIANCE = 1e-12
-"""Of an effect's state in a step, on its own: they are of the order of one."""
-
-BIAS_DENSITY = 1e-3
-"""Random walk of the Hall element's quiescent voltage in V / sqrt(s)."""
 
 
 @dataclass(frozen=True)
@@ -143,12 +141,12 @@ def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, curre
     """What moves the current moves the states of effects along; a part of it on their own keeps Q definite."""
     state = np.zeros((2, 3 + len(model.memory_names)))
     state[:, 0], state[:, 2] = distance, current
-    rest = model.require_circuit().resistance_ohm * current
-    rates = state_derivative(model, state, np.array([rest, rest + 1.0]))
+    holding = model.require_circuit().resistance_ohm * current
+    rates = state_derivative(model, state, np.array([holding, holding + 1.0]))
     along = (rates[1, 3:] - rates[0, 3:]) / (rates[1, 2] - rates[0, 2])
     variance, end = result[2, 2], 3 + len(along)
     result[2, 3:end] = result[3:end, 2] = variance * along
-    result[3:end, 3:end] = variance * np.outer(along, along) + np.diag(0.01 * variance * along**2 + _OWN_VARIANCE)
+    result[3:end, 3:end] = variance * np.outer(along, along) + np.diag(OWN_SHARE * variance * along**2 + OWN_VARIANCE)
 
 
 def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
@@ -175,9 +173,9 @@ def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
 
 
 def initial_covariance(
-    distance_m: float = 1e-3,
-    velocity_m_s: float = 0.05,
-    current_A: float = 0.1,
+    distance_m: float = FIRST_DEVIATION_M,
+    velocity_m_s: float = FIRST_VELOCITY_M_S,
+    current_A: float = FIRST_CURRENT_A,
     hall_bias_V: float | None = None,
 ) -> FloatArray:
     """Diagonal covariance of a first estimate.

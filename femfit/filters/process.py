@@ -2,14 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.differences import central_differences
+from femfit.core.errors import FilterError
 
 Transition = Callable[[FloatArray, FloatArray], FloatArray]
 Measure = Callable[[FloatArray], FloatArray]
+Columns = list[list[float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +36,12 @@ class FilterProcess:
         df/dx, shape (N, n, n); central differences where absent.
     measurement_jacobian : callable or None
         dh/dx, shape (N, n); central differences where absent.
-    plausible : callable or None
-        Mask (N,) of states that the model can still say something about.
+    transition_columns, measure_columns : callable or None
+        The same functions for a handful of states in Python's floats, one list a state; by arrays where absent.
+    lower, upper : array, shape (n,), or None
+        Range of states that the model can still say something about.
+    start_covariance : array, shape (n, n), or None
+        Of a first estimate's error, where none is given.
     """
 
     names: tuple[str, ...]
@@ -44,7 +52,66 @@ class FilterProcess:
     measurement_variance: float
     transition_jacobian: Transition | None = None
     measurement_jacobian: Measure | None = None
-    plausible: Callable[[FloatArray], BoolArray] | None = None
+    transition_columns: Callable[[Columns, float], Columns] | None = None
+    measure_columns: Callable[[Columns], list[float]] | None = None
+    lower: FloatArray | None = None
+    upper: FloatArray | None = None
+    start_covariance: FloatArray | None = None
+
+    def plausible(self, states: FloatArray) -> BoolArray:
+        """Which states of shape (N, n) the model can still say something about; NaN is not."""
+        result = np.ones(len(states), dtype=np.bool_)
+        for k, low, high in self._bounds:
+            result &= (states[:, k] > low) & (states[:, k] < high)
+        return result
+
+    def move(self, columns: Columns, voltage: float) -> Columns:
+        """The transition of a handful of states, given and returned as one list a state."""
+        if self.transition_columns is not None:
+            return self.transition_columns(columns, voltage)
+        inputs = np.full(len(columns[0]), voltage)
+        result: Columns = self.transition(np.array(columns).T, inputs).T.tolist()
+        return result
+
+    def look(self, columns: Columns) -> list[float]:
+        """The measurement of a handful of states, given as one list a state."""
+        if self.measure_columns is not None:
+            return self.measure_columns(columns)
+        result: list[float] = self.measure(np.array(columns).T).tolist()
+        return result
+
+    def is_plausible(self, state: list[float]) -> bool:
+        """Whether one state is finite and plausible."""
+        for k, low, high in self._bounds:
+            if not low < state[k] < high:
+                return False
+        return isfinite(sum(state))
+
+    @cached_property
+    def noise_rows(self) -> list[list[float]]:
+        """Rows of Q."""
+        result: list[list[float]] = self.process_covariance.tolist()
+        return result
+
+    @cached_property
+    def _bounds(self) -> list[tuple[int, float, float]]:
+        """The states with a range, and the ranges."""
+        if self.lower is None or self.upper is None:
+            return []
+        bounded = np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper))
+        return [(int(k), float(self.lower[k]), float(self.upper[k])) for k in bounded]
+
+    def require_start_covariance(self) -> FloatArray:
+        """The covariance of a first estimate.
+
+        Raises
+        ------
+        FilterError
+            If the process has none.
+        """
+        if self.start_covariance is None:
+            raise FilterError("This process has no covariance for a first estimate; give start(mean, covariance).")
+        return self.start_covariance
 
     @property
     def order(self) -> int:

@@ -17,34 +17,15 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FilterError
 from femfit.filters.cholesky import cholesky, rank_one_change
-from femfit.filters.filter import Correction, Filter, Moments
+from femfit.filters.filter import Correction, Moments
 from femfit.filters.filter_state import FilterState
-from femfit.filters.sigma_points import SigmaScaling, deviations
-from femfit.filters.unscented import output_moments, propagated
+from femfit.filters.sigma_points import SigmaPointFilter, deviations
 
 
 @final
 @dataclass(frozen=True, eq=False)
-class SquareRootUnscentedFilter(Filter):
-    """Square-root unscented Kalman filter: the same estimates as :class:`UnscentedFilter` up to rounding.
-
-    Parameters
-    ----------
-    process : FilterProcess
-        The world as told to the filter.
-    redraw : bool
-        Draw new sigma points after the prediction, or reuse the propagated ones.
-    """
-
-    alpha: float = 1.0
-    beta: float = 2.0
-    kappa: float = 0.0
-    redraw: bool = True
-
-    @cached_property
-    def scaling(self) -> SigmaScaling:
-        """Spread and weights."""
-        return SigmaScaling(self.process.order, self.alpha, self.beta, self.kappa)
+class SquareRootUnscentedFilter(SigmaPointFilter):
+    """Square-root unscented Kalman filter: the same estimates as :class:`UnscentedFilter` up to rounding."""
 
     @cached_property
     def _noise_rows(self) -> FloatArray:
@@ -55,25 +36,25 @@ class SquareRootUnscentedFilter(Filter):
         return np.asarray(factor[0].T)
 
     def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
-        scaling = self.scaling
-        moved = propagated(self.process, state, voltage, scaling.spread)
-        delta, shift = deviations(moved, scaling.weight)
+        moved = self.propagated(state, voltage)
+        delta, shift = deviations(moved, self.weight)
+        dtype = moved.dtype.type
         noise = np.broadcast_to(self._noise_rows.astype(moved.dtype), (state.runs, *self._noise_rows.shape))
-        rows = [moved.dtype.type(np.sqrt(scaling.weight)) * delta, noise]
-        scaled_shift = moved.dtype.type(np.sqrt(abs(scaling.shift_weight))) * shift
-        if scaling.shift_weight >= 0.0:
+        rows = [dtype(np.sqrt(self.weight)) * delta.transpose(2, 1, 0), noise]
+        scaled_shift = (dtype(np.sqrt(abs(self.shift_weight))) * shift).T
+        if self.shift_weight >= 0.0:
             rows.append(scaled_shift[:, None, :])
         factor, definite = _triangular(np.concatenate(rows, axis=1))
-        if scaling.shift_weight < 0.0:
+        if self.shift_weight < 0.0:
             factor, reduced = rank_one_change(factor, scaled_shift, -1.0)
             definite &= reduced
-        return _moments(moved[:, 0] + shift, factor, definite, None if self.redraw else moved)
+        return _moments((moved[:, 0] + shift).T, factor, definite, None if self.redraw else moved)
 
     def _corrected(self, state: FilterState, measurement: FloatArray) -> Correction:
-        predicted, variance, cross = output_moments(self.process, state, self.scaling)
+        predicted, variance, cross = self.output_moments(state)
         innovation = measurement - predicted
-        mean = state.mean + cross * (innovation / variance)[:, None]
-        factor, definite = rank_one_change(state.factor, cross / np.sqrt(variance)[:, None], -1.0)
+        mean = state.mean + (cross * (innovation / variance)).T
+        factor, definite = rank_one_change(state.factor, (cross / np.sqrt(variance)).T, -1.0)
         return Correction(_moments(mean, factor, definite), innovation, variance)
 
 

@@ -11,11 +11,12 @@ C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial, perm
+from math import factorial
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.model.cell_polynomials import CellPolynomials, FloatFunction
 
 
 def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int = 0) -> FloatArray:
@@ -81,39 +82,24 @@ class TensorSpline:
     coefficients: FloatArray
 
     @cached_property
-    def _cells(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Break points of x and y, and P of shape (cells, x_degree + 1, y_degree + 1)."""
+    def _cells(self) -> CellPolynomials:
+        """One polynomial a cell, from the Taylor coefficients of the basis at its corner."""
         x_breaks, y_breaks = np.unique(self.x_knots), np.unique(self.y_knots)
         x_taylor = _taylor_rows(x_breaks[:-1], self.x_knots, self.x_degree)
         y_taylor = _taylor_rows(y_breaks[:-1], self.y_knots, self.y_degree)
         cells = np.einsum("xai,ij,ybj->xyab", x_taylor, self.coefficients, y_taylor)
-        return x_breaks, y_breaks, cells.reshape(-1, self.x_degree + 1, self.y_degree + 1)
+        return CellPolynomials(x_breaks, y_breaks, cells.reshape(-1, self.x_degree + 1, self.y_degree + 1))
 
     def derivatives(self, x: FloatArray, y: FloatArray, orders: tuple[tuple[int, int], ...]) -> list[FloatArray]:
         """Partial derivatives of orders (in x, in y) at points (n,); border cells are continued outwards."""
-        x_breaks, y_breaks, polynomials = self._cells
-        kx = np.searchsorted(x_breaks[1:-1], x, side="right")
-        ky = np.searchsorted(y_breaks[1:-1], y, side="right")
-        s, t = x - x_breaks[kx], y - y_breaks[ky]
-        local = polynomials[kx * (len(y_breaks) - 1) + ky]
-        partial = {b: _horner(local, t, b) for b in {order[1] for order in orders}}
-        return [_horner(partial[b], s, a) for a, b in orders]
+        return self._cells.derivatives(x, y, orders)
+
+    def in_floats(self, orders: tuple[tuple[int, int], ...]) -> FloatFunction:
+        """The same for a handful of points in Python's floats: (list of x, list of y) -> one list a point."""
+        return self._cells.in_floats(orders)
 
 
 def _taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
     """Taylor coefficients of every basis function at points, shape (n, degree + 1, functions)."""
     rows = [basis_matrix(points, knots, degree, k) / factorial(k) for k in range(degree + 1)]
     return np.stack(rows, axis=1)
-
-
-def _horner(coefficients: FloatArray, t: FloatArray, derivative: int) -> FloatArray:
-    """Evaluate the derivative of sum_b c[..., b] t^b along the last axis, t of shape (n,)."""
-    degree = coefficients.shape[-1] - 1
-    t = t.reshape(-1, *([1] * (coefficients.ndim - 2)))
-    if derivative > degree:
-        return np.zeros(coefficients.shape[:-1])
-    result = perm(degree, derivative) * coefficients[..., degree]
-    for power in range(degree - 1, derivative - 1, -1):
-        factor = perm(power, derivative)
-        result = result * t + (coefficients[..., power] if factor == 1 else factor * coefficients[..., power])
-    return result

@@ -30,11 +30,13 @@ def state_derivative(
         return model.dynamics.derivative(state, voltage, disturbance, motion.mass_kg, motion.gravity_m_s2)
     distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
     magnetic = model.magnetics.state(distance, current)
-    acceleration = motion.gravity_m_s2 + (disturbance - magnetic.force) / motion.mass_kg
-    current_rate = (
+    rates = np.empty((3, *distance.shape))  # a component's values together, whatever the order of ``state``
+    rates[0] = velocity
+    rates[1] = motion.gravity_m_s2 + (disturbance - magnetic.force) / motion.mass_kg
+    rates[2] = (
         voltage - circuit.resistance_ohm * current + magnetic.motional_constant * velocity
     ) / magnetic.inductance
-    return np.stack([velocity, acceleration, current_rate], axis=-1)
+    return np.moveaxis(rates, 0, -1) if rates.ndim != 2 else rates.T
 
 
 def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:

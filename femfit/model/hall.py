@@ -27,6 +27,8 @@ class HallField(ABC):
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
         """Partial derivatives of the field, of orders (in d, in i), in T / m^a / A^b."""
+        if np.ndim(distance) == 1 and np.shape(distance) == np.shape(current):  # what plant and filters ask for
+            return self._partials(np.asarray(distance, np.float64), np.asarray(current, np.float64), orders)
         distance, current = np.broadcast_arrays(
             np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
         )

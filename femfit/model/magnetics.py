@@ -61,6 +61,8 @@ class Magnetics(ABC):
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
         """Partial derivatives of the co-energy, of orders (in d, in i), in J / m^a / A^b."""
+        if np.ndim(distance) == 1 and np.shape(distance) == np.shape(current):  # what plant and filters ask for
+            return self._derivatives(np.asarray(distance, np.float64), np.asarray(current, np.float64), orders)
         distance, current = np.broadcast_arrays(
             np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
         )
@@ -118,6 +120,16 @@ class CoenergySpline(Magnetics):
     ) -> list[FloatArray]:
         shifted = distance + self.distance_shift_m
         return partial_derivatives(self.spline, self.reference_distance_m, shifted, current, orders)
+
+    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
+        """Force, motional constant and inductance; du/dd = -u / (d + s) once, where points come as one array."""
+        if np.ndim(distance) != 1 or np.shape(distance) != np.shape(current):
+            return super().state(distance, current)
+        shifted = distance + self.distance_shift_m
+        u = self.reference_distance_m / shifted
+        slope, mixed, inductance = self.spline.derivatives(u, current, ((1, 0), (1, 1), (0, 2)))
+        per_metre = 1.0 / shifted
+        return MagneticState(per_metre * (u * slope), per_metre * (u * mixed), inductance)
 
 
 @dataclass(frozen=True)

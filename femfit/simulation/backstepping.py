@@ -57,7 +57,7 @@ class Backstepping(Controller):
             - self.velocity_gain * (velocity - reference.velocity)
             - self.position_gain * (estimate[:, 0] - reference.distance)
         )
-        wanted = current_for_acceleration(self.model, distance, acceleration)
+        wanted = current_for_acceleration(self.model, distance, acceleration, near=current)
         voltage = circuit.resistance_ohm * wanted + self.current_gain_ohm * (wanted - current)
         return np.clip(voltage, circuit.voltage_min_V, circuit.voltage_max_V), memory
 

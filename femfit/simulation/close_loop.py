@@ -63,6 +63,13 @@ class LoopSummary:
         Why runs were lost and what to do; empty where all were held.
     result : LoopResult
         Outcome of each run, and the series of those that were recorded.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> loop = ff.close_loop("model.json", controller="backstepping", targets_m=(0.022,), runs=2, seconds=0.1)
+    >>> loop.held, loop.result.series.distance_m.shape
+    (2, (200, 1))
     """
 
     design: LoopDesign
@@ -201,6 +208,15 @@ def close_loop(
         If the model has no circuit, motion or sensor.
     DomainError
         If the body cannot be held at the reference distances.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> loop = ff.close_loop("model.json", targets_m=(0.022,), runs=3, seconds=0.2, rng=1)
+    >>> print(loop)
+    Held: 3 of 3 runs of 0.2 s held the body; pid on ukf4, ...
+    >>> loop.estimate_rms_m.median < 50e-6
+    True
     """
     believed, truth = _model(model), None if plant is None else _model(plant)
     if targets_m is not None:

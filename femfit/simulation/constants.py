@@ -21,13 +21,6 @@ USED_AUTHORITY = 0.5
 COVERED_PART = 0.95
 """Conventional: part of the swept currents that the driver's voltage may ask for at rest; back-EMF adds in motion."""
 
-BIAS_DEVIATION_V = 0.02
-"""Conventional: first standard deviation of the Hall offset, of the order of the +-25 mV that a ratiometric linear Hall
-element's data sheet allows (Allegro A1321: quiescent output 2.425 to 2.575 V)."""
-
-FIRST_DEVIATION_M = 1e-3
-"""Conventional: first standard deviation of the distance of a body that is put on a support by hand."""
-
 SUPPORT_TIME_CONSTANTS = 5.0
 """Derived: a filter's own poles are at least as fast as the body's unstable one, so that after five of its time
 constants less than 1 % of the first error is left."""

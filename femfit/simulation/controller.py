@@ -22,8 +22,8 @@ class Reference:
     velocity: FloatArray
     acceleration: FloatArray
 
-    def at(self, k: int) -> "Reference":
-        """The reference at sample k."""
+    def at(self, k: int | IntArray) -> "Reference":
+        """The reference at sample k, or of some runs at one sample."""
         return Reference(self.distance[k], self.velocity[k], self.acceleration[k])
 
 
@@ -88,11 +88,9 @@ class SplitController(Controller):
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """Each part's command on its own runs."""
         runs = len(estimate)
-        wanted = (reference.distance, reference.velocity, reference.acceleration)
-        r, v, a = (np.broadcast_to(value, (runs,)) for value in wanted)
         voltage, updated = np.empty(runs), memory.copy()
         for rows, controller in self.parts:
-            part = Reference(r[rows], v[rows], a[rows])
+            part = reference if np.ndim(reference.distance) == 0 else reference.at(rows)
             voltage[rows], words = controller.command(memory[rows], estimate[rows], part)
             updated[rows, : words.shape[1]] = words
         return voltage, updated

@@ -2,26 +2,21 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal, NoReturn, cast
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError, FilterError
+from femfit.filters.constants import FIRST_DEVIATION_M
 from femfit.filters.direct import hall_inverse
-from femfit.filters.extended import ExtendedFilter
-from femfit.filters.filter import Filter
-from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import default_noise, initial_covariance, with_memory
-from femfit.filters.square_root import SquareRootUnscentedFilter
-from femfit.filters.unscented import UnscentedFilter
+from femfit.filters.kalman_filter import FilterKind, kalman_filter
+from femfit.filters.noise import default_noise
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor
 from femfit.simulation.backstepping import Backstepping, design_backstepping
 from femfit.simulation.constants import (
-    BIAS_DEVIATION_V,
     COVERED_PART,
     DESIGN_POINTS,
-    FIRST_DEVIATION_M,
     UNKNOWN_NOISE_PART,
 )
 from femfit.simulation.controller import Controller
@@ -114,20 +109,15 @@ class LoopDesign:
         """
         if name == "direct":
             return DirectObserver(self.model, hall_inverse(self.model), velocity_cutoff_rad_s)
-        biased = name.endswith("4")
-        process = levitation_process(
+        filter_ = kalman_filter(
             self.model,
-            hall_bias=biased,
+            cast("FilterKind", name.removesuffix("4")),
+            hall_bias=name.endswith("4"),
             noise=default_noise(self.model, self.targets_m[0], self.noise_V),
             distance=self.targets_m[0],
+            first_deviation_m=distance_deviation_m,
         )
-        kinds: dict[str, type[Filter]] = {
-            "ukf": UnscentedFilter,
-            "ekf": ExtendedFilter,
-            "srukf": SquareRootUnscentedFilter,
-        }
-        covariance = initial_covariance(distance_deviation_m, hall_bias_V=BIAS_DEVIATION_V if biased else None)
-        return FilterObserver(kinds[name.removesuffix("4")](process), with_memory(self.model, covariance))
+        return FilterObserver(filter_)
 
 
 def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesign:

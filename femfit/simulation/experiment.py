@@ -7,9 +7,9 @@ from typing import Any, Literal
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
+from femfit.filters.constants import FIRST_DEVIATION_M
 from femfit.filters.direct import hall_inverse
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.constants import FIRST_DEVIATION_M
 from femfit.simulation.controller import SplitController
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName
 from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
@@ -114,7 +114,9 @@ def run_experiments(
                 for name in dict.fromkeys(e.controller for e in experiments)
             )
         ),
-        reference=stack_references(paths, [runs] * len(experiments)),
+        reference=paths[0]
+        if len({e.targets_m for e in experiments}) == 1
+        else stack_references(paths, [runs] * len(experiments)),
     )
     starts = np.array([[e.targets_m[0], 0.0, operating_point(truth, e.targets_m[0]).current_A] for e in experiments])
     beliefs = starts.copy()

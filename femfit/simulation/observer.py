@@ -66,18 +66,13 @@ class FilterObserver(Observer[FilterState]):
     ----------
     filter : Filter
         With the states distance, velocity, current, possibly those of effects, and possibly Hall bias.
-    initial_covariance : array, shape (n, n)
-        Of the first belief's error.
     """
 
     filter: Filter
-    initial_covariance: FloatArray
 
     def start(self, estimate: FloatArray) -> FilterState:
         """Bias and the states of effects zero at the start."""
-        mean = np.zeros((len(estimate), self.filter.process.order))
-        mean[:, :3] = estimate
-        return self.filter.start(mean, self.initial_covariance)
+        return self.filter.start(estimate)
 
     def observe(self, memory: FilterState, voltage: FloatArray, reading: FloatArray, *, first: bool) -> FilterState:
         """Predict and update; only update at the first sample."""

@@ -22,7 +22,7 @@ from femfit.filters.theory import holding_current
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import USABLE_PART
 
-_NEWTON_STEPS = 40
+_NEWTON_STEPS, _STEPS_FROM_NEAR = 40, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,9 @@ def current_range(model: ActuatorModel) -> tuple[float, float]:
     return low, high
 
 
-def current_for_force(model: ActuatorModel, distance: FloatArray, force: FloatArray) -> FloatArray:
+def current_for_force(
+    model: ActuatorModel, distance: FloatArray, force: FloatArray, near: FloatArray | None = None
+) -> FloatArray:
     """The current that gives a force: F(d, i) = force, kept between the currents of :func:`current_range`.
 
     Newton's iteration from the largest current: dF/di rises with the current in an unsaturated actuator, so that it
@@ -135,26 +137,41 @@ def current_for_force(model: ActuatorModel, distance: FloatArray, force: FloatAr
         In m.
     force : array, shape (...)
         In N.
+    near : array, shape (...), or None
+        Currents close to the solution, from which a few steps are tried first.
 
     Returns
     -------
     array, shape (...)
         In A.
     """
+    if near is not None:
+        current, converged = _newton(model, distance, force, near, _STEPS_FROM_NEAR)
+        if converged:
+            return current
+    current, _ = _newton(model, distance, force, np.full(np.shape(distance), np.inf), _NEWTON_STEPS)
+    return current
+
+
+def _newton(
+    model: ActuatorModel, distance: FloatArray, force: FloatArray, start: FloatArray, steps: int
+) -> tuple[FloatArray, bool]:
     low, high = current_range(model)
-    current = np.full(np.shape(distance), high)
-    for _ in range(_NEWTON_STEPS):
+    current = np.clip(start, low, high)
+    for _ in range(steps):
         slope_d, slope_di = model.magnetics.coenergy_derivatives(distance, current, ((1, 0), (1, 1)))
         slope = np.maximum(-slope_di, 1e-12 * np.abs(slope_d) / high + np.finfo(np.float64).tiny)
         updated = np.clip(current - (-slope_d - force) / slope, low, high)
         change = np.abs(updated - current)
         current = updated
         if not np.any(change > 1e-6 * high):  # the next change would be its square
-            break
-    return current
+            return current, True
+    return current, False
 
 
-def current_for_acceleration(model: ActuatorModel, distance: FloatArray, acceleration: FloatArray) -> FloatArray:
+def current_for_acceleration(
+    model: ActuatorModel, distance: FloatArray, acceleration: FloatArray, near: FloatArray | None = None
+) -> FloatArray:
     """The current for which F(d, i) = m (g - a), as :func:`current_for_force`.
 
     Parameters
@@ -163,6 +180,8 @@ def current_for_acceleration(model: ActuatorModel, distance: FloatArray, acceler
         In m.
     acceleration : array, shape (...)
         Along growing distance, in m/s^2.
+    near : array, shape (...), or None
+        Currents close to the solution.
 
     Returns
     -------
@@ -170,7 +189,7 @@ def current_for_acceleration(model: ActuatorModel, distance: FloatArray, acceler
         In A.
     """
     motion = model.require_motion()
-    return current_for_force(model, distance, motion.mass_kg * (motion.gravity_m_s2 - acceleration))
+    return current_for_force(model, distance, motion.mass_kg * (motion.gravity_m_s2 - acceleration), near)
 
 
 def zero_order_hold(A: FloatArray, B: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

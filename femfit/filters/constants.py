@@ -1,0 +1,43 @@
+"""Every number that decides what a filter believes before it has seen a reading, with its kind and source.
+
+Kinds: *derived* (from what is said), *conventional* (a usual choice, any near it would do), *calibrated* (on data that
+are named).
+"""
+
+UNKNOWN_FORCE_ERROR = 1e-3
+"""Conventional: force error over the weight where the model file records no misfit, the fit's own target."""
+
+DRIVER_ERROR = 1e-3
+"""Derived: error of the winding's voltage over the driver's largest, one step of a pulse-width modulator of 10 bits."""
+
+BIAS_DENSITY = 1e-3
+"""Conventional: random walk of the Hall element's quiescent voltage in V / sqrt(s), 8 mV in a minute; a ratiometric
+linear element drifts by some 10 mV over its temperature range (Allegro A1321 data sheet) within minutes of warming."""
+
+OWN_VARIANCE = 1e-12
+"""Conventional: what an effect's state gains in a step on its own, small beside its size of one: Q is definite."""
+
+OWN_SHARE = 0.01
+"""Conventional: part of the variance of an effect's state that does not follow the current, so that Q is definite."""
+
+BIAS_DEVIATION_V = 0.02
+"""Conventional: first standard deviation of the Hall offset; the data sheet of a ratiometric linear element allows at
+most +-75 mV (Allegro A1321: quiescent output 2.425 to 2.575 V)."""
+
+FIRST_DEVIATION_M = 1e-3
+"""Conventional: first standard deviation of the distance of a body that is put on a support by hand."""
+
+FIRST_VELOCITY_M_S, FIRST_CURRENT_A = 0.05, 0.1
+"""Conventional: first standard deviations of velocity and current of a body near rest."""
+
+NEAREST, FARTHEST = 0.5, 2.0
+"""Conventional: an estimate is lost below half the smallest or above twice the largest distance of the model's validity
+domain. The fit's polynomials continue a little outside of it, which a filter needs while it acquires, and mean nothing
+further out; a cubic spline that is continued over half a domain is usually off by its own size."""
+
+BAND_99_9 = 10.828
+"""Derived: 99.9 % quantile of chi-square with one degree of freedom."""
+
+DIVERGENCE_STEPS = 200
+"""Conventional: a run is named INNOVATIONS_OUT_OF_BAND once more than half of its last (exponentially weighted) so many
+innovations left their 99.9 % band; a true filter leaves it once in a thousand steps."""

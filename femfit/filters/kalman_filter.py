@@ -1,0 +1,79 @@
+"""A Kalman filter for a model, ready to start."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from femfit.core.errors import FilterError
+from femfit.filters.constants import BIAS_DEVIATION_V, FIRST_DEVIATION_M
+from femfit.filters.extended import ExtendedFilter
+from femfit.filters.filter import Filter
+from femfit.filters.levitation import levitation_process
+from femfit.filters.noise import FilterNoise, initial_covariance, with_memory
+from femfit.filters.square_root import SquareRootUnscentedFilter
+from femfit.filters.unscented import UnscentedFilter
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import read_model
+
+FilterKind = Literal["ukf", "ekf", "srukf"]
+
+_KINDS: dict[str, type[Filter]] = {
+    "ukf": UnscentedFilter,
+    "ekf": ExtendedFilter,
+    "srukf": SquareRootUnscentedFilter,
+}
+
+
+def kalman_filter(
+    model: ActuatorModel | str | Path,
+    kind: FilterKind = "ukf",
+    *,
+    hall_bias: bool = True,
+    noise: FilterNoise | None = None,
+    distance: float | None = None,
+    first_deviation_m: float = FIRST_DEVIATION_M,
+) -> Filter:
+    """A filter of a model, its noise derived from the model and its first covariance chosen.
+
+    Parameters
+    ----------
+    kind : {'ukf', 'ekf', 'srukf'}
+        Unscented, extended or square-root unscented.
+    hall_bias : bool
+        Estimate the Hall element's offset as the last state.
+    noise : FilterNoise or None
+        Derived by :func:`femfit.filters.noise.default_noise` where None.
+    distance : float or None
+        Operating point in m; the model's first reference distance, or the middle of its range, where None.
+    first_deviation_m : float
+        Standard deviation of the first estimate's distance.
+
+    Returns
+    -------
+    Filter
+        ``start([distance_m, velocity_m_s, current_A])``, then ``step(state, voltage, hall_voltage)`` every sample.
+
+    Raises
+    ------
+    MissingPartError
+        If the model lacks circuit, motion, sensor or inductance.
+    FilterError
+        If the kind is unknown, or the coil too fast for the sample time.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ukf = ff.kalman_filter("model.json")
+    >>> ukf.process.names
+    ('distance_m', 'velocity_m_s', 'current_A', 'hall_bias_V')
+    >>> state = ukf.start([0.022, 0.0, 0.4])
+    >>> state = ukf.step(state, 1.1, 2.7)
+    >>> state.mean.shape
+    (1, 4)
+    """
+    if kind not in _KINDS:
+        raise FilterError(f"The kind of a filter must be one of {', '.join(_KINDS)}; instead received {kind!r}.")
+    model = model if isinstance(model, ActuatorModel) else read_model(Path(model))
+    process = levitation_process(model, hall_bias=hall_bias, noise=noise, distance=distance)
+    covariance = initial_covariance(first_deviation_m, hall_bias_V=BIAS_DEVIATION_V if hall_bias else None)
+    return _KINDS[kind](replace(process, start_covariance=with_memory(model, covariance)))

@@ -1,0 +1,91 @@
+"""One step of one unscented filter in Python's floats.
+
+The equations are those of :class:`femfit.filters.unscented.UnscentedFilter`, with redrawn points, in the same order.
+For three or four states and one run, calls to numpy would cost several times the arithmetic; a target's control loop
+runs one filter. A step in which anything must be named (a lost covariance, a number that is none, an estimate outside
+of the model) is left to the general path, which names it.
+"""
+
+from itertools import repeat
+from operator import add, mul, sub
+from typing import NamedTuple
+
+from femfit.filters.cholesky import cholesky_rows
+from femfit.filters.process import Columns, FilterProcess
+
+
+class SingleStep(NamedTuple):
+    """What one step came to; rows of the matrices are lists."""
+
+    mean: list[float]
+    covariance: list[list[float]]
+    factor: list[list[float]]
+    innovation: float
+    variance: float
+
+
+def single_step(
+    process: FilterProcess,
+    mean: list[float],
+    factor: list[list[float]],
+    voltage: float,
+    measurement: float,
+    scaling: tuple[float, float, float],
+) -> SingleStep | None:
+    """Predict and update; None where a run is not healthy.
+
+    Parameters
+    ----------
+    scaling : (float, float, float)
+        Spread of the points, weight of each, and weight of the squared shift.
+    """
+    spread, weight, shift_weight = scaling
+    order = len(mean)
+    moved = process.move(_points(mean, factor, spread), voltage)
+    mean, deltas, shifts, covariance = [], [], [], []
+    for column, noise in zip(moved, process.noise_rows, strict=True):
+        centre = column[0]
+        delta = list(map(sub, column[1:], repeat(centre)))
+        shift = weight * sum(delta)
+        scaled = shift_weight * shift
+        mean.append(centre + shift)
+        deltas.append(delta)
+        shifts.append(shift)
+        row = []
+        for other, other_shift, q in zip(deltas, shifts, noise):  # noqa: B905  the lower triangle
+            row.append(weight * sum(map(mul, delta, other)) + scaled * other_shift + q)
+        covariance.append(row)
+    predicted = cholesky_rows(covariance)
+    if predicted is None or not process.is_plausible(mean):
+        return None
+    values = process.look(_points(mean, predicted, spread))
+    centre = values[0]
+    delta = list(map(sub, values[1:], repeat(centre)))
+    shift = weight * sum(delta)
+    variance = weight * sum(map(mul, delta, delta)) + shift_weight * shift * shift + process.measurement_variance
+    innovation = measurement - (centre + shift)
+    # Redrawn points lie in pairs about the mean: mean +- spread L_k, of which only the difference in z remains.
+    pairs = [weight * spread * (up - down) for up, down in zip(delta[:order], delta[order:], strict=True)]
+    cross, correction = [], innovation / variance
+    for k, row in enumerate(covariance):
+        own = sum(map(mul, predicted[k], pairs))
+        cross.append(own)
+        mean[k] += own * correction
+        for j, other_cross in enumerate(cross):
+            row[j] -= own * other_cross / variance
+    updated = cholesky_rows(covariance)
+    if updated is None or not process.is_plausible(mean):
+        return None
+    for i, row in enumerate(covariance):
+        for below in covariance[i + 1 :]:
+            row.append(below[i])
+    return SingleStep(mean, covariance, updated, innovation, variance)
+
+
+def _points(mean: list[float], factor: list[list[float]], spread: float) -> Columns:
+    """Sigma points about a mean, the centre first; one list a state."""
+    columns = []
+    for centre, row in zip(mean, factor, strict=True):
+        offsets = list(map(mul, row, repeat(spread)))
+        columns.append([centre, *map(add, repeat(centre), offsets), *map(sub, repeat(centre), offsets)])
+    return columns
