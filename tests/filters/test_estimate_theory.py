@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.core.differences import central_differences
 from femfit.core.errors import DomainError, FilterError
 from femfit.filters.cholesky import cholesky, rank_one_change
 from femfit.filters.direct import hall_distance, hall_inverse, static_current
 from femfit.filters.extended import ExtendedFilter
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import default_noise, hall_noise, initial_covariance, process_covariance
-from femfit.filters.process import FilterProcess, central_differences
+from femfit.filters.process import FilterProcess
 from femfit.filters.theory import (
     holding_current,
     noise_ratio_bound,

@@ -27,6 +27,7 @@ RUN_EXAMPLE = "import runpy; runpy.run_path({!r}, run_name='__main__')"
 
 CLOSED_LOOP = """
 import sys
+from dataclasses import replace
 from pathlib import Path
 import numpy as np
 from {package}.filters.extended import ExtendedFilter
@@ -50,7 +51,7 @@ def closed_loop(model_file, steps, filters=3):
     results = []
     for kind in (UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter)[:filters]:
         covariance = with_memory(model, initial_covariance(hall_bias_V=0.01))
-        observer = FilterObserver(kind(levitation_process(model, hall_bias=True)), covariance)
+        observer = FilterObserver(kind(replace(levitation_process(model, hall_bias=True), start_covariance=covariance)))
         loop = ClosedLoop(Plant(model), model.sensor, SensorErrors(noise_V=1e-3), observer,
                           design_backstepping(model, points), reference)
         start = np.array([[0.0221, 0.0, points[0].current_A], [0.0219, 0.0, points[0].current_A]])

@@ -1,0 +1,105 @@
+"""One filter in floats gives the numbers of the general path, and names what goes wrong as it does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import FilterError
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.filters.filter import Filter
+from femfit.filters.kalman_filter import kalman_filter
+from femfit.filters.levitation import levitation_process
+from femfit.filters.noise import initial_covariance
+from femfit.filters.outcome import FilterOutcome
+from femfit.filters.unscented import UnscentedFilter
+from femfit.model.cell_polynomials import CellPolynomials
+from femfit.model.json_file import write_model
+from femfit.model.with_effects import with_effects
+
+RANDOM = np.random.default_rng(5)
+
+
+def both_ways(filter_, record):
+    """The same record by the single step and by the general path."""
+    alone = general = filter_.start(np.array([0.022, 0.0, 0.32]))
+    for voltage, hall in zip(record.voltage[:, 0], record.hall[:, 0], strict=True):
+        alone = filter_.step(alone, voltage, hall)
+        general = filter_.update(filter_.predict(general, voltage), hall)
+        yield alone, general
+
+
+@pytest.mark.parametrize("hall_bias", [False, True])
+@pytest.mark.parametrize("effects", [(), ("core_saturation",)])
+def test_the_single_step_is_the_general_path_to_1e_12_of_a_deviation(levitation_model, record, hall_bias, effects):
+    """With an effect the model goes by arrays of seven points, without one by floats."""
+    named = [effect_by_name(name) for name in effects]
+    model = with_effects(levitation_model, [AddedEffect(e, e.null() | {"mmf_loss_3": 0.02}) for e in named])
+    for alone, general in both_ways(kalman_filter(model, hall_bias=hall_bias), record):
+        sigma = np.sqrt(np.diagonal(general.covariance[0]))
+        np.testing.assert_allclose(alone.mean / sigma, general.mean / sigma, rtol=0.0, atol=1e-9)
+        scale = sigma[:, None] * sigma
+        np.testing.assert_allclose(alone.covariance / scale, general.covariance / scale, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(alone.mean, general.mean, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            alone.normalised_innovation_squared, general.normalised_innovation_squared, atol=1e-9
+        )
+
+
+def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
+    filter_ = kalman_filter(levitation_model)
+    monkeypatch.setattr(Filter, "predict", None)  # the general path would need it
+    state = filter_.start([0.022, 0.0, 0.32])
+    for voltage, hall in zip(record.voltage[:9, 0], record.hall[:9, 0], strict=True):
+        state = filter_.step(state, voltage, np.array([hall]))
+    assert np.isfinite(state.mean).all()
+
+
+@pytest.mark.parametrize(
+    ("hall", "outcome"), [(np.nan, FilterOutcome.NOT_FINITE), (np.inf, FilterOutcome.NOT_FINITE), (50.0, None)]
+)
+def test_what_goes_wrong_is_named_as_by_the_general_path(levitation_model, hall, outcome):
+    filter_ = kalman_filter(levitation_model)
+    state = filter_.start([0.022, 0.0, 0.32])
+    named = filter_.step(state, 0.86, hall).outcomes()
+    assert named == filter_.update(filter_.predict(state, 0.86), hall).outcomes()
+    assert outcome is None or named == (outcome,)
+
+
+def test_innovations_out_of_their_band_are_named_in_one_run_too(levitation_model):
+    process = replace(levitation_process(levitation_model), measurement_variance=(1e-4) ** 2)
+    filter_ = UnscentedFilter(process, divergence_steps=20)
+    state = filter_.start(np.array([0.022, 0.0, 0.32]), initial_covariance(1e-5, 1e-3, 1e-3))
+    clean, generator = state.mean, np.random.default_rng(4)
+    volts = float(process.measure(clean)[0])
+    for _ in range(30):
+        held = replace(state, mean=clean)  # the body is held by its controller: only the innovations tell
+        state = filter_.step(held, 0.86, volts + 0.03 * generator.choice([-1.0, 1.0]))
+    assert state.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND,)
+
+
+def test_a_filter_starts_without_a_covariance_and_reads_its_model_from_a_file(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    filter_ = kalman_filter(tmp_path / "model.json", "ekf")
+    state = filter_.start([0.022, 0.0, 0.32])
+    assert state.mean.tolist() == [[0.022, 0.0, 0.32, 0.0]]
+    assert np.sqrt(state.covariance[0, 0, 0]) == pytest.approx(1e-3)
+    with pytest.raises(FilterError, match="one of ukf, ekf, srukf"):
+        kalman_filter(levitation_model, "kf")
+
+
+def test_a_piecewise_polynomial_in_floats_is_the_one_in_arrays():
+    """Cells in both directions, points outside of them, and an order beyond the degree."""
+    cells = CellPolynomials(np.array([0.0, 0.4, 1.0]), np.array([0.0, 1.0, 3.0, 4.0]), RANDOM.normal(size=(6, 5, 4)))
+    x, y = RANDOM.uniform(-0.2, 1.2, 40), RANDOM.uniform(-0.5, 4.5, 40)
+    orders = ((0, 0), (1, 0), (1, 1), (0, 2), (2, 3), (1, 4), (5, 0))
+    arrays = np.array(cells.derivatives(x, y, orders)).T
+    np.testing.assert_allclose(cells.in_floats(orders)(x.tolist(), y.tolist()), arrays, rtol=1e-12, atol=1e-12)
+    for point, (one_x, one_y) in enumerate(zip(x, y, strict=True)):
+        k, j = int(one_x >= 0.4), int(one_y >= 1.0) + int(one_y >= 3.0)
+        exact = np.polynomial.polynomial.polyval2d(
+            one_x - cells.x_breaks[k], one_y - cells.y_breaks[j], cells.polynomials[3 * k + j]
+        )
+        assert arrays[point, 0] == pytest.approx(exact, rel=1e-12)
+    assert not arrays[:, 5:].any()
