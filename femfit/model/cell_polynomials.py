@@ -138,7 +138,7 @@ class CellPolynomials:
             return self._plans[orders]
         cells, x_count, y_count = self.polynomials.shape
         needed = dict.fromkeys((a, power) for a, b in orders for power in range(b, y_count))
-        table = np.zeros((max(1, *(x_count - a for a, _ in orders)), len(needed), cells))
+        table = np.zeros((max([1, *(x_count - a for a, _ in orders)]), len(needed), cells))
         for row, (a, power) in enumerate(needed):
             for k in range(a, x_count):
                 table[k - a, row] = perm(k, a) * self.polynomials[:, k, power]
