@@ -28,6 +28,7 @@ _PLACES = {
     "list_laws": "femfit.laws.catalogue:all_laws",
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",
+    "write_report": "femfit.report.write:write_report",
     "export": "femfit.targets.targets:export",
     "import_table": "femfit.tables.foreign.read:import_table",
     # The filter and the loop

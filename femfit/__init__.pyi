@@ -14,6 +14,7 @@ from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
 from femfit.model.json_file import read_model as read_model
 from femfit.model.json_file import write_model as write_model
+from femfit.report.write import write_report as write_report
 from femfit.simulation.close_loop import LoopSummary as LoopSummary
 from femfit.simulation.close_loop import close_loop as close_loop
 from femfit.tables.foreign.read import ImportedTable as ImportedTable
@@ -50,6 +51,7 @@ __all__ = [
     "read_sweep",
     "run_sweep",
     "write_model",
+    "write_report",
 ]
 
 __version__: str

@@ -12,10 +12,12 @@ if TYPE_CHECKING:
     from femfit.device.parts import Actuator
     from femfit.fit.result import FitResult
     from femfit.model.actuator_model import ActuatorModel
+    from femfit.report.content import ReportContent
     from femfit.simulation.study import ClosedLoopStudy
     from femfit.tables.sweep_table import SweepTable
 
 STEP_WIDTH = 15  # of the steps' names on the terminal
+REPORT = "report.html"
 NO_HALL = "the actuator has no Hall element to tell an estimator the distance."
 
 
@@ -57,7 +59,7 @@ def run(
     results = [
         (directory / "model.json", MODEL),
         (directory / "model_law.json", MODEL),
-        (directory / "report.html", PAGE),
+        (directory / REPORT, PAGE),
     ]
     require_outputs([actuator], *results, (json, RESULT))
     steps = _Steps()
@@ -75,6 +77,9 @@ def run(
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
+        with steps.timed("begin report"):
+            begun = _begin_report(parts, table, reference, directory)
+        steps.say(f"{directory / REPORT} can be read; the laws and the loop follow")
         with steps.timed("rank laws"):
             ranked = _fit(table, "all", directory / "model_law.json")
         if ranked.ranking is not None:
@@ -90,7 +95,7 @@ def run(
         _loop_line(study) if study else "none, for the same reason" if no_study == NO_HALL else f"none: {no_study}"
     )
     with steps.timed("report"):
-        report = _report(parts, table, ranked, (study, no_study), steps.times, directory)
+        report = _end_report(begun, ranked, (study, no_study), steps.times, directory)
     steps.say(f"{report}, {report.stat().st_size / 1e6:.1f} MB")
     print(f"{sum(steps.times.values()):.1f} s in all")
     write_json(
@@ -200,29 +205,42 @@ def _loop_data(study: "ClosedLoopStudy | None") -> dict[str, object] | None:
     return None if study is None else dict(study_data(study))
 
 
-def _report(
-    parts: "Actuator",
-    table: "SweepTable",
+def _begin_report(
+    parts: "Actuator", table: "SweepTable", reference: "FitResult", directory: Path
+) -> "tuple[ReportContent, dict[str, str]]":
+    """Write what is known before the loop is closed; the content and its pictures go on into the whole report."""
+    from femfit.report.actuator_report import draw_figures, render_report
+    from femfit.report.content import ReportContent
+    from femfit.report.page import write_page
+    from femfit.report.write import with_field
+
+    content = with_field(ReportContent(reference.model, parts, table, reference, unfinished=True), parts)
+    figures = draw_figures(content)
+    write_page(render_report(content, figures), directory / REPORT)
+    return content, figures
+
+
+def _end_report(
+    begun: "tuple[ReportContent, dict[str, str]]",
     ranked: "FitResult",
     loop: "tuple[ClosedLoopStudy | None, str]",
     times: dict[str, float],
     directory: Path,
 ) -> Path:
+    from dataclasses import replace
     from hashlib import sha256
 
-    from femfit.report.content import ReportContent, picture_point
-    from femfit.report.field_sample import sample_field
-    from femfit.report.html import write_report
+    from femfit.report.actuator_report import draw_figures, render_report
+    from femfit.report.page import write_page
 
     files = ("sweep.parquet", "model.json", "model_law.json")
-    content = ReportContent(
-        actuator=parts,
-        sweep=table,
+    content = replace(
+        begun[0],
         fit=ranked,
         study=loop[0],
         no_study=loop[1],
-        field=sample_field(parts, *picture_point(parts, ranked.model)),
+        unfinished=False,
         timings_s=tuple(times.items()),
         hashes=tuple((name, sha256((directory / name).read_bytes()).hexdigest()) for name in files),
     )
-    return write_report(content, directory / "report.html")
+    return write_page(render_report(content, draw_figures(content, drawn=begun[1])), directory / REPORT)

@@ -48,9 +48,8 @@ def view(
     from femfit.core.errors import DomainError
     from femfit.core.outputs import RESULT, require_outputs
     from femfit.device.load import read_actuator
-    from femfit.report.solved_point import solve_point
-    from femfit.report.view import write_views
-    from femfit.report.view_figures import point_title
+    from femfit.report.field_figures import point_title, write_views
+    from femfit.report.field_sample import solve_point
 
     if row is not None and (not source.is_dir() or distance_mm is not None or current_A is not None):
         raise DomainError(
@@ -64,7 +63,7 @@ def view(
     else:
         actuator = read_actuator(source)
     distance, current = place or _within(actuator, distance_mm, current_A)
-    files = _files(output or Path(f"{actuator.name}-view"), what)
+    files = _files(output or Path(f"{Path(actuator.name).name}-view"), what)
     require_outputs([source], *((path, None) for _, path in files), (json, RESULT))
     with status(f"solve {actuator.name}") as say:
         point = solve_point(actuator, distance, current, settings)
@@ -135,9 +134,14 @@ def _within(actuator: "Actuator", distance_mm: float | None, current: float | No
 def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:
     """What to write where."""
     from femfit.core.errors import RunDirectoryError
-    from femfit.report.view import PICTURES, VTU
+    from femfit.report.field_figures import PICTURES, VTU
 
     suffix = output.suffix.lower()
+    if suffix and suffix not in (*FORMATS, VTU_SUFFIX) and not output.is_dir():
+        raise RunDirectoryError(
+            f"--output must be a directory, a picture ({', '.join(FORMATS)}) or the field ({VTU_SUFFIX}); instead "
+            f"received {output.name}."
+        )
     if suffix not in (*FORMATS, VTU_SUFFIX):
         return [
             (kind, output / ("field.vtu" if kind == VTU else f"{kind}.png"))

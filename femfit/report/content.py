@@ -1,78 +1,103 @@
-"""What a report is made of: results that were computed before."""
+"""What a report on an actuator is made of: results that were computed before."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
+import numpy as np
+
+from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError
 from femfit.device.parts import Actuator
 from femfit.filters.theory import holding_current
-from femfit.fit.law_fit import LawFit
 from femfit.fit.result import FitResult
+from femfit.fit.rows import FitRows, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.study import ClosedLoopStudy
 from femfit.tables.sweep_table import SweepTable
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ReportContent:
-    """Results of one actuator.
+    """Results on one actuator; every part but the model may be absent, and its chapter is then left out.
 
     Parameters
     ----------
-    fit : FitResult
-        Of all laws: candidates, co-energy, Hall characteristic.
+    model : ActuatorModel
+        That the report describes; with a fit to all laws, the co-energy rather than the recommended law.
+    actuator : Actuator or None
+        The drawing.
+    fit : FitResult or None
+        With a ranking of the laws, the notes and the sensor's characteristic.
     no_study : str
-        Why there is none, as the error said.
-    field : FieldSample or None
-        From :func:`femfit.report.field_sample.sample_field` at :func:`picture_point`.
+        Why the loop was not closed, as the error said.
+    field, strongest : FieldSample or None
+        The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged.
+    unfinished : bool
+        Whether the loop is still to come: ``femfit run`` writes the page again when it is there.
     timings_s : tuple of (str, float)
         Steps of the run and the time they took.
     hashes : tuple of (str, str)
         Files of the run and their SHA-256.
     """
 
-    actuator: Actuator
-    sweep: SweepTable
-    fit: FitResult
+    model: ActuatorModel
+    actuator: Actuator | None = None
+    sweep: SweepTable | None = None
+    fit: FitResult | None = None
     study: ClosedLoopStudy | None = None
     no_study: str = ""
     field: FieldSample | None = None
+    strongest: FieldSample | None = None
+    unfinished: bool = False
     timings_s: tuple[tuple[str, float], ...] = ()
     hashes: tuple[tuple[str, str], ...] = ()
+
+    @cached_property
+    def rows(self) -> FitRows | None:
+        """The sweep's rows; None without a sweep."""
+        if self.fit is not None:
+            return self.fit.rows
+        if self.sweep is None:
+            return None
+        mass = None if self.model.motion is None else self.model.motion.mass_kg
+        return rows_of_table(self.sweep, mass, GRAVITY)
 
     @property
     def weight(self) -> float | None:
         """Weight of the moving part in N, where its mass is known."""
-        return self.fit.rows.weight
+        motion = self.model.motion
+        return None if motion is None else motion.mass_kg * motion.gravity_m_s2
 
     @property
-    def why_no_loop(self) -> str:
-        """A sentence on why there is no study."""
-        if self.actuator.hall is None:
-            return "this actuator has no Hall element, from which the paper's loop takes its distance."
-        return self.no_study or "it was not asked for."
-
-    def law(self, name: str) -> LawFit | None:
-        """The fit of a candidate by its name; None where it was not fitted."""
-        if self.fit.ranking is None:
-            return self.fit.law if self.fit.law is not None and self.fit.law.law.name == name else None
-        return next((c.fit for c in self.fit.ranking.candidates if c.law.name == name), None)
+    def levitates(self) -> bool:
+        """Whether the moving part is meant to be held by the force against its weight."""
+        return levitates(self.actuator, self.rows)
 
 
-def picture_point(actuator: Actuator, model: ActuatorModel) -> tuple[float, float]:
-    """Where the field is drawn: the first reference distance at its holding current.
+def levitates(actuator: Actuator | None, rows: FitRows | None) -> bool:
+    """Whether a drawing has a sensor or reference for a body that can hang within the sweep."""
+    if actuator is None or rows is None or rows.hanging_weight is None:
+        return False
+    return actuator.hall is not None or bool(actuator.reference_distances_m)
 
-    Returns
-    -------
-    distance, current : float
-        In m and A; without a reference the middle of the distances, without a holding current half the largest one.
+
+def picture_point(actuator: Actuator, model: ActuatorModel, rows: FitRows) -> tuple[float, float]:
+    """Distance in m and current in A at which the field is drawn.
+
+    A body that is meant to hang is drawn at its first reference distance and its holding current, every other actuator
+    at :func:`strongest_point`.
     """
-    axes = actuator.sweep
-    middle = 0.5 * (axes.distances_m[0] + axes.distances_m[-1])
-    distance = actuator.reference_distances_m[0] if actuator.reference_distances_m else middle
-    if model.motion is not None:
+    if levitates(actuator, rows) and model.motion is not None:
+        distances = actuator.reference_distances_m or (float(np.median(rows.distances)),)
         try:
-            return distance, holding_current(model, distance)
+            return distances[0], holding_current(model, distances[0])
         except DomainError:
             pass
-    return distance, 0.5 * axes.currents_A[-1]
+    return strongest_point(actuator)
+
+
+def strongest_point(actuator: Actuator) -> tuple[float, float]:
+    """Smallest distance in m and largest current in A of the sweep: where iron carries the most flux."""
+    axes = actuator.sweep
+    return min(axes.distances_m), max(axes.currents_A, key=abs)

@@ -1,10 +1,16 @@
 """The actuator in three dimensions with a quarter cut away: |B| on the cut faces, flux lines in them.
 
-Run as a module by :mod:`femfit.report.offscreen`, in a process of its own.
+It is drawn without a screen in a child process that runs this file as a module. VTK ends the whole process with a
+segmentation fault where neither EGL nor OSMesa is there. The child that tries is the child that draws: what kills it
+costs one picture, and the report says so.
 """
 
+import os
 import pickle
+import subprocess
 import sys
+import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +19,10 @@ from scipy.interpolate import RegularGridInterpolator
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
-from femfit.report.field_figure import colour_range, flux_levels
+from femfit.report.field_figures import colour_limit, colours_of, flux_levels
 from femfit.report.field_sample import FieldSample
-from femfit.report.kinds import COLOURS, HALL_COLOUR, kind_of
-from femfit.report.mirror import Outline
+from femfit.report.parts import COLOURS, HALL_COLOUR, Outline, kind_of
+from femfit.report.style import new_figure, style, words
 
 MM = 1e3
 SIZE = (1200, 1100)
@@ -25,6 +31,76 @@ CUT_PLANES = (0.0, CUT_DEGREES)
 SEGMENTS = 90
 SUBDIVISIONS = 6
 """Of each triangle of a cut face, four parts each time."""
+
+
+WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
+"""Windows of VTK that need no screen."""
+
+VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
+
+TIMEOUT_S = 60.0
+"""For one window; a picture takes 3 to 5 s on a free machine, most of it the import of VTK."""
+
+
+@dataclass(frozen=True)
+class OffScreenPicture:
+    """What came of drawing.
+
+    Parameters
+    ----------
+    image : bytes or None
+        A PNG file; None where no window works.
+    how : str
+        With which window, or why not, in plain words.
+    """
+
+    image: bytes | None
+    how: str
+
+
+def draw_off_screen(actuator: Actuator, sample: FieldSample, timeout: float = TIMEOUT_S) -> OffScreenPicture:
+    """Draw the cut-away in a child process.
+
+    Parameters
+    ----------
+    timeout : float
+        For each window, in s.
+
+    Returns
+    -------
+    OffScreenPicture
+        Of the first window that works. A window that the environment asks for is the only one tried.
+    """
+    given = os.environ.get(VARIABLE)
+    reasons = []
+    with tempfile.TemporaryDirectory() as directory:
+        task, image = Path(directory) / "task", Path(directory) / "image.png"
+        task.write_bytes(pickle.dumps((actuator, sample)))
+        for window in (given,) if given else WINDOWS:
+            failure = _try(window, task, image, timeout)
+            if not failure:
+                return OffScreenPicture(image.read_bytes(), f"pyvista, off-screen ({window})")
+            reasons.append(f"{window}: {failure}")
+    return OffScreenPicture(None, "pyvista cannot draw off-screen here (" + "; ".join(reasons) + ")")
+
+
+def _try(window: str, task: Path, image: Path, timeout: float) -> str:
+    """Empty if there is a picture, else why not."""
+    try:
+        child = subprocess.run(  # noqa: S603 - this interpreter, this package
+            [sys.executable, "-m", "femfit.report.cutaway", str(task), str(image)],
+            env=os.environ | {VARIABLE: window},
+            capture_output=True,
+            timeout=timeout,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return f"no picture within {timeout:g} s"
+    if child.returncode < 0:
+        return f"the process was killed by signal {-child.returncode}"
+    if child.returncode or not image.is_file():
+        return f"the process ended with code {child.returncode} and no picture"
+    return ""
 
 
 def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
@@ -40,8 +116,9 @@ def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     plotter = pyvista.Plotter(off_screen=True, window_size=SIZE)
     plotter.set_background("white")
     plotter.enable_anti_aliasing("ssaa")
-    low, high = colour_range(sample)
-    colours = {"cmap": "cividis", "clim": (low, high), "log_scale": True, "scalars": "B", "show_scalar_bar": False}
+    # VTK knows no square root of colours: it is given the root itself
+    limit = float(np.sqrt(colour_limit(sample)))
+    colours = {"cmap": "cividis", "clim": (0.0, limit), "scalars": "root_B", "show_scalar_bar": False}
     parts = _parts(actuator, sample.distance_m)
     for outline, kind in parts:
         plotter.add_mesh(_revolved(outline), color=COLOURS[kind], ambient=0.35, diffuse=0.75)
@@ -50,11 +127,11 @@ def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     for angle in CUT_PLANES:
         for face in faces:
             plotter.add_mesh(face.rotate_z(angle), lighting=False, **colours)
-        shown = plotter.add_mesh(lines.rotate_z(angle), line_width=2.5, lighting=False, **colours)
+        plotter.add_mesh(lines.rotate_z(angle), line_width=2.5, lighting=False, **colours)
     if actuator.hall is not None:
         place = (MM * actuator.hall.radius_m, 0.0, -MM * actuator.hall.height_m)
         plotter.add_mesh(pyvista.Sphere(0.02 * MM * float(sample.radius_m[-1]), place), color=HALL_COLOUR)
-    return _picture(plotter, shown.mapper, sample)
+    return _picture(plotter, sample)
 
 
 def _parts(actuator: Actuator, distance: float) -> list[tuple[FloatArray, str]]:
@@ -85,7 +162,7 @@ def _cut_face(outline: FloatArray, sample: FieldSample) -> Any:
     corners = np.stack([outline[:, 0], np.zeros(len(outline)), -outline[:, 1]], axis=1)
     face = pyvista.PolyData(corners, faces=[len(corners), *range(len(corners))]).triangulate().subdivide(SUBDIVISIONS)
     field = RegularGridInterpolator((sample.height_m, sample.radius_m), sample.flux_density_T)
-    face["B"] = field(np.stack([-face.points[:, 2], face.points[:, 0]], axis=1) / MM)
+    face["root_B"] = np.sqrt(field(np.stack([-face.points[:, 2], face.points[:, 0]], axis=1) / MM))
     return face
 
 
@@ -94,26 +171,12 @@ def _half_plane(sample: FieldSample) -> Any:
 
     r, z = np.meshgrid(MM * sample.radius_m, MM * sample.height_m)
     grid = pyvista.StructuredGrid(r[:, None, :], np.zeros_like(r)[:, None, :], -z[:, None, :])
-    for name, values in (("B", sample.flux_density_T), ("flux", sample.flux_Wb)):
+    for name, values in (("root_B", np.sqrt(sample.flux_density_T)), ("flux", sample.flux_Wb)):
         grid[name] = values[:, None, :].ravel(order="F")
     return grid
 
 
-def _picture(plotter: Any, mapper: Any, sample: FieldSample) -> Any:
-    plotter.add_scalar_bar(
-        title="B (T)\n",
-        mapper=mapper,
-        vertical=True,
-        position_x=0.88,
-        position_y=0.25,
-        width=0.05,
-        height=0.5,
-        color="black",
-        n_labels=4,
-        fmt="%.3g",
-        title_font_size=26,
-        label_font_size=24,
-    )
+def _picture(plotter: Any, sample: FieldSample) -> Any:
     middle = -0.5 * MM * (sample.height_m[0] + sample.height_m[-1])
     size = MM * (sample.height_m[-1] - sample.height_m[0])
     plotter.camera.parallel_projection = True
@@ -146,19 +209,31 @@ def cropped(image: Any) -> Any:
     return image[top : rows[-1] + 9, left : columns[-1] + 9]
 
 
+def save_with_bar(image: Any, sample: FieldSample, path: Path) -> None:
+    """Write a picture beside its colour bar, which covers nothing of it."""
+    rows, columns = image.shape[:2]
+    with style():
+        figure = new_figure(6.0, 6.0 * columns / rows + 0.9)
+        axes = figure.subplots()
+        axes.imshow(image, interpolation="none")
+        axes.axis("off")
+        colours = colours_of(colour_limit(sample), "cividis")
+        bar = figure.colorbar(_mappable(**colours), ax=axes, shrink=0.6, pad=0.02, extend="max", format="{x:g}")
+        bar.set_ticks([colour_limit(sample) * part for part in (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0)])
+        bar.set_label(words("field", "flux_density"))
+        figure.savefig(path, dpi=rows / 6.0, format="png")
+
+
+def _mappable(**colours: Any) -> Any:
+    from matplotlib.cm import ScalarMappable
+
+    return ScalarMappable(**colours)
+
+
 def main(task: Path, image: Path) -> None:
-    """Draw what a task file holds.
-
-    Parameters
-    ----------
-    task : Path
-        Pickled (actuator, sample), written by :mod:`femfit.report.offscreen`.
-    image : Path
-        Of the PNG file to write.
-    """
-    from matplotlib.image import imsave
-
-    imsave(image, draw_cutaway(*pickle.loads(task.read_bytes())))  # noqa: S301 - our own parent wrote it
+    """Draw what a task file holds: a pickled (actuator, sample), written by :func:`draw_off_screen`."""
+    actuator, sample = pickle.loads(task.read_bytes())  # noqa: S301 - our own parent wrote it
+    save_with_bar(draw_cutaway(actuator, sample), sample, image)
 
 
 if __name__ == "__main__":

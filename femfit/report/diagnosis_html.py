@@ -8,8 +8,8 @@ from markupsafe import Markup
 from femfit import __version__
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.numbers import significant
-from femfit.report.page import Page, render_page, write_page
-from femfit.report.section import Block, DataTable, Section, text
+from femfit.report.page import write_page
+from femfit.report.section import Block, DataTable, Page, Section, render_page, text
 from femfit.report.section_explained import alternatives_section, explained_section, next_section
 from femfit.report.section_fall import fall_section
 from femfit.report.section_measured import measured_section

@@ -1,18 +1,15 @@
-"""The solved field on a regular grid of the half section, for pictures."""
+"""One point solved for its pictures, and its field on a regular grid of the half section."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import shapely
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator, Region
-from femfit.field.settings import SolverSettings
-from femfit.report.mirror import moving_corners, standing_corners
-
-if TYPE_CHECKING:
-    from femfit.report.solved_point import SolvedPoint
+from femfit.field.settings import SolverSettings, settings_for
+from femfit.report.parts import all_regions, moving_corners, standing_corners
 
 COLUMNS = 260
 """Points along the radius; a picture of 2 x 260 columns shows no steps at the page's width."""
@@ -21,7 +18,59 @@ MARGIN = 0.55
 """Air around the parts, as a part of the electromagnet's radius."""
 
 CORNER_PERCENTILE = 98.0
-"""Fields are singular at corners: the largest |B| of a part is told without its highest 2 % of points."""
+"""Fields are singular at corners: the largest |B| of a part is that without its highest 2 % of points."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedPoint:
+    """A solution with its mesh.
+
+    Parameters
+    ----------
+    mesh : ngsolve.Mesh
+        Made at this very distance, so that it is not stretched and points are found where they are.
+    w : ngsolve.GridFunction
+        A_phi = r w in T m.
+    self_force_N : float
+        What the stress of the moving part's own field integrates to on this mesh, taken away from the force.
+    """
+
+    actuator: Actuator
+    distance_m: float
+    current_A: float
+    mesh: Any
+    w: Any
+    force_N: float
+    self_force_N: float
+    unknowns: int
+
+
+def solve_point(
+    actuator: Actuator, distance: float, current: float, settings: SolverSettings | None = None
+) -> SolvedPoint:
+    """Solve at one point.
+
+    Parameters
+    ----------
+    settings : SolverSettings, optional
+        As those of the sweep; the actuator's own otherwise.
+    """
+    from femfit.field.layout import layout_of
+    from femfit.field.problem import prepare
+
+    settings = settings or settings_for(actuator)
+    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)
+    field = problem.field(distance, current)
+    return SolvedPoint(
+        actuator=actuator,
+        distance_m=distance,
+        current_A=current,
+        mesh=problem.mesh,
+        w=field.w,
+        force_N=field.force,
+        self_force_N=field.self_force,
+        unknowns=problem.unknowns,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +121,10 @@ def sample_field(
     FieldSample
         On the parts and the air around them.
     """
-    from femfit.report.solved_point import solve_point
-
     return sample_of(solve_point(actuator, distance, current, settings))
 
 
-def sample_of(point: "SolvedPoint") -> FieldSample:
+def sample_of(point: SolvedPoint) -> FieldSample:
     """Sample a field that is solved.
 
     Returns
@@ -122,6 +169,5 @@ def _largest(
     def inside(region: Region, shift: float) -> FloatArray:
         return np.asarray(magnitude[shapely.contains_xy(shapely.Polygon(region.vertices_m), r, z - shift)])
 
-    parts = [(region, 0.0) for region in actuator.fixed] + [(region, distance) for region in actuator.moving.regions]
-    found = {region.name: inside(region, shift) for region, shift in parts}
+    found = {r.name: inside(r, 0.0 if r in actuator.fixed else distance) for r in all_regions(actuator)}
     return {name: float(np.percentile(values, CORNER_PERCENTILE)) for name, values in found.items() if values.size}

@@ -1,8 +1,10 @@
-"""Numbers with their unit, as text."""
+"""Numbers with their unit and formulas, as text."""
 
 import math
+import re
 
 import numpy as np
+from markupsafe import Markup, escape
 
 from femfit.core.arrays import FloatArray
 
@@ -10,6 +12,8 @@ NO_BREAK = "\u00a0"
 
 NOTHING = "–"
 """In place of a number that there is none of."""
+
+_EXPONENT = re.compile(r"\^(?:\((-?[\d/]+)\)|(-?\d+))")
 
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 
@@ -85,3 +89,29 @@ def plain(value: float, digits: int = 6) -> str:
 def force_scale(force: FloatArray) -> tuple[float, str]:
     """Factor and unit in which forces are drawn."""
     return (1.0, "N") if float(np.max(np.abs(force))) > 2.0 else (1e3, "mN")
+
+
+def p_value(value: float) -> str:
+    """A probability as ``= 0.03`` or ``< 10⁻⁶``."""
+    return "< 10⁻⁶" if value < 1e-6 else f"= {significant(value, 2)}"
+
+
+def formula_markup(formula: str) -> Markup:
+    """A formula for the page.
+
+    Parameters
+    ----------
+    formula : str
+        In plain text, exponents as ``^-4`` or ``^(-3/2)``.
+    """
+    raised = _EXPONENT.sub(lambda m: f"<sup>{_minus(m)}</sup>", str(escape(formula)))
+    return Markup(raised)  # noqa: S704 - escaped before
+
+
+def formula_label(formula: str) -> str:
+    """A formula for a picture's label."""
+    return _EXPONENT.sub(lambda m: f"$^{{{_minus(m)}}}$", formula)
+
+
+def _minus(match: re.Match[str]) -> str:
+    return (match[1] or match[2]).replace("-", "−")

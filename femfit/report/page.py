@@ -1,61 +1,85 @@
-"""One page of sections: the frame that every report shares."""
+"""A page from a template: the words stand in ``templates/``, the numbers come from the rooms below."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from femfit import __version__
 from femfit.core.atomic import write_text
 from femfit.core.errors import RunDirectoryError
-from femfit.report.section import DataTable, Picture, Section
+from femfit.report.numbers import formula_markup, noise_words, p_value, percent, plain, quantity, significant
+from femfit.report.style import data_uri, svg_uri
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from matplotlib.figure import Figure
 
 LARGEST_BYTES = 3_000_000
+"""A report is one file that can be sent by mail."""
+
+DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
+
+Drawing = Callable[[], "Figure | bytes"]
+"""Makes a picture: a figure, or the bytes of a PNG file."""
 
 
-@dataclass(frozen=True)
-class Page:
-    """A report before it is put into HTML.
-
-    Parameters
-    ----------
-    title, lead : str
-        Heading, and a sentence below it (may be empty).
-    paper : str
-        What "the paper" is; empty where the page names none.
-    """
-
-    title: str
-    lead: str
-    summary: Sequence[str]
-    sections: Sequence[Section]
-    paper: str = ""
+def render(template: str, facts: Mapping[str, Any], figures: Mapping[str, str]) -> str:
+    """Fill a template with numbers and with the data URIs of pictures by name."""
+    return _environment().get_template(template).render(facts, figures=figures)
 
 
-def render_page(page: Page) -> str:
-    """A page as HTML text."""
-    from jinja2 import Environment
-
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.tests["picture"] = lambda block: isinstance(block, Picture)
-    environment.tests["table"] = lambda block: isinstance(block, DataTable)
-    folder = files("femfit.report")
-    template = environment.from_string((folder / "report.html.j2").read_text(encoding="utf-8"))
-    return template.render(page=page, style=(folder / "report.css").read_text(encoding="utf-8"), version=__version__)
+def picture_uri(name: str, draw: Drawing) -> str:
+    """Draw a picture and give its data URI."""
+    drawn = draw()
+    return data_uri("image/png", drawn) if isinstance(drawn, bytes) else svg_uri(drawn, name)
 
 
-def write_page(text: str, path: Path) -> Path:
-    """Write a page, completely or not at all.
+@cache
+def _environment() -> "Environment":
+    """The templates, with the numbers' filters."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    Parameters
-    ----------
-    path : Path
-        Of the file; its directory is made if absent.
+    environment = Environment(
+        loader=PackageLoader("femfit.report"),
+        autoescape=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters |= {
+        "quantity": quantity,
+        "percent": percent,
+        "plain": plain,
+        "significant": significant,
+        "mm": lambda metres, digits=4: plain(1e3 * metres, digits),
+        "words": lambda name: str(name).replace("_", " "),
+        "amperes": lambda current: f"{plain(current)} A",
+        "wordy": lambda cells: (str(cells[0]).replace("_", " "), *cells[1:]),
+        "formula": formula_markup,
+        "noise": noise_words,
+        "p_value": p_value,
+        "counted": lambda number, word: f"{number:,} {word}{'' if number == 1 else 's'}",
+    }
+    templates = files("femfit.report") / "templates"
+    environment.globals |= {
+        "version": __version__,
+        "style": (templates / "report.css").read_text(encoding="utf-8"),
+        "script": (templates / "report.js").read_text(encoding="utf-8"),
+        "drawn_with": {name: version(name) for name in DRAWN_WITH},
+        "unfinished": "",
+    }
+    return environment
+
+
+def write_page(text: str, path: str | Path) -> Path:
+    """Write a page, completely or not at all; its directory is made if absent.
 
     Raises
     ------
     RunDirectoryError
-        If the file would not stay below 3 MB.
+        If the page would not stay below 3 MB.
     """
     encoded = text.encode()
     if len(encoded) > LARGEST_BYTES:
@@ -63,6 +87,5 @@ def write_page(text: str, path: Path) -> Path:
             f"The report must stay below {LARGEST_BYTES / 1e6:g} MB; it has {len(encoded) / 1e6:.2f} MB. Sweep fewer "
             f"points."
         )
-    path = Path(path)
     write_text(path, text)
-    return path
+    return Path(path)

@@ -1,6 +1,8 @@
 """What a section of the report is made of: paragraphs, pictures, tables."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 
 from markupsafe import Markup
 
@@ -62,3 +64,26 @@ class Section:
 def text(template: str, *values: object, **named: object) -> Markup:
     """A paragraph from a template of ours, with values escaped."""
     return Markup(template).format(*values, **named)  # noqa: S704 - the templates are literals of this room
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report before it is put into HTML."""
+
+    title: str
+    lead: str
+    summary: Sequence[str]
+    sections: Sequence[Section]
+    paper: str = ""
+
+
+def render_page(page: Page) -> str:
+    """A page as HTML text."""
+    from jinja2 import Environment
+
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.tests["picture"] = lambda block: isinstance(block, Picture)
+    environment.tests["table"] = lambda block: isinstance(block, DataTable)
+    folder = files("femfit.report") / "templates"
+    template = environment.from_string((folder / "sections.html.j2").read_text(encoding="utf-8"))
+    return template.render(page=page, style=(folder / "report.css").read_text(encoding="utf-8"), version="")

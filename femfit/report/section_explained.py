@@ -10,12 +10,11 @@ from femfit.effects.effect import EffectParameter
 from femfit.identify.decision.diagnosis import NamedEffect
 from femfit.identify.decision.diagnosis_text import confidence_sentence
 from femfit.report.diagnosis_content import DiagnosisContent
-from femfit.report.embed import svg_uri
 from femfit.report.explained_figures import ranking_figure
-from femfit.report.formula import formula_markup
-from femfit.report.numbers import NO_BREAK, NOTHING, plain, significant
+from femfit.report.numbers import NO_BREAK, NOTHING, formula_markup, plain, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
 from femfit.report.section_misfit import p_value
+from femfit.report.style import svg_uri
 
 SHOWN = 6
 """Suggestions in the table."""

@@ -8,12 +8,12 @@ from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
 from femfit.identify.refit.add_result import AddResult
 from femfit.identify.refit.unseen import beside_random, channel_rms
 from femfit.report.diagnosis_content import DiagnosisContent
-from femfit.report.embed import svg_uri
 from femfit.report.explained_figures import waterfall_figure
 from femfit.report.measured_figures import residual_maps_figure
 from femfit.report.numbers import NOTHING, percent, plain, quantity, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
 from femfit.report.section_misfit import p_value
+from femfit.report.style import svg_uri
 
 FAILS = 0.005
 """p-value below which structure is left, as in the decision."""

@@ -5,10 +5,10 @@ from markupsafe import Markup
 
 from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.report.diagnosis_content import DiagnosisContent
-from femfit.report.embed import svg_uri
 from femfit.report.measured_figures import covariate_figure, residual_maps_figure
 from femfit.report.numbers import NOTHING, quantity, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
+from femfit.report.style import svg_uri
 
 SCALAR = (
     "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "velocity_m_s",

@@ -1,8 +1,12 @@
-"""One look for all pictures: sizes, fonts, a palette that colour-blind readers can tell apart."""
+"""One look for all pictures: sizes, fonts, words, a palette that colour-blind readers can tell apart."""
 
+import base64
+import io
+import tomllib
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import wraps
+from functools import cache, wraps
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
@@ -35,7 +39,6 @@ SETTINGS: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.formatter.use_mathtext": True,
     "axes.formatter.limits": (-4, 5),
     "grid.color": "#d8dee4",
     "grid.linewidth": 0.6,
@@ -52,6 +55,20 @@ SETTINGS: dict[str, Any] = {
     "svg.fonttype": "path",  # readers have other fonts; the pictures keep their layout
     "path.simplify_threshold": 0.2,
 }
+
+
+DPI = 110
+"""Of what is rasterised inside a figure: fields, and curves of thousands of samples."""
+
+
+@cache
+def _words() -> dict[str, dict[str, str]]:
+    return tomllib.loads((files("femfit.report") / "templates" / "figures.toml").read_text(encoding="utf-8"))
+
+
+def words(figure: str, key: str, **values: object) -> str:
+    """A label of a figure as ``templates/figures.toml`` has it, its ``{names}`` replaced by values."""
+    return _words()[figure][key].format(**values)
 
 
 def style(**more: Any) -> AbstractContextManager[None]:
@@ -98,3 +115,22 @@ def ordered_colours(count: int) -> list[tuple[float, float, float, float]]:
 
     viridis = mpl.colormaps["viridis"]
     return [viridis(0.85 * k / max(count - 1, 1)) for k in range(count)]
+
+
+def svg_uri(figure: "Figure", name: str) -> str:
+    """A figure as the data URI of an SVG image; lines and text stay lines, rasterised artists become PNG inside.
+
+    Parameters
+    ----------
+    name : str
+        Seeds the identifiers inside, so that the same figure gives the same bytes.
+    """
+    buffer = io.BytesIO()
+    with style(svg__hashsalt=name):
+        figure.savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
+    return data_uri("image/svg+xml", buffer.getvalue())
+
+
+def data_uri(kind: str, content: bytes) -> str:
+    """A file's content as data URI, so that a page needs nothing beside it."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"

@@ -133,18 +133,25 @@ def made_up_study(model, held=2, runs=2):
     )
 
 
+def reference(table):
+    """The co-energy model that a report describes."""
+    return fit_model(table).model
+
+
 @pytest.fixture(scope="session")
 def rig_content():
-    """The paper's rig with everything."""
+    """A levitation rig with everything."""
     actuator = read_actuator(GEOMETRY / "emaws-rig.toml")
     table = sweep_of(actuator)
     fit = fit_model(table, law="all")
     return ReportContent(
+        model=reference(table),
         actuator=actuator,
         sweep=table,
         fit=fit,
         study=made_up_study(fit.model),
         field=made_up_field(),
+        strongest=made_up_field(0.015),
         timings_s=(("sweep", 5.25), ("fit", 2.5)),
         hashes=(("model.json", "ab" * 32),),
     )
@@ -156,7 +163,7 @@ def plunger_content():
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
     table = sweep_of(actuator, magnet=0.0)
     fit = fit_model(table, law="all")
-    return ReportContent(actuator=actuator, sweep=table, fit=fit, no_study="Model must have a sensor")
+    return ReportContent(reference(table), actuator, table, fit, no_study="The model has no sensor.")
 
 
 @pytest.fixture(scope="session")

@@ -9,47 +9,40 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from femfit.fit.rows import FitRows
-from femfit.laws.f2e import F2E
-from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.report.actuator_figure import actuator_figure
-from femfit.report.candidates_figure import (
-    exponent_figure,
-    law_force,
-    local_exponents,
-    place_labels,
-    ranking_figure,
-    residual_figure,
+from femfit.report.drawing import actuator_figure
+from femfit.report.field_figures import colour_limit, colours_of, field_figure, flux_levels
+from femfit.report.force_figures import (
+    accuracy_figure,
+    changes_sign,
+    coil_figure,
+    force_curves_figure,
+    force_map_figure,
+    stroke_figure,
 )
-from femfit.report.embed import svg_uri
-from femfit.report.field_figure import colour_range, field_figure, flux_levels
-from femfit.report.hall_figure import hall_figure
-from femfit.report.loop_figures import spectrum_figure, steps_figure
-from femfit.report.style import new_figure
-from femfit.report.sweep_figures import accuracy_figure, changes_sign, force_curves_figure, force_map_figure
+from femfit.report.loop_report import spectrum_figure, steps_figure
+from femfit.report.model_figures import hall_figure, place_labels, ranking_figure, residual_figure
+from femfit.report.rating import rate
+from femfit.report.style import new_figure, svg_uri
 from femfit.report.sweep_grid import reciprocity, sweep_grid
-from femfit.report.two_stage_figures import coefficient_figure, curve_fit_figure, residual_sums_figure, shown_currents
 
-WITH_UNIT = re.compile(r"\([^()]*(mm|A|V|N|T|%|s|Hz|µm)[^()]*\)|exponent|operations")
+WITH_UNIT = re.compile(r"\([^()]*(mm|A|V|N|T|H|%|s|Hz|µm)[^()]*\)|operations")
 
 
 def all_figures(content):
     """Every figure of the report."""
     fit, rows, study = content.fit, content.fit.rows, content.study
     grid = sweep_grid(rows)
-    laws = [content.law("F1e"), content.law("F2e")]
+    rating = rate(content.model, content.actuator)
     return {
         "actuator": actuator_figure(content.actuator, 0.022),
         "field": field_figure(content.actuator, content.field),
+        "stroke": stroke_figure(rating, rows.weight),
+        "coil": coil_figure(rating),
         "force-map": force_map_figure(grid, rows.weight),
         "force-curves": force_curves_figure(grid, rows.weight),
         "accuracy": accuracy_figure(grid, reciprocity(grid)),
-        "law-curves": curve_fit_figure(laws, rows),
-        "residual-sums": residual_sums_figure(laws),
-        "coefficients": coefficient_figure(laws[0]),
-        "exponents": exponent_figure(local_exponents(fit.coenergy.magnetics, rows)),
         "ranking": ranking_figure(fit.ranking),
-        "residuals": residual_figure(rows, [("F1e", law_force(laws[0], rows))]),
+        "residuals": residual_figure(rows, [("model", content.model.force(rows.distance, rows.current))]),
         "hall": hall_figure(fit.model, rows),
         "steps": steps_figure(study.series[0]),
         "spectrum": spectrum_figure(study.spectra[0]),
@@ -83,7 +76,7 @@ def test_matplotlibs_own_settings_are_left_as_they_were(rig_content):
 
 def test_importing_the_report_loads_neither_matplotlib_nor_pyvista():
     code = (
-        "import sys, femfit.report.html; print([m for m in ('matplotlib', 'pyvista', 'ngsolve') if m in sys.modules])"
+        "import sys, femfit.report.write; print([m for m in ('matplotlib', 'pyvista', 'ngsolve') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
@@ -122,15 +115,6 @@ def test_names_of_points_that_nearly_coincide_are_moved_apart():
     assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[k + 1 :])
 
 
-def test_the_papers_laws_are_drawn_beside_the_whole_sweep_also_where_it_pushes(rig_content):
-    rows = rig_content.fit.rows
-    for force in (rows.force, -rows.force, rows.force - np.mean(rows.force)):
-        figure = curve_fit_figure([rig_content.law("F1e")], replace(rows, force=force))
-        low, high = figure.axes[0].get_ylim()
-        assert low < 1e3 * force.min()
-        assert high > 1e3 * force.max()
-
-
 def test_flux_lines_are_equally_spaced_and_leave_the_axis_out(rig_content):
     for flux in (rig_content.field.flux_Wb, -rig_content.field.flux_Wb):
         levels = flux_levels(flux)
@@ -140,34 +124,19 @@ def test_flux_lines_are_equally_spaced_and_leave_the_axis_out(rig_content):
         assert levels.max() < flux.max()
 
 
-def test_the_colours_span_the_field(rig_content):
-    low, high = colour_range(rig_content.field)
-    assert low == pytest.approx(1e-3 * high)
-    assert 0.99 < (rig_content.field.flux_density_T <= high).mean() <= 1.0
+def test_iron_between_half_a_tesla_and_two_has_half_of_the_colours(rig_content):
+    field = replace(rig_content.field, flux_density_T=np.full_like(rig_content.field.flux_density_T, 1.9))
+    assert colour_limit(field) == 2.0
+    norm = colours_of(2.0, "cividis")["norm"]
+    assert float(norm(2.0) - norm(0.5)) == pytest.approx(0.5)
 
 
 def test_an_actuator_without_field_is_drawn_without_lines(rig_content):
     field = rig_content.field
     none = replace(field, flux_Wb=0.0 * field.flux_Wb, flux_density_T=0.0 * field.flux_density_T)
     assert flux_levels(none.flux_Wb).size == 0
-    low, high = colour_range(none)
-    assert 0.0 < low < high <= 1e-6
+    assert 0.0 < colour_limit(none) <= 1e-6
     field_figure(rig_content.actuator, none).draw_without_rendering()
-
-
-def test_the_currents_shown_are_those_of_the_papers_figure_9():
-    currents = np.linspace(0.0, 1.4, 8)
-    np.testing.assert_allclose(currents[shown_currents(8)], [0.0, 0.6, 1.2])
-    assert shown_currents(3) == [0, 1, 2]
-    assert shown_currents(1) == [0]
-
-
-def test_the_local_exponent_of_a_power_law_is_its_power():
-    law = LawMagnetics(F2E.name, (Coefficient("d^-4", 0, 4e-9, "N m^4"), Coefficient("d^-4", 1, 1e-9, "N m^4")))
-    d = np.linspace(0.015, 0.045, 7)
-    rows = FitRows(d, np.zeros(7), law.force(d, np.zeros(7)), None, None, np.zeros(7), None)
-    for _, n in local_exponents(law, rows).values():
-        np.testing.assert_allclose(n, 4.0, rtol=1e-12)
 
 
 def test_a_reciprocal_table_agrees_and_a_wrong_flux_does_not(rig_content):

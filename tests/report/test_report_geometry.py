@@ -6,7 +6,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femfit.report.mirror import full_section, mirrored
+from femfit.report.parts import full_section, mirrored
 from support.actuators import rectangle
 
 

@@ -7,8 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from markupsafe import Markup
 
-from femfit.report.formula import formula_label, formula_markup
-from femfit.report.numbers import force_scale, noise_words, percent, quantity, significant
+from femfit.report.numbers import (
+    force_scale,
+    formula_label,
+    formula_markup,
+    noise_words,
+    percent,
+    quantity,
+    significant,
+)
 from femfit.report.section import text
 
 PREFIX = {"f": 1e-15, "p": 1e-12, "n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}

@@ -4,8 +4,7 @@ import re
 
 import pytest
 
-from femfit.report.cutaway import cropped
-from femfit.report.offscreen import VARIABLE, draw_off_screen
+from femfit.report.cutaway import VARIABLE, cropped, draw_off_screen
 
 DYING = "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n"
 RAISING = "raise ImportError('libGL.so.1')\n"

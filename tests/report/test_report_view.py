@@ -11,8 +11,8 @@ from femfit.core.errors import ActuatorFileError
 from femfit.device.load import read_actuator
 from femfit.device.record import actuator_from_record
 from femfit.report.field_cells import field_cells
-from femfit.report.solved_point import solve_point
-from femfit.report.view import PICTURES, write_views
+from femfit.report.field_figures import PICTURES, write_views
+from femfit.report.field_sample import solve_point
 from support.actuators import GEOMETRY, assembly, magnet
 from support.exact import axis_field_of_cylinder
 from support.saturating import bobbin

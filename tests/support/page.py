@@ -26,13 +26,14 @@ class Page(HTMLParser):
         if tag == "a":
             self.links.append(values["href"])
         self.loads += [values[key] for key in ("src", "srcset", "poster", "data") if key in values]
-        assert tag not in {"script", "iframe", "link", "object"}
+        assert tag not in {"iframe", "link", "object"}
+        assert tag != "script" or "src" not in values
 
     def handle_endtag(self, tag):
         assert self.open_tags.pop() == tag
 
     def handle_data(self, data):
-        if self.open_tags and self.open_tags[-1] != "style":
+        if self.open_tags and self.open_tags[-1] not in {"style", "script"}:
             self.words.append(data)
 
     @property

@@ -1,12 +1,55 @@
-"""From the drawn half section to the full one, and its corners."""
+"""The parts of an actuator as all pictures show them: kind, colour, outline of the full section."""
 
 import numpy as np
 import shapely
 
 from femfit.core.arrays import FloatArray
-from femfit.device.parts import Actuator
+from femfit.device.parts import Actuator, Material, NonlinearMaterial, Region
 
 Outline = tuple[tuple[float, float], ...]
+
+IRON_FROM = 1.5
+"""Relative permeability from which a material without remanence is drawn as iron; magnets recoil with 1.05."""
+
+COLOURS = {
+    "iron, fixed": "#8c96a1",
+    "iron, moving": "#5b6f86",
+    "magnet": "#b0477d",
+    "winding": "#e0a341",
+    "not magnetic": "#dfe3e7",
+}
+"""Distinct in lightness as well as in hue."""
+
+HALL_COLOUR = "#009e73"
+
+
+def kind_of(material: Material, moving: bool) -> str:
+    """The kind of a region."""
+    if material.remanence_T:
+        return "magnet"
+    if material.relative_permeability >= IRON_FROM:
+        return "iron, moving" if moving else "iron, fixed"
+    return "not magnetic"
+
+
+def all_regions(actuator: Actuator) -> tuple[Region, ...]:
+    """Fixed and moving parts, without the winding."""
+    return (*actuator.fixed, *actuator.moving.regions)
+
+
+def has_magnet(actuator: Actuator) -> bool:
+    """Whether any part has a remanence."""
+    return any(region.material.remanence_T for region in all_regions(actuator))
+
+
+def saturates(actuator: Actuator) -> bool:
+    """Whether any part has a B-H curve."""
+    return any(isinstance(region.material, NonlinearMaterial) for region in all_regions(actuator))
+
+
+def is_iron(material: Material) -> bool:
+    """Whether a material is soft and magnetic."""
+    return not material.remanence_T and material.relative_permeability >= IRON_FROM
 
 
 def full_section(vertices: Outline, shift: float = 0.0) -> tuple[FloatArray, ...]:

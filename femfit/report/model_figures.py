@@ -1,4 +1,4 @@
-"""Why a law fits or not: the data's local exponent, the candidates' error against their cost, residual maps."""
+"""How a model fits: laws ranked, maps of the misfit, the sensor's characteristic."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.fit.law_fit import LawFit
 from femfit.fit.ranking import TARGET, Ranking
 from femfit.fit.rows import FitRows
-from femfit.model.magnetics import Magnetics
-from femfit.report.style import BLUE, MUTED, VERMILION, new_figure, styled
+from femfit.model.actuator_model import ActuatorModel
+from femfit.report.style import BLUE, MUTED, VERMILION, new_figure, ordered_colours, styled, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,66 +19,9 @@ MM = 1e3
 POINTS = 200
 
 
-def local_exponents(magnetics: Magnetics, rows: FitRows) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Exponent n of d^-n by which a part of the force falls, n = -d ln|f| / d ln d.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Whose range of distances and currents is taken.
-
-    Returns
-    -------
-    dict of str to (array, array)
-        Distance in m and exponent, of the current-free force and of k_m = dF/di; parts that vanish or change sign are
-        left out.
-    """
-    d = np.linspace(rows.distances[0], rows.distances[-1], POINTS)
-    low, high = (np.full_like(d, i) for i in (rows.currents[0], rows.currents[-1]))
-    largest = float(np.max(np.abs(rows.force)))
-    found = {}
-    if rows.currents[0] == 0.0:
-        force, slope = magnetics.force(d, low), magnetics.force_gradient(d, low)
-        if np.all(force > 1e-6 * largest):
-            found["current-free force F(d, 0)"] = (d, -d * slope / force)
-    constant, gradient = (-value for value in magnetics.coenergy_derivatives(d, 0.5 * (low + high), ((1, 1), (2, 1))))
-    if np.all(constant > 0.0):
-        found["force per current ∂F/∂i"] = (d, -d * gradient / constant)
-    return found
-
-
-@styled
-def exponent_figure(exponents: dict[str, tuple[FloatArray, FloatArray]]) -> "Figure":
-    """Draw the local exponents beside what F1e allows."""
-    figure = new_figure(3.0)
-    axes = figure.subplots()
-    for colour, (label, (d, n)) in zip((BLUE, VERMILION), exponents.items(), strict=False):
-        axes.plot(MM * d, n, color=colour, label=label)
-    for level, label in ((4.0, "d⁻⁴"), (2.0, "d⁻²")):
-        axes.axhline(level, color=MUTED, linewidth=1.0, dashes=(4, 3))
-        axes.annotate(
-            label,
-            (1.0, level),
-            xycoords=("axes fraction", "data"),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="center",
-        )
-    axes.set(xlabel="distance d (mm)", ylabel="local exponent n, part ∝ d⁻ⁿ")
-    axes.set_ylim(bottom=0.0)
-    axes.legend(loc="best")
-    return figure
-
-
 @styled
 def ranking_figure(ranking: Ranking) -> "Figure":
-    """Held-out error against floating-point operations, a point a candidate.
-
-    Returns
-    -------
-    Figure
-        With the target, and the recommended law marked.
-    """
+    """Draw held-out error over floating-point operations, a point for each law; the recommended one is ringed."""
     figure = new_figure(3.5)
     axes = figure.subplots()
     fitted = [c for c in ranking.candidates if c.fit is not None]
@@ -90,7 +32,7 @@ def ranking_figure(ranking: Ranking) -> "Figure":
     axes.semilogy(x[best], y[best], "o", color=VERMILION, markersize=9, fillstyle="none", markeredgewidth=1.8)
     axes.axhline(100.0 * TARGET, color=MUTED, linewidth=1.0, dashes=(4, 3))
     axes.annotate(
-        f"target {100 * TARGET:g} %",
+        words("ranking", "target", target=f"{100 * TARGET:g}"),
         (1.0, 100.0 * TARGET),
         xycoords=("axes fraction", "data"),
         xytext=(4, 0),
@@ -99,7 +41,7 @@ def ranking_figure(ranking: Ranking) -> "Figure":
         color=MUTED,
         fontsize=8.5,
     )
-    axes.set(xlabel="floating-point operations of one evaluation", ylabel=f"held-out rms error (% of the {ranking.of})")
+    axes.set(xlabel=words("ranking", "operations"), ylabel=words("ranking", "error", scale=ranking.of))
     axes.margins(x=0.12, y=0.12)
     figure.draw_without_rendering()  # places in pixels are known from here on
     place_labels(axes, x, y, [c.law.name for c in fitted], best, 72.0 / figure.dpi)
@@ -150,17 +92,12 @@ def _overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
 
 @styled
 def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> "Figure":
-    """Maps of fitted minus solved force.
+    """Draw fitted minus solved force, in per cent of the weight or of the rms force.
 
     Parameters
     ----------
     forces : sequence of (str, array)
-        Name and force of each model at the rows, N.
-
-    Returns
-    -------
-    Figure
-        A panel a model, each with its own scale, in per cent of the weight (or of the rms force).
+        Name and force of each model at the rows, N; a panel each, with its own scale.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -181,22 +118,60 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
             shading="nearest",
             rasterized=True,
         )
-        ax.set(title=name, xlabel="distance d (mm)")
+        ax.set(title=name, xlabel=words("residuals", "distance"))
         ax.grid(visible=False)
         bar = figure.colorbar(image, ax=ax, location="bottom", pad=0.03, aspect=22)
         bar.locator = MaxNLocator(4)
         bar.ax.tick_params(labelsize=8)
-        bar.set_label(f"(% of the {of})", fontsize=8.5)
-    panels[0].set_ylabel("current i (A)")
+        bar.set_label(words("residuals", "error", scale=of), fontsize=8.5)
+    panels[0].set_ylabel(words("residuals", "current"))
     return figure
 
 
-def law_force(fit: LawFit, rows: FitRows) -> FloatArray:
-    """A law's force at the rows, with the coefficients of the model, in N.
-
-    Returns
-    -------
-    array, shape (rows,)
-        In N.
-    """
-    return fit.force(fit.joint.x, rows.distance, rows.current)
+@styled
+def hall_figure(model: ActuatorModel, rows: FitRows) -> "Figure":
+    """Draw the sensor's output as the coil's part over voltage (or current), and as it is without current."""
+    sensor = model.require_sensor()
+    figure = new_figure(3.0)
+    left, *others = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
+    currents, distances = rows.currents, rows.distances
+    fine = np.linspace(currents[0], currents[-1], POINTS)
+    resistance = None if model.circuit is None else model.circuit.resistance_ohm
+    across = fine if resistance is None else resistance * fine
+    shown = distances[[0, len(distances) // 2, -1]]
+    for colour, style, d in zip(ordered_colours(3), ("-", "--", ":"), shown, strict=True):
+        field = sensor.field.field(np.full_like(fine, d), fine) - sensor.field.field(np.array(d), np.array(0.0))
+        left.plot(
+            across,
+            MM * sensor.sensitivity_V_per_T * field,
+            style,
+            color=colour,
+            label=words("hall", "level", distance=f"{MM * d:g}"),
+        )
+    left.set(
+        xlabel=words("hall", "current" if resistance is None else "voltage"),
+        ylabel=words("hall", "coil"),
+        title=words("hall", "coil_title"),
+    )
+    left.legend(loc="upper left")
+    if not others:
+        return figure
+    right = others[0]
+    span = np.linspace(distances[0], distances[-1], POINTS)
+    right.plot(MM * span, sensor.voltage(span, np.zeros_like(span)), color=BLUE, label=words("hall", "fitted"))
+    if rows.hall is not None and np.any(rows.current == 0.0):
+        at = rows.current == 0.0
+        volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * rows.hall[at]
+        right.plot(
+            MM * rows.distance[at],
+            volts,
+            "o",
+            color=VERMILION,
+            markersize=2.8,
+            fillstyle="none",
+            label=words("hall", "sweep"),
+        )
+    right.axhline(sensor.quiescent_V, color=MUTED, linewidth=1.0, dashes=(4, 3), label=words("hall", "quiescent"))
+    right.set(xlabel=words("hall", "distance"), ylabel=words("hall", "magnet"), title=words("hall", "magnet_title"))
+    right.legend(loc="best")
+    return figure

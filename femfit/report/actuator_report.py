@@ -1,0 +1,319 @@
+"""The report on an actuator: which chapters its kind asks for, and the numbers and figures in them."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from femfit.core.constants import GRAVITY
+from femfit.device.parts import Actuator
+from femfit.fit.coenergy import SHAPES
+from femfit.fit.law_fit import LawFit
+from femfit.fit.misfit import misfit_to_rows
+from femfit.fit.ranking import TARGET, Ranking
+from femfit.fit.rows import FitRows
+from femfit.report.content import ReportContent
+from femfit.report.cutaway import OffScreenPicture, draw_off_screen
+from femfit.report.drawing import actuator_figure, material_words
+from femfit.report.field_figures import field_figure, flux_levels
+from femfit.report.field_sample import FieldSample
+from femfit.report.force_figures import (
+    accuracy_figure,
+    changes_sign,
+    coil_figure,
+    force_curves_figure,
+    force_map_figure,
+    stroke_figure,
+)
+from femfit.report.loop_report import loop_facts, loop_figures
+from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
+from femfit.report.numbers import NOTHING, force_scale, percent, quantity, significant
+from femfit.report.page import Drawing, picture_uri, render
+from femfit.report.parts import all_regions, saturates
+from femfit.report.rating import SOFT_STEEL_KNEE_T, Rating, copper_share, iron_loads, rate
+from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
+
+Draw = Callable[[Actuator, FieldSample], OffScreenPicture]
+
+CUTAWAY, HOW = "cutaway", "how the cut-away was drawn"
+
+SMALL = 1e-3
+"""Forces below this part of the largest one are none: what is left of the solver's errors."""
+
+
+def draw_figures(
+    content: ReportContent, draw: Draw = draw_off_screen, drawn: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Draw what a report shows, as data URIs by name; the cut-away is drawn beside the other pictures.
+
+    Parameters
+    ----------
+    drawn : mapping of str to str, or None
+        Pictures of an earlier, unfinished report, which are kept.
+    """
+    pictures = dict(drawn or {})
+    actuator, sample = content.actuator, content.field
+    with ThreadPoolExecutor(1) as background:
+        cutaway = None
+        if actuator is not None and sample is not None and CUTAWAY not in pictures:
+            cutaway = background.submit(draw, actuator, sample)
+        for name, make in _figures(content).items():
+            if name not in pictures:
+                pictures[name] = picture_uri(name, make)
+        if cutaway is not None:
+            result = cutaway.result()
+            pictures[CUTAWAY] = "" if result.image is None else picture_uri(CUTAWAY, lambda: result.image or b"")
+            pictures[HOW] = result.how
+    return pictures
+
+
+def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
+    """The report as HTML text with pictures from :func:`draw_figures`."""
+    return render("actuator.html.j2", _facts(content), figures)
+
+
+def _facts(content: ReportContent) -> dict[str, Any]:
+    model, actuator, rows = content.model, content.actuator, content.rows
+    grid = None if rows is None else sweep_grid(rows)
+    rating = rate(model, actuator)
+    return {
+        "title": model.name,
+        "lead": "" if actuator is None else actuator.description,
+        "content": content,
+        "model": model,
+        "actuator": actuator,
+        "rows": rows,
+        "weight": content.weight,
+        "levitates": content.levitates,
+        "rating": rating,
+        "stroke_table": [] if rating is None else _stroke_rows(rating),
+        "copper_share": None if actuator is None else copper_share(actuator),
+        "iron": () if actuator is None or content.strongest is None else iron_loads(actuator, content.strongest),
+        "soft_steel_knee_T": SOFT_STEEL_KNEE_T,
+        "drawing": None if actuator is None else _drawing_facts(content, actuator),
+        "field": _field_facts(content),
+        "sweep": None if rows is None else _sweep_facts(content, rows, grid),
+        "laws": _law_facts(content, rows),
+        "hall": _hall_facts(content),
+        "closed_loop": None if content.study is None else loop_facts(content.study),
+        "misfit": model.misfit,
+        "validity": model.validity,
+        "provenance": _provenance(content),
+        "unfinished": content.unfinished,
+    }
+
+
+def _figures(content: ReportContent) -> Mapping[str, Drawing]:
+    model, actuator, rows = content.model, content.actuator, content.rows
+    figures: dict[str, Drawing] = {}
+    rating = rate(model, actuator)
+    if actuator is not None:
+        distance = content.field.distance_m if content.field else float(np.median(actuator.sweep.distances_m))
+        figures["actuator"] = partial(actuator_figure, actuator, distance)
+        if content.field is not None:
+            figures["field"] = partial(field_figure, actuator, content.field)
+    if rating is not None:
+        figures["stroke"] = partial(stroke_figure, rating, content.weight if content.levitates else None)
+        figures["coil"] = partial(coil_figure, rating)
+    grid = None if rows is None else sweep_grid(rows)
+    if grid is not None:
+        weight = content.weight if content.levitates else None
+        figures["force-curves"] = partial(force_curves_figure, grid, weight)
+        figures["force-map"] = partial(force_map_figure, grid, weight)
+        if np.any(grid.force_error > 0.0) or reciprocity(grid) is not None:
+            figures["accuracy"] = partial(accuracy_figure, grid, reciprocity(grid))
+    ranking = None if content.fit is None else content.fit.ranking
+    if rows is not None and ranking is not None and ranking.recommended.fit is not None:
+        figures["ranking"] = partial(ranking_figure, ranking)
+        if grid is not None:
+            figures["residuals"] = partial(residual_figure, rows, _fitted_forces(content, rows, ranking))
+    if rows is not None and rows.hall is not None and model.sensor is not None:
+        figures["hall"] = partial(hall_figure, model, rows)
+    if content.study is not None:
+        figures |= loop_figures(content.study)
+    return figures
+
+
+def _fitted_forces(content: ReportContent, rows: FitRows, ranking: Ranking) -> list[tuple[str, Any]]:
+    best = ranking.recommended.fit
+    forces = [] if best is None else [(best.law.name, best.force(best.joint.x, rows.distance, rows.current))]
+    return [*forces, ("co-energy", content.model.force(rows.distance, rows.current, extrapolate=True))]
+
+
+def _stroke_rows(rating: Rating) -> list[tuple[str, ...]]:
+    """A row for each level of the distance: forces of every feed, inductance, time constant, motor constant."""
+    return [
+        (
+            significant(1e3 * rating.distance_m[k], 3),
+            *(significant(rating.forces_N[feed.name][k], 3) for feed in rating.feeds),
+            significant(1e3 * rating.inductance_H[k], 3),
+            significant(1e3 * rating.inductance_H[k] / rating.cold_ohm, 3),
+            significant(rating.motor_constant[k], 3),
+        )
+        for k in rating.levels
+    ]
+
+
+def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]:
+    table = None if content.sweep is None else content.sweep.valid_rows()
+    inductance = None
+    if table is not None and "inductance_H" in table and table["inductance_H"].notna().any():
+        inductance = float(table["inductance_H"].min()), float(table["inductance_H"].max())
+    return {
+        "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
+        "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
+        "saturates": saturates(actuator),
+        "at_rest": _at_rest(content),
+        "parts": [(region.name, region.material.name, material_words(region)) for region in all_regions(actuator)],
+        "inductance_H": inductance,
+        "weight_N": actuator.moving.mass_kg * GRAVITY,
+    }
+
+
+def _at_rest(content: ReportContent) -> str:
+    """What happens without current: ``attracted``, ``repelled``, ``both``, ``nothing``, or ``unknown``."""
+    rows = content.rows
+    if rows is None or not np.any(rows.current == 0.0):
+        return "unknown"
+    force = rows.force[rows.current == 0.0]
+    if np.max(np.abs(force)) <= SMALL * np.max(np.abs(rows.force)):
+        return "nothing"
+    small = SMALL * np.max(np.abs(force))
+    attracted, repelled = bool(force.max() > small), bool(force.min() < -small)
+    return "both" if attracted and repelled else "attracted" if attracted else "repelled"
+
+
+def _field_facts(content: ReportContent) -> dict[str, Any] | None:
+    sample = content.field
+    if sample is None:
+        return None
+    levels = flux_levels(sample.flux_Wb)
+    hanging = content.levitates and content.weight
+    return {
+        "sample": sample,
+        "of_weight": sample.force_N / content.weight if hanging and content.weight else None,
+        "parts": list(sample.part_flux_density_T.items()),
+        "line_flux_Wb": float(np.diff(levels).min()) if len(levels) > 1 else None,
+    }
+
+
+def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) -> dict[str, Any]:
+    largest = float(np.max(np.abs(rows.force))) or 1.0
+    known = rows.force_error > 0.0
+    facts: dict[str, Any] = {
+        "points": len(rows.force),
+        "failed": 0 if content.sweep is None else len(content.sweep.rows) - len(rows.force),
+        "currents": rows.currents.tolist(),
+        "distances": rows.distances.tolist(),
+        "force_min": float(rows.force.min()),
+        "force_max": float(rows.force.max()),
+        "error_of_largest": float(rows.force_error.max()) / largest if known.any() else None,
+        "error_median": float(np.median((rows.force_error / rows.force_scale)[known])) if known.any() else None,
+        "grid": grid,
+        "reciprocity": None if grid is None else reciprocity(grid),
+        "self_force": None,
+    }
+    if grid is not None:
+        factor, unit = force_scale(grid.force)
+        facts |= {
+            "unit": unit,
+            "changes_sign": changes_sign(grid),
+            "table": [
+                (significant(1e3 * d, 4), *(significant(factor * f, 4) for f in grid.force[:, k]))
+                for k, d in enumerate(grid.distances)
+            ],
+        }
+    sample = content.field
+    if sample is not None and sample.self_force_N and sample.force_N:
+        facts["self_force"] = (sample.self_force_N, abs(sample.self_force_N / sample.force_N))
+    return facts
+
+
+def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] | None:
+    fit = content.fit
+    if fit is None or rows is None or fit.ranking is None or fit.ranking.recommended.fit is None:
+        return None
+    ranking = fit.ranking
+    best = ranking.recommended.fit
+    assert best is not None  # noqa: S101 - checked above
+    coenergy = fit.coenergy
+    return {
+        "ranking": ranking,
+        "best": ranking.recommended,
+        "fitted": sum(c.fit is not None for c in ranking.candidates),
+        "target": TARGET,
+        "terms": _terms(best),
+        "candidates": [
+            (
+                c.law.name,
+                c.law.formula,
+                NOTHING if c.fit is None else str(c.fit.operations),
+                NOTHING if c.fit is None else str(c.parameters),
+                *(NOTHING if c.fit is None else percent(x) for x in (c.held_out_rms, c.held_out_max, c.rms)),
+            )
+            for c in ranking.candidates
+        ],
+        "failures": [(c.law.name, c.failure) for c in ranking.candidates if c.fit is None],
+        "coenergy": None
+        if coenergy is None
+        else {
+            "coefficients": int(np.prod(coenergy.basis.shape)),
+            "misfit": misfit_to_rows(coenergy.magnetics, rows),
+            "constraints": [SHAPES[name] for name in coenergy.constraints],
+        },
+    }
+
+
+def _terms(fit: LawFit) -> list[tuple[str, int, str, str, str]]:
+    """Column, power of the current, value, interval and unit of each coefficient, shape parameters last."""
+    rows = []
+    for n, (basis, power) in enumerate(fit.terms):
+        unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
+        low, high = fit.interval.block[n]
+        interval = f"{significant(float(low), 4)} … {significant(float(high), 4)}"
+        rows.append((basis, power, significant(float(fit.joint.x[n]), 5), interval, unit))
+    units = {parameter.name: parameter.unit for parameter in fit.law.shape}
+    for name, value in fit.shape.items():
+        low, high = fit.shape_interval[name]
+        interval = f"{significant(low, 4)} … {significant(high, 4)}"
+        rows.append((name, 0, significant(value, 5), interval, units[name]))
+    return rows
+
+
+def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
+    """The sensor's characteristic over the validity domain; None without a sensor."""
+    sensor, box = content.model.sensor, content.model.validity
+    if sensor is None:
+        return None
+    d = np.linspace(box.distance_min_m, box.distance_max_m, 41)
+    zero = np.full_like(d, float(np.clip(0.0, box.current_min_A, box.current_max_A)))
+    step = 0.01 * (box.current_max_A - box.current_min_A)
+    other = zero + (step if zero[0] + step <= box.current_max_A else -step)
+    slope = (sensor.field.field(d, other) - sensor.field.field(d, zero)) / (other - zero)
+    idle = sensor.field.field(d, zero)
+    return {
+        "sensor": sensor,
+        "near_T": float(idle[0]),
+        "far_T": float(idle[-1]),
+        "slope_T_per_A": float(slope[np.argmax(np.abs(slope))]),
+        "slope_spread": float(np.ptp(slope) / np.max(np.abs(slope))) if np.any(slope) else 0.0,
+        "shown": content.rows is not None and content.rows.hall is not None,
+        "misfit_T": None if content.model.misfit is None else content.model.misfit.hall_rms_T,
+    }
+
+
+def _provenance(content: ReportContent) -> dict[str, Any]:
+    manifest = {} if content.sweep is None else content.sweep.manifest
+    versions = {**(manifest.get("versions") or {}), **(content.model.provenance.get("versions") or {})}
+    hashes = list(content.hashes)
+    if manifest.get("configuration_hash"):
+        hashes.insert(0, ("sweep configuration", str(manifest["configuration_hash"])))
+    return {
+        "versions": sorted((str(name), str(value)) for name, value in versions.items()),
+        "settings": [(str(k).replace("_", " "), str(v)) for k, v in (manifest.get("settings") or {}).items()],
+        "hashes": hashes,
+        "times": [(name, quantity(seconds, "s")) for name, seconds in content.timings_s],
+        "notes": () if content.fit is None else content.fit.notes,
+    }

@@ -1,0 +1,181 @@
+"""The actuator's full section, drawn to scale with its dimensions."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator, NonlinearMaterial, Region
+from femfit.report.numbers import plain, significant
+from femfit.report.parts import COLOURS, HALL_COLOUR, full_section, kind_of, moving_corners, standing_corners
+from femfit.report.rating import knee_T
+from femfit.report.style import INK, MUTED, new_figure, styled, words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MM = 1e3
+
+_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+
+
+@styled
+def actuator_figure(actuator: Actuator, distance: float) -> "Figure":
+    """Draw an actuator in mm, with the moving part at a distance in m below the fixed one."""
+    corners = np.concatenate([standing_corners(actuator), moving_corners(actuator, distance)])
+    wide = float(2.0 * corners[:, 0].max())
+    figure = new_figure(float(np.clip(1.2 + 3.6 * np.ptp(corners[:, 1]) / wide, 3.4, 6.4)))
+    axes = figure.subplots()
+    draw_parts(axes, actuator, distance)
+    low, high = MM * corners[:, 1].min(), MM * corners[:, 1].max()
+    over = 0.06 * (high - low)
+    axes.plot([0.0, 0.0], [low - over, high + over], color=MUTED, linewidth=0.7, dashes=(9, 3, 2, 3))
+    _dimensions(axes, actuator, distance)
+    axes.set(xlabel=words("drawing", "x"), ylabel=words("drawing", "z"), aspect="equal")
+    left, right = axes.get_xlim()
+    axes.set_xlim(left - 0.12 * (right - left), right + 0.18 * (right - left))  # room for the dimensions' labels
+    axes.invert_yaxis()  # z points down in every picture, as the moving part hangs below
+    axes.grid(visible=False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside right center", handlelength=1.2, labelspacing=0.8)
+    return figure
+
+
+def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
+    """Draw the parts' full section with a legend, in mm."""
+    labels = [_region_label(region, moving=False) for region in actuator.fixed]
+    labels += [_coil_label(actuator)]
+    labels += [_region_label(region, moving=True) for region in actuator.moving.regions]
+    drawn: set[str] = set()
+    for (outline, kind), label in zip(outlines(actuator, distance), labels, strict=True):
+        for piece in outline:
+            axes.fill(
+                *(MM * piece.T),
+                facecolor=COLOURS[kind],
+                edgecolor=INK,
+                linewidth=0.8,
+                label="" if label in drawn else label,
+            )
+            drawn.add(label)
+    for region in actuator.fixed:
+        _magnetisation(axes, region, 0.0)
+    for region in actuator.moving.regions:
+        _magnetisation(axes, region, distance)
+    if actuator.hall is not None:
+        axes.plot(
+            MM * actuator.hall.radius_m,
+            MM * actuator.hall.height_m,
+            "D",
+            color=HALL_COLOUR,
+            markeredgecolor=INK,
+            markersize=6,
+            zorder=5,
+            label=words("drawing", "hall"),
+        )
+
+
+def draw_outlines(axes: "Axes", actuator: Actuator, distance: float, *, edge: str, opacity: float = 0.0) -> None:
+    """Draw the parts' outlines in the full section, as over a field, in mm."""
+    for outline, kind in outlines(actuator, distance):
+        for piece in outline:
+            if opacity:
+                axes.fill(*(MM * piece.T), facecolor=COLOURS[kind], edgecolor="none", alpha=opacity)
+            axes.fill(*(MM * piece.T), facecolor="none", edgecolor=edge, linewidth=0.8)
+
+
+def outlines(actuator: Actuator, distance: float) -> list[tuple[tuple[FloatArray, ...], str]]:
+    """Outlines and kind of each part: fixed ones, winding, moving ones."""
+    parts = [(full_section(r.vertices_m), kind_of(r.material, moving=False)) for r in actuator.fixed]
+    parts.append((full_section(actuator.coil.vertices_m), "winding"))
+    parts += [(full_section(r.vertices_m, distance), kind_of(r.material, moving=True)) for r in actuator.moving.regions]
+    return parts
+
+
+def material_words(region: Region) -> str:
+    """What a region's material does, in a few words: remanence, permeability or the knee of its curve."""
+    material = region.material
+    if isinstance(material, NonlinearMaterial):
+        return words("drawing", "curve", knee=significant(knee_T(material) or 0.0, 2))
+    permeability = plain(material.relative_permeability)
+    if material.remanence_T:
+        return words("drawing", "magnet", remanence=plain(abs(material.remanence_T)), permeability=permeability)
+    return words("drawing", "linear", permeability=permeability)
+
+
+def _region_label(region: Region, *, moving: bool) -> str:
+    kind = words("kinds", kind_of(region.material, moving))
+    return f"{kind}: {region.material.name}\n({material_words(region)})"
+
+
+def _coil_label(actuator: Actuator) -> str:
+    label = words("drawing", "coil", turns=plain(actuator.coil.turns))
+    wire = actuator.coil.wire_diameter_m
+    return label if wire is None else f"{label}\n{words('drawing', 'wire', diameter=plain(MM * wire))}"
+
+
+def _magnetisation(axes: "Axes", region: Region, shift: float) -> None:
+    if not region.material.remanence_T:
+        return
+    for outline in full_section(region.vertices_m, shift):
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        x, length = 0.5 * (low[0] + high[0]), 0.7 * (high[1] - low[1])
+        middle, sign = 0.5 * (low[1] + high[1]), np.sign(region.material.remanence_T)
+        ends = (middle - 0.5 * sign * length, middle + 0.5 * sign * length)
+        axes.annotate(
+            "",
+            xy=(MM * x, MM * ends[1]),
+            xytext=(MM * x, MM * ends[0]),
+            arrowprops={"arrowstyle": "-|>", "color": "white", "linewidth": 1.8, "mutation_scale": 13},
+        )
+
+
+def _dimensions(axes: "Axes", actuator: Actuator, distance: float) -> None:
+    """Diameters above and below, lengths of the fixed part on the left, of moving part and distance on the right."""
+    still, moving = MM * standing_corners(actuator), MM * moving_corners(actuator, distance)
+    (r_in, z_low), (r_out, z_high) = still.min(axis=0), still.max(axis=0)
+    m_low, m_high, m_out = moving[:, 1].min(), moving[:, 1].max(), moving[:, 0].max()
+    low, high, wide = min(z_low, m_low), max(z_high, m_high), max(r_out, m_out)
+    step = 0.085 * max(2.0 * wide, high - low)
+    _across(axes, r_out, low - (2.0 if r_in > 0 else 1.2) * step, z_low, f"Ø {plain(2 * r_out, 4)}")
+    if r_in > 0:
+        _across(axes, r_in, low - 0.8 * step, z_low, f"Ø {plain(2 * r_in, 4)}")
+    _across(axes, m_out, high + 1.2 * step, m_high, f"Ø {plain(2 * m_out, 4)}")
+    _along(axes, -wide - step, (z_low, z_high), -r_out, plain(z_high - z_low, 4))
+    _along(axes, wide + step, (m_low, m_high), m_out, plain(m_high - m_low, 4))
+    _along(
+        axes, wide + 3.0 * step, (0.0, MM * distance), min(m_out, r_out), f"d = {plain(MM * distance, 4)}", bold=True
+    )
+
+
+def _across(axes: "Axes", radius: float, z: float, z_part: float, label: str) -> None:
+    """Draw a diameter with its extension lines to the part; the label stands beside the line."""
+    for x in (-radius, radius):
+        axes.plot([x, x], [z_part, z], color=MUTED, linewidth=0.6)
+    _arrow(axes, (-radius, z), (radius, z))
+    axes.annotate(
+        label, (radius, z), xytext=(5, 0), textcoords="offset points", ha="left", va="center", fontsize=8, bbox=_BOX
+    )
+
+
+def _along(axes: "Axes", x: float, ends: tuple[float, float], x_part: float, label: str, *, bold: bool = False) -> None:
+    """Draw a length along z with its extension lines to the part; the label stands outside of the line."""
+    for z in ends:
+        axes.plot([x_part, x], [z, z], color=MUTED, linewidth=0.6)
+    _arrow(axes, (x, ends[0]), (x, ends[1]))
+    outside = 1.0 if x > 0 else -1.0
+    axes.annotate(
+        label,
+        (x, 0.5 * (ends[0] + ends[1])),
+        xytext=(5 * outside, 0),
+        textcoords="offset points",
+        ha="left" if outside > 0 else "right",
+        va="center",
+        fontsize=8.5 if bold else 8,
+        fontweight="bold" if bold else "normal",
+        bbox=_BOX,
+    )
+
+
+def _arrow(axes: "Axes", start: tuple[float, float], end: tuple[float, float]) -> None:
+    style = {"arrowstyle": "<|-|>", "color": INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+    axes.annotate("", xy=end, xytext=start, arrowprops=style)

@@ -1,0 +1,253 @@
+"""Force over stroke, coil over stroke, the sweep and how accurate it is: as figures."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femfit.report.numbers import force_scale, plain, significant
+from femfit.report.rating import Rating
+from femfit.report.style import (
+    BLUE,
+    GREEN,
+    MUTED,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    new_figure,
+    ordered_colours,
+    styled,
+    words,
+)
+from femfit.report.sweep_grid import Reciprocity, SweepGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+MM = 1e3
+
+CROWDED = 0.15
+"""Contour lines nearer to the weight than this part of it would run into its label."""
+
+FEEDS = {
+    "cold": (BLUE, "-"),
+    "warm": (VERMILION, "-"),
+    "reversed": (PURPLE, "-"),
+    "rated": (GREEN, "--"),
+    "idle": (MUTED, ":"),
+}
+"""Colour and line of each feed."""
+
+
+@styled
+def stroke_figure(rating: Rating, weight: float | None) -> "Figure":
+    """Draw force over the stroke at the supply's voltage with a cold and a warm coil, and at the rated current."""
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    factor, unit = force_scale(np.concatenate(list(rating.forces_N.values())))
+    for feed in rating.feeds:
+        colour, line = FEEDS[feed.name]
+        voltage = rating.voltage_V if feed.name != "reversed" else feed.current_A * rating.cold_ohm
+        label = words(
+            "stroke",
+            feed.name,
+            voltage=plain(voltage, 3),
+            temperature=plain(feed.temperature_C),
+            current=significant(feed.current_A),
+        )
+        if feed.limited:
+            label += words("stroke", "limited", drawn=significant(feed.drawn_A))
+        axes.plot(MM * rating.distance_m, factor * rating.forces_N[feed.name], line, color=colour, label=label)
+    if weight is not None:
+        axes.axhline(factor * weight, color=ORANGE, linewidth=1.0, dashes=(5, 3), label=words("stroke", "weight"))
+    axes.set(xlabel=words("stroke", "distance"), ylabel=words("stroke", "force", unit=unit))
+    axes.legend(loc="best")
+    return figure
+
+
+@styled
+def coil_figure(rating: Rating) -> "Figure":
+    """Draw inductance, electrical time constant and motor constant over the stroke."""
+    figure = new_figure(2.9)
+    panels = figure.subplots(1, 3)
+    x = MM * rating.distance_m
+    idle = rating.feed("idle")
+    curves = [
+        ("rated", rating.reference.drawn_A, rating.inductance_H, BLUE, "-"),
+        ("idle", 0.0 if idle is None else idle.drawn_A, rating.idle_inductance_H, MUTED, "--"),
+    ]
+    for name, current, inductance, colour, line in curves:
+        label = words("coil", name, current=significant(current))
+        panels[0].plot(x, 1e3 * inductance, line, color=colour, label=label)
+        panels[1].plot(x, 1e3 * inductance / rating.cold_ohm, line, color=colour, label=label)
+    panels[2].plot(x, rating.motor_constant, color=BLUE)
+    for ax, name in zip(panels, ("inductance", "time", "motor_constant"), strict=True):
+        ax.set(xlabel=words("coil", "distance"), ylabel=words("coil", name))
+    for ax in panels[:2]:
+        ax.set_ylim(bottom=0.0)
+    panels[0].legend(loc="best")
+    return figure
+
+
+@styled
+def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
+    """Draw force over distance, a curve for each current, on logarithmic axes too where its sign allows."""
+    figure = new_figure(3.3)
+    scales = ("linear",) if changes_sign(grid) else ("linear", "log")
+    axes = figure.subplots(1, len(scales), squeeze=False)[0]
+    factor, unit = force_scale(grid.force)
+    for ax, scale in zip(axes, scales, strict=True):
+        for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
+            if scale == "log" and not np.all(force > 0):
+                continue
+            ax.plot(
+                MM * grid.distances,
+                factor * force,
+                color=colour,
+                label=words("force-curves", "current", current=f"{current:g}"),
+            )
+        if weight is not None:
+            ax.axhline(
+                factor * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label=words("force-curves", "weight")
+            )
+        ax.set(
+            xlabel=words("force-curves", "distance"),
+            ylabel=words("force-curves", "force", unit=unit),
+            xscale=scale,
+            yscale=scale,
+        )
+        if scale == "log":
+            _plain_decades(ax.xaxis)
+            _plain_decades(ax.yaxis)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside right center", title=words("force-curves", "legend")
+    )
+    return figure
+
+
+@styled
+def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
+    """Draw force over distance and current in colours; blue and red where it changes its sign.
+
+    Parameters
+    ----------
+    weight : float or None
+        m g in N, drawn as the line on which the body is held.
+    """
+    from matplotlib.colors import LogNorm, Normalize
+    from matplotlib.ticker import MaxNLocator
+
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    factor, unit = force_scale(grid.force)
+    x, force = MM * grid.distances, factor * grid.force
+    top = float(force.max())
+    floor = max(float(force.min()), top / 300.0)
+    both = changes_sign(grid)
+    if both:
+        largest = float(np.max(np.abs(force)))
+        norm, colours, lines_colour = Normalize(-largest, largest), "RdBu_r", "black"
+        levels = np.asarray(MaxNLocator(8).tick_values(float(force.min()), top))
+    else:
+        norm = LogNorm(floor, top) if top > 5.0 * floor else Normalize(float(force.min()), top)
+        colours, lines_colour = "cividis", "white"
+        levels = np.concatenate([np.array([1.0, 2.0, 5.0]) * 10.0**k for k in range(-6, 9)])
+        levels = levels[(levels > floor) & (levels < top)]
+    shown = force if both else np.maximum(force, floor)
+    image = axes.pcolormesh(x, grid.currents, shown, norm=norm, cmap=colours, shading="gouraud", rasterized=True)
+    if weight is not None:
+        levels = levels[np.abs(levels - factor * weight) > CROWDED * factor * weight]
+    if levels.size:
+        lines = axes.contour(x, grid.currents, force, levels=levels, colors=lines_colour, linewidths=0.8)
+        axes.clabel(lines, fmt=lambda value: f"{value:g}", fontsize=8)
+    if weight is not None and force.min() < factor * weight < top:
+        held = axes.contour(x, grid.currents, force, levels=[factor * weight], colors=[VERMILION], linewidths=2.2)
+        axes.clabel(held, fmt=lambda value: words("force-map", "weight", weight=f"{value:.3g}"), fontsize=8.5)
+    axes.set(xlabel=words("force-map", "distance"), ylabel=words("force-map", "current"))
+    axes.grid(visible=False)
+    bar = figure.colorbar(image, ax=axes, pad=0.02)
+    bar.set_label(words("force-map", "force", unit=unit))
+    if isinstance(norm, LogNorm):
+        _plain_decades(bar.ax.yaxis)
+    return figure
+
+
+def changes_sign(grid: SweepGrid) -> bool:
+    """Whether the force both attracts and repels, so that logarithms would hide a part of it.
+
+    Returns
+    -------
+    bool
+        True where the one is at least a twentieth of the other.
+    """
+    low, high = float(grid.force.min()), float(grid.force.max())
+    return min(-low, high) > 0.05 * max(-low, high)
+
+
+@styled
+def accuracy_figure(grid: SweepGrid, table: Reciprocity | None) -> "Figure":
+    """Draw the estimated error of the force, and k_m from the force beside k_m from the flux linkage."""
+    figure = new_figure(3.1)
+    panels = figure.subplots(1, 1 if table is None else 2, squeeze=False)[0]
+    x = MM * grid.distances
+    for colour, current, scale, error in zip(
+        ordered_colours(len(grid.currents)), grid.currents, grid.force_scale, grid.force_error, strict=True
+    ):
+        if np.any(error > 0.0):
+            panels[0].semilogy(
+                x, 100.0 * error / scale, color=colour, label=words("accuracy", "current", current=f"{current:g}")
+            )
+    panels[0].set(
+        xlabel=words("accuracy", "distance"), ylabel=words("accuracy", "error"), title=words("accuracy", "title")
+    )
+    if len(grid.currents) > 4:
+        _ends_only(panels[0])
+    if len(panels[0].get_lines()):
+        _plain_decades(panels[0].yaxis)
+        low, high = panels[0].get_ylim()
+        panels[0].set_ylim(low, high * (high / low) ** 0.25)  # room for the legend
+    panels[0].legend(title=words("accuracy", "legend"), ncols=3, loc="upper center")
+    if table is not None:
+        _reciprocity_panel(panels[1], table)
+    return figure
+
+
+def _ends_only(axes: "Axes") -> None:
+    """Keep the labels of the least, middle and largest current: the colours between follow in order."""
+    lines = axes.get_lines()
+    for k, line in enumerate(lines):
+        if k not in {0, len(lines) // 2, len(lines) - 1}:
+            line.set_label("_")
+
+
+def _reciprocity_panel(axes: "Axes", table: Reciprocity) -> None:
+    chosen = 0 if np.ptp(table.from_force, axis=0).max() < 0.05 * np.abs(table.from_force).max() else -1
+    x = MM * table.distances
+    force = words("reciprocity", "force", current=f"{table.currents[chosen]:.3g}")
+    axes.plot(x, table.from_force[chosen], color=BLUE, label=force)
+    axes.plot(
+        x[1:-1],
+        table.from_flux[chosen][1:-1],
+        "o",
+        color=VERMILION,
+        markersize=3.0,
+        fillstyle="none",
+        label=words("reciprocity", "flux"),
+    )
+    axes.set(
+        xlabel=words("reciprocity", "distance"),
+        ylabel=words("reciprocity", "constant"),
+        title=words("reciprocity", "title"),
+    )
+    axes.set_ylim(bottom=0.0 if table.from_force.min() >= 0 else None)
+    axes.legend()
+
+
+def _plain_decades(axis: "Axis") -> None:
+    """Numbers such as 20 and 0.5 on a logarithmic axis, not powers of ten, and at more than whole decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

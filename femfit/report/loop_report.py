@@ -1,0 +1,186 @@
+"""The chapter on the closed loop: its figures, and the numbers for its tables."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femfit.report.numbers import NO_BREAK, NOTHING, percent, plain, quantity, significant
+from femfit.report.page import Drawing
+from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure, styled, words
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.fault import FaultRow
+from femfit.simulation.study import ClosedLoopStudy, HoldRow, SpectrumPair, StepSeries
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MM = 1e3
+MICRO = 1e6
+
+
+def name_of(part: str) -> str:
+    """A controller, filter or measurement as it is written."""
+    return words("loop", part)
+
+
+def loop_figures(study: ClosedLoopStudy) -> dict[str, Drawing]:
+    """The figures of a study by name; none where every run was lost."""
+    if not any(row.held for row in study.steps):
+        return {}
+    figures: dict[str, Drawing] = {f"steps-{s.controller}": partial(steps_figure, s) for s in study.series}
+    return figures | {f"spectrum-{pair.controller}": partial(spectrum_figure, pair) for pair in study.spectra}
+
+
+def loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
+    """The numbers of a study as its template shows them."""
+    filtered = [row for row in study.steps if row.measurement != "direct"]
+    lost, runs = sum(row.runs - row.held for row in filtered), sum(row.runs for row in filtered)
+    held = [row for row in study.holds if row.held]
+    shares = [row.ratio / row.bound for row in held if np.isfinite(row.ratio)]
+    return {
+        "study": study,
+        "first": study.design.points[0],
+        "last": study.design.points[-1],
+        "lost": lost,
+        "runs": runs,
+        "verdict": [(name_of(row.controller), row.held, row.runs, row.rms_m) for row in filtered],
+        "rms_m": max((row.rms_m for row in filtered if row.held), default=None),
+        "ratios": (min(r.ratio for r in held), max(r.ratio for r in held)) if shares else None,
+        "bounds": (min(r.bound for r in held), max(r.bound for r in held)) if shares else None,
+        "shares": (min(shares), max(shares)) if shares else None,
+        "consistent": sum(r.innovation_band.contains(r.normalised_innovation_squared) for r in study.holds),
+        "ends": _ends(study),
+        "series": [(f"steps-{s.controller}", name_of(s.controller), name_of(s.observer)) for s in study.series],
+        "spectra": [(f"spectrum-{p.controller}", name_of(p.controller)) for p in study.spectra],
+        "steps": _step_table(study),
+        "holds": [_hold_cells(row) for row in study.holds],
+        "acquired": [_acquired(row) for row in study.acquisition],
+        "faults": _fault_table(study.faults),
+    }
+
+
+def _ends(study: ClosedLoopStudy) -> list[tuple[str, float, float, float]]:
+    """Where each recorded run was last: controller, distance in m, current in A, time in s."""
+    ends = []
+    for series in study.series:
+        known = np.flatnonzero(np.isfinite(series.true_m))
+        if known.size:
+            last = int(known[-1])
+            place = float(series.true_m[last]), float(series.current_A[last]), float(series.time_s[last])
+            ends.append((name_of(series.controller), *place))
+    return ends
+
+
+def _step_table(study: ClosedLoopStudy) -> dict[str, Any]:
+    controllers = list(dict.fromkeys(row.controller for row in study.steps))
+    measurements = list(dict.fromkeys(row.measurement for row in study.steps))
+    rows = {(row.measurement, row.controller): row for row in study.steps}
+    body = []
+    for measurement in measurements:
+        cells = [name_of(measurement)]
+        for controller in controllers:
+            row = rows[measurement, controller]
+            lost = "" if row.held == row.runs else f" ({row.runs - row.held} of {row.runs} runs lost)"
+            cells.append(f"{_micro(row.rms_m)}{lost}")
+        body.append(tuple(cells))
+    return {"header": ["measurement", *(f"{name_of(c)} (µm)" for c in controllers)], "rows": body}
+
+
+def _hold_cells(row: HoldRow) -> tuple[str, ...]:
+    band = row.innovation_band
+    return (
+        f"{name_of(row.controller)}, {name_of(row.filter)}",
+        f"{plain(MM * row.distance_m)}{NO_BREAK}mm",
+        _micro(row.direct_rms_m),
+        _micro(row.filtered_rms_m),
+        significant(row.ratio),
+        significant(row.bound),
+        f"{significant(row.normalised_innovation_squared, 4)} ({band.lower:.3f} … {band.upper:.3f})",
+    )
+
+
+def _acquired(row: FaultRow) -> str:
+    believed = row.experiment.believed_m
+    start = "" if believed is None else f" believed at {plain(MM * believed)} mm"
+    body = f"body at {plain(MM * row.experiment.targets_m[0])} mm{start}"
+    return f"{name_of(row.experiment.observer)}, {body}: {row.held} of {row.runs} held"
+
+
+def _fault_table(faults: Sequence[FaultRow]) -> dict[str, Any]:
+    """A row for each loop and fault, a column for each distance."""
+    distances = sorted({row.experiment.targets_m[0] for row in faults})
+    cells: dict[tuple[str, str], dict[float, str]] = {}
+    for row in faults:
+        e = row.experiment
+        key = (f"{name_of(e.controller)}, {name_of(e.observer)}", _fault(e))
+        cells.setdefault(key, {})[e.targets_m[0]] = _consequence(row)
+    return {
+        "header": ["loop", "fault", *(f"at {plain(MM * d)} mm" for d in distances)],
+        "rows": [(*key, *(ends.get(d, NOTHING) for d in distances)) for key, ends in cells.items()],
+    }
+
+
+def _fault(experiment: Experiment) -> str:
+    if experiment.offset_V:
+        return f"Hall offset {quantity(experiment.offset_V, 'V', 2)}"
+    if experiment.force_scale != 1.0:
+        return f"true force {percent(experiment.force_scale - 1.0)} above the model's"
+    cutoff = experiment.velocity_cutoff_rad_s
+    derivative = f"no filter, derivative below {cutoff:.0f} rad/s" if np.isfinite(cutoff) else "no filter"
+    return derivative if experiment.noise_V is None else f"{derivative}, noise {quantity(experiment.noise_V, 'V', 2)}"
+
+
+def _consequence(row: FaultRow) -> str:
+    lost = ""
+    if row.held < row.runs:
+        names = ", ".join(name.lower().replace("_", " ") for name in row.outcomes if name != "HELD")
+        when = f"within {quantity(row.last_loss_s, 's')}" if row.last_loss_s else "at once"
+        lost = f"{row.runs - row.held} of {row.runs} lost {when} ({names})"
+    if np.isfinite(row.position_shift_m):
+        shift = f"{_micro(row.position_shift_m)} ± {significant(MICRO * row.shift_error_m, 2)} µm"
+        return f"{shift}; {lost}" if lost else shift
+    return lost or f"all {row.runs} held, measured within {_micro(row.estimate_rms_m)} µm rms"
+
+
+def _micro(value: float) -> str:
+    return significant(MICRO * value, 3)
+
+
+@styled
+def steps_figure(series: StepSeries) -> "Figure":
+    """Draw reference steps: distances, errors of both measurements, coil voltage; noisy curves are rasterised."""
+    figure = new_figure(5.0)
+    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.3, 1.0))
+    t = series.time_s
+    known = bool(np.isfinite(series.direct_m).any())
+    if known:
+        direct = MM * series.direct_m
+        top.plot(t, direct, color=ORANGE, linewidth=0.5, label=name_of("direct"), rasterized=True)
+        middle.plot(t, direct - MM * series.true_m, color=ORANGE, linewidth=0.5, rasterized=True)
+    top.plot(t, MM * series.estimated_m, color=BLUE, linewidth=1.3, label=name_of(series.observer))
+    top.plot(t, MM * series.true_m, color=INK, linewidth=0.9, dashes=(4, 2), label=words("loop", "true"))
+    top.plot(t, MM * series.reference_m, color=GREEN, linewidth=0.9, label=words("loop", "reference"))
+    top.set_ylabel(words("loop", "distance"))
+    middle.plot(t, MM * (series.estimated_m - series.true_m), color=BLUE, linewidth=0.9, rasterized=True)
+    middle.set_ylabel(words("loop", "error"))
+    bottom.plot(t, series.voltage_V, color=MUTED, linewidth=0.6, rasterized=True)
+    bottom.set(ylabel=words("loop", "voltage"), xlabel=words("loop", "time"))
+    figure.align_ylabels()
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure
+
+
+@styled
+def spectrum_figure(pair: SpectrumPair) -> "Figure":
+    """Draw spectra of the direct measurement and of the filter at rest."""
+    figure = new_figure(2.8)
+    axes = figure.subplots()
+    for spectrum, colour, name in ((pair.direct, ORANGE, "direct"), (pair.filtered, BLUE, "ukf")):
+        keep = spectrum.frequency_Hz > 0.0
+        amplitude = MICRO * spectrum.amplitude_m[keep]
+        axes.loglog(spectrum.frequency_Hz[keep], amplitude, color=colour, linewidth=1.1, label=name_of(name))
+    axes.set(xlabel=words("loop", "frequency"), ylabel=words("loop", "amplitude"))
+    axes.legend(loc="lower left")
+    return figure

@@ -1,0 +1,222 @@
+"""What coil and iron allow: currents at the supply, continuous rating, force over the stroke, knee of the iron."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from femfit.core.arrays import FloatArray
+from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
+from femfit.device.bh_curve import BHCurve
+from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial, Material, NonlinearMaterial
+from femfit.model.actuator_model import ActuatorModel
+from femfit.report.field_sample import FieldSample
+from femfit.report.parts import all_regions, is_iron, standing_corners
+
+WARM_C = 100.0
+"""Of a warm coil (conventional): 80 K above 20 degC, and just within thermal class 105 of IEC 60085."""
+
+HEAT_TRANSFER_W_M2_K = 10.0
+"""Of a small body in still air, convection and radiation together (conventional: about 5 + 5)."""
+
+KNEE_STEP, KNEE_FIELD = 1.1, 1.5
+"""Knee of a B-H curve (conventional): 10 % more flux density take 50 % more field, as IEC 61869-2 defines a knee."""
+
+SOFT_STEEL_KNEE_T = 1.5
+"""About where soft steels leave the straight part of their curve (conventional), for iron drawn without a curve."""
+
+POINTS = 161
+LEVELS = 9
+"""Most distances in the table over the stroke."""
+
+
+@dataclass(frozen=True)
+class Feed:
+    """A current that the coil may carry, and what follows from it.
+
+    Parameters
+    ----------
+    name : str
+        ``cold`` or ``warm`` at the supply's voltage, ``reversed`` at its other end, ``rated`` or ``idle``.
+    drawn_A : float
+        The current within the model's validity domain that forces are taken at.
+    power_W : float
+        Heat in the winding at its temperature.
+    density_A_mm2 : float or None
+        In the wire; None where its diameter is not known.
+    force_near_N, force_far_N : float
+        At the shortest and the longest distance of the model.
+    """
+
+    name: str
+    current_A: float
+    drawn_A: float
+    temperature_C: float
+    power_W: float
+    density_A_mm2: float | None
+    force_near_N: float
+    force_far_N: float
+
+    @property
+    def limited(self) -> bool:
+        """Whether the model ends below this current."""
+        return abs(self.current_A - self.drawn_A) > 1e-6 * abs(self.current_A)
+
+
+@dataclass(frozen=True, eq=False)
+class Rating:
+    """Ratings of a coil and the forces over the stroke that belong to them.
+
+    Parameters
+    ----------
+    distance_m : array, shape (n,)
+        Over the model's distances.
+    forces_N : dict of str to array, shape (n,)
+        By the name of the feed.
+    inductance_H, idle_inductance_H : array, shape (n,)
+        At the rated current and at the smallest current in size.
+    motor_constant : array, shape (n,)
+        dF/di over the root of the cold resistance at the rated current, N/sqrt(W).
+    surface_m2 : float or None
+        Of the cylinder that encloses the fixed part; None without a drawing, and then no current is rated.
+    """
+
+    voltage_V: float
+    cold_ohm: float
+    warm_ohm: float
+    feeds: tuple[Feed, ...]
+    distance_m: FloatArray
+    forces_N: dict[str, FloatArray]
+    inductance_H: FloatArray
+    idle_inductance_H: FloatArray
+    motor_constant: FloatArray
+    surface_m2: float | None
+    cold_C: float = REFERENCE_TEMPERATURE
+    warm_C: float = WARM_C
+    heat_transfer_W_m2_K: float = HEAT_TRANSFER_W_M2_K
+
+    def feed(self, name: str) -> Feed | None:
+        """The feed of a name; None where the actuator has none."""
+        return next((feed for feed in self.feeds if feed.name == name), None)
+
+    @property
+    def reference(self) -> Feed:
+        """The feed of inductance and motor constant: the rated one, or the warm one where there is no drawing."""
+        feed = self.feed("rated") or self.feed("warm")
+        assert feed is not None  # noqa: S101 - rate() makes a warm feed always
+        return feed
+
+    @property
+    def levels(self) -> FloatArray:
+        """Places of the table's distances in the arrays."""
+        return np.unique(np.linspace(0, len(self.distance_m) - 1, LEVELS).round().astype(int))
+
+
+def rate(model: ActuatorModel, actuator: Actuator | None) -> Rating | None:
+    """Rate a coil; None where the model has no circuit."""
+    circuit, box = model.circuit, model.validity
+    if circuit is None:
+        return None
+    cold = circuit.resistance_ohm
+    warm = cold * (1.0 + COPPER_TEMPERATURE_COEFFICIENT * (WARM_C - REFERENCE_TEMPERATURE))
+    voltage = max(circuit.voltage_max_V, circuit.voltage_min_V, key=abs)
+    other = min(circuit.voltage_max_V, circuit.voltage_min_V, key=abs)
+    wanted = [("cold", voltage / cold, REFERENCE_TEMPERATURE), ("warm", voltage / warm, WARM_C)]
+    magnet = model.has_magnet
+    if magnet and voltage * other < 0.0 and box.current_min_A < 0.0 < box.current_max_A:
+        wanted.append(("reversed", other / cold, REFERENCE_TEMPERATURE))
+    surface = None
+    if actuator is not None:
+        surface = _enclosing_surface(actuator)
+        heat = HEAT_TRANSFER_W_M2_K * surface * (WARM_C - REFERENCE_TEMPERATURE)
+        wanted.append(("rated", float(np.copysign(np.sqrt(heat / warm), voltage)), WARM_C))
+    if magnet:
+        wanted.append(("idle", 0.0, REFERENCE_TEMPERATURE))
+    distance = np.linspace(box.distance_min_m, box.distance_max_m, POINTS)
+    section = _wire_section_mm2(actuator)
+    feeds, forces = [], {}
+    for name, current, temperature in wanted:
+        drawn = float(np.clip(current, box.current_min_A, box.current_max_A))
+        forces[name] = model.force(distance, drawn)
+        ohm = cold if temperature == REFERENCE_TEMPERATURE else warm
+        density = None if section is None else abs(current) / section
+        near, far = float(forces[name][0]), float(forces[name][-1])
+        feeds.append(Feed(name, current, drawn, temperature, ohm * current**2, density, near, far))
+    reference = next(feed.drawn_A for feed in reversed(feeds) if feed.name in {"rated", "warm"})
+    slope = -model.magnetics.coenergy_derivatives(distance, np.full_like(distance, reference), ((1, 1),))[0]
+    smallest = float(np.clip(0.0, box.current_min_A, box.current_max_A))
+    return Rating(
+        voltage_V=voltage,
+        cold_ohm=cold,
+        warm_ohm=warm,
+        feeds=tuple(feeds),
+        distance_m=distance,
+        forces_N=forces,
+        inductance_H=model.inductance(distance, reference),
+        idle_inductance_H=model.inductance(distance, smallest),
+        motor_constant=np.asarray(slope) / np.sqrt(cold),
+        surface_m2=surface,
+    )
+
+
+def _enclosing_surface(actuator: Actuator) -> float:
+    """Surface of the cylinder around the fixed part in m^2, ends included."""
+    radius, height = np.ptp(np.vstack([standing_corners(actuator), [0.0, standing_corners(actuator)[0, 1]]]), axis=0)
+    return float(2.0 * np.pi * radius * (radius + height))
+
+
+def _wire_section_mm2(actuator: Actuator | None) -> float | None:
+    if actuator is None or actuator.coil.wire_diameter_m is None:
+        return None
+    return float(0.25e6 * np.pi * actuator.coil.wire_diameter_m**2)
+
+
+def copper_share(actuator: Actuator) -> float | None:
+    """Copper's part of the winding's section; None where the wire's diameter is not known."""
+    section = _wire_section_mm2(actuator)
+    if section is None:
+        return None
+    return float(1e-6 * section * actuator.coil.turns / shapely.Polygon(actuator.coil.vertices_m).area)
+
+
+def knee_T(material: Material) -> float | None:  # noqa: N802 - the unit
+    """Flux density from which 10 % more takes 50 % more field; None for a material without a B-H curve."""
+    if isinstance(material, LinearMaterial):
+        return None
+    curve = BHCurve(material.flux_density_T, material.field_A_per_m)
+    b = np.linspace(0.05, material.flux_density_T[-1], 2000)
+    field = curve.field(b)
+    beyond = (b >= b[np.argmax(b / field)]) & (curve.field(KNEE_STEP * b) >= KNEE_FIELD * field)
+    return float(b[np.argmax(beyond)]) if beyond.any() else float(b[-1])
+
+
+@dataclass(frozen=True)
+class IronLoad:
+    """Flux density in one iron part beside the knee of its material."""
+
+    part: str
+    material: str
+    flux_density_T: float
+    knee_T: float
+    has_curve: bool
+
+    @property
+    def margin(self) -> float:
+        """How far the knee is above the flux density, as a part of the latter; negative beyond the knee."""
+        return self.knee_T / self.flux_density_T - 1.0 if self.flux_density_T else np.inf
+
+
+def iron_loads(actuator: Actuator, sample: FieldSample) -> tuple[IronLoad, ...]:
+    """Each iron part's largest flux density at a point, the part nearest to its knee first."""
+    loads = [
+        IronLoad(
+            region.name,
+            region.material.name,
+            sample.part_flux_density_T[region.name],
+            knee_T(region.material) or SOFT_STEEL_KNEE_T,
+            isinstance(region.material, NonlinearMaterial),
+        )
+        for region in all_regions(actuator)
+        if is_iron(region.material) and region.name in sample.part_flux_density_T
+    ]
+    return tuple(sorted(loads, key=lambda load: round(load.margin, 6)))

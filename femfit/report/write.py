@@ -1,0 +1,96 @@
+"""``write_report``: one page for whatever femfit found out, as one HTML file that loads nothing."""
+
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from femfit.core.errors import FemfitError
+from femfit.device.record import actuator_from_record
+from femfit.fit.build import fit_model
+from femfit.fit.result import FitResult
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import read_model
+from femfit.report.actuator_report import draw_figures, render_report
+from femfit.report.content import ReportContent, picture_point, strongest_point
+from femfit.report.page import write_page
+from femfit.tables.sweep_table import SweepTable, read_sweep_table
+
+if TYPE_CHECKING:
+    from femfit.device.parts import Actuator
+    from femfit.report.field_sample import FieldSample
+
+MODEL_FILE = "model.json"
+
+
+def write_report(result: Any, path: str | Path) -> Path:
+    """Write the report on a result.
+
+    Parameters
+    ----------
+    result : str, Path, ActuatorModel, FitResult or ReportContent
+        A run directory or a model file; a model; a fit; or what was collected of a run.
+    path : str or Path
+        HTML file; its directory is made if absent.
+
+    Raises
+    ------
+    FemfitError
+        If there is no report on such a result.
+    RunDirectoryError
+        If the file would not stay below 3 MB.
+    """
+    content = result if isinstance(result, ReportContent) else _content(result)
+    return write_page(render_report(content, draw_figures(content)), path)
+
+
+def _content(result: Any) -> ReportContent:
+    if isinstance(result, str | Path):
+        place = Path(result)
+        return _run_content(place) if place.is_dir() else ReportContent(read_model(place), hashes=_hashes([place]))
+    if isinstance(result, ActuatorModel):
+        return ReportContent(result)
+    if isinstance(result, FitResult):
+        return ReportContent(result.model, fit=result)
+    if isinstance(result, SweepTable):
+        return _table_content(result, None, ())
+    raise FemfitError(
+        f"A report can be written on a run directory, a model, a sweep, a fit or a diagnosis; instead received "
+        f"{type(result).__name__}."
+    )
+
+
+def _run_content(directory: Path) -> ReportContent:
+    table = read_sweep_table(directory)
+    file = directory / MODEL_FILE
+    model = read_model(file) if file.is_file() else None
+    kept = [f for f in (directory / "sweep.parquet", file) if f.is_file()]
+    return _table_content(table, model, _hashes(kept))
+
+
+def _table_content(
+    table: SweepTable, model: ActuatorModel | None, hashes: tuple[tuple[str, str], ...]
+) -> ReportContent:
+    """A sweep with its drawing, where its manifest holds it, and its model, which is fitted where there is none."""
+    inputs = table.manifest.get("inputs")
+    actuator = None if inputs is None else actuator_from_record(inputs, table.manifest.get("name", "the sweep"))
+    fit = fit_model(table) if model is None else None
+    model = fit.model if fit is not None else model
+    assert model is not None  # noqa: S101 - fitted above
+    content = ReportContent(model, actuator, table, fit, hashes=hashes)
+    return content if actuator is None else with_field(content, actuator)
+
+
+def with_field(content: ReportContent, actuator: "Actuator") -> ReportContent:
+    """The content with the field solved at the points that a report shows."""
+    from femfit.report.field_sample import sample_field
+
+    rows = content.rows
+    assert rows is not None  # noqa: S101 - a drawing comes with its sweep
+    points = picture_point(actuator, content.model, rows), strongest_point(actuator)
+    samples: dict[tuple[float, float], FieldSample] = {p: sample_field(actuator, *p) for p in dict.fromkeys(points)}
+    return replace(content, field=samples[points[0]], strongest=samples[points[1]])
+
+
+def _hashes(files: list[Path]) -> tuple[tuple[str, str], ...]:
+    return tuple((file.name, sha256(file.read_bytes()).hexdigest()) for file in files)

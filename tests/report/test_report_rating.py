@@ -1,0 +1,99 @@
+"""What coil and iron allow follows from resistance, heat and the B-H curve."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
+from femfit.device.bh_curve import BHCurve
+from femfit.device.load import read_actuator
+from femfit.device.parts import LinearMaterial, NonlinearMaterial
+from femfit.report.content import levitates, picture_point, strongest_point
+from femfit.report.rating import HEAT_TRANSFER_W_M2_K, copper_share, iron_loads, knee_T, rate
+from support.actuators import GEOMETRY
+
+
+@pytest.fixture(scope="module")
+def rating(plunger_content):
+    return rate(plunger_content.model, plunger_content.actuator)
+
+
+def test_a_warm_coil_takes_less_current_at_the_same_voltage(rating, plunger_content):
+    ohm = plunger_content.actuator.coil.resistance_ohm
+    cold, warm = rating.feed("cold"), rating.feed("warm")
+    assert cold.current_A == pytest.approx(4.0 / ohm)
+    assert warm.current_A == pytest.approx(4.0 / (ohm * (1.0 + 80.0 * COPPER_TEMPERATURE_COEFFICIENT)))
+    assert warm.power_W == pytest.approx(4.0 * warm.current_A)
+
+
+def test_the_rated_heat_is_what_the_enclosing_cylinder_gives_off(rating):
+    surface = 2.0 * np.pi * 0.015 * (0.015 + 0.040)
+    assert rating.surface_m2 == pytest.approx(surface)
+    assert rating.feed("rated").power_W == pytest.approx(HEAT_TRANSFER_W_M2_K * surface * 80.0)
+    area = 0.25 * np.pi * 0.45**2
+    assert rating.feed("rated").density_A_mm2 == pytest.approx(rating.feed("rated").current_A / area)
+
+
+def test_forces_beyond_the_models_current_are_taken_at_its_end_and_said_to_be(rating, plunger_content):
+    assert not rating.feed("cold").limited
+    weak = replace(plunger_content.model, circuit=replace(plunger_content.model.circuit, voltage_max_V=40.0))
+    cold = rate(weak, plunger_content.actuator).feed("cold")
+    assert cold.limited
+    assert cold.drawn_A == weak.validity.current_max_A
+    assert cold.force_near_N == pytest.approx(float(weak.force(weak.validity.distance_min_m, cold.drawn_A)))
+
+
+def test_the_motor_constant_is_the_slope_of_the_force_over_the_root_of_the_resistance(rating, plunger_content):
+    model, current, step = plunger_content.model, rating.reference.drawn_A, 1e-4
+    d = rating.distance_m[40]
+    slope = (model.force(d, current) - model.force(d, current - step)) / step
+    assert rating.motor_constant[40] == pytest.approx(slope / np.sqrt(rating.cold_ohm), rel=1e-3)
+
+
+def test_an_actuator_with_a_magnet_is_also_fed_with_nothing(rig_content, rating):
+    assert rating.feed("idle") is None
+    idle = rate(rig_content.model, rig_content.actuator).feed("idle")
+    assert idle.force_near_N == pytest.approx(float(rig_content.model.force(0.015, 0.0)))
+
+
+def test_a_model_without_a_drawing_is_rated_at_the_supply_alone(rig_content):
+    rating = rate(rig_content.model, None)
+    assert rating.feed("rated") is None
+    assert rating.reference.name == "warm"
+    assert rate(replace(rig_content.model, circuit=None), None) is None
+
+
+def test_the_copper_fills_as_much_of_the_winding_as_its_wires(plunger_content):
+    assert copper_share(plunger_content.actuator) == pytest.approx(560 * 0.25 * np.pi * 0.45**2 / (6.0 * 28.0))
+
+
+def test_beyond_the_knee_ten_per_cent_more_flux_density_take_half_more_field():
+    actuator = read_actuator(GEOMETRY / "emaws-saturable.toml")
+    steel = next(r.material for r in actuator.fixed if isinstance(r.material, NonlinearMaterial))
+    knee, curve = knee_T(steel), BHCurve(steel.flux_density_T, steel.field_A_per_m)
+    assert curve.field(1.1 * knee) / curve.field(knee) == pytest.approx(1.5, rel=5e-3)
+    assert 0.2 < knee < 0.285  # the ferrite has 0.285 T at 2 kA/m
+    assert knee_T(LinearMaterial("iron", 1000.0)) is None
+
+
+def test_iron_is_judged_beside_its_knee_with_the_worst_part_first(plunger_content, rig_content):
+    field = replace(
+        rig_content.field,
+        part_flux_density_T={"plunger": 1.2, "shell": 0.4, "upper_plate": 1.6, "pole_and_bottom": 1.0},
+    )
+    loads = iron_loads(plunger_content.actuator, field)
+    assert [load.part for load in loads] == ["upper_plate", "plunger", "pole_and_bottom", "shell"]
+    assert loads[0].margin < 0.0 < loads[1].margin
+    assert not loads[0].has_curve
+
+
+def test_only_a_body_that_is_meant_to_hang_is_drawn_where_it_hangs(rig_content, plunger_content):
+    assert levitates(rig_content.actuator, rig_content.rows)
+    distance, current = picture_point(rig_content.actuator, rig_content.model, rig_content.rows)
+    weight = rig_content.weight
+    assert float(rig_content.model.force(distance, current)) == pytest.approx(weight, rel=1e-6)
+    plunger = plunger_content.actuator
+    assert not levitates(plunger, plunger_content.rows)
+    point = picture_point(plunger, plunger_content.model, plunger_content.rows)
+    assert point == strongest_point(plunger) == (0.0005, 1.0)
