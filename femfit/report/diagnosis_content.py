@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from femfit.core.arrays import FloatArray
+from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import Examination
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.experiments.suggest import Suggestion
@@ -48,6 +49,14 @@ class DiagnosisContent:
     def recorded_motion(self) -> bool:
         """Whether readings are windows of a time series."""
         return "velocity_m_s" in self.observations.covariates
+
+    @property
+    def effects_after(self) -> tuple[AddedEffect, ...]:
+        """What was added to the model, or what the diagnosis names; none where it names nothing."""
+        if self.added is not None:
+            return (*self.added.base, *self.added.added)
+        explanations = self.examination.explanations
+        return tuple(explanations[0].effects) if explanations else ()
 
     @property
     def sigma(self) -> dict[str, float]:

@@ -10,6 +10,7 @@ from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.numbers import significant
 from femfit.report.page import write_page
 from femfit.report.section import Block, DataTable, Page, Section, render_page, text
+from femfit.report.section_curves import curves_section
 from femfit.report.section_explained import alternatives_section, explained_section, next_section
 from femfit.report.section_fall import fall_section
 from femfit.report.section_measured import measured_section
@@ -35,6 +36,7 @@ def write_diagnosis_report(content: DiagnosisContent, path: Path) -> Path:
 def render_diagnosis(content: DiagnosisContent) -> str:
     """The report as HTML text."""
     sections = [
+        curves_section(content),
         measured_section(content),
         misfit_section(content),
         explained_section(content),

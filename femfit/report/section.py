@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 
 from markupsafe import Markup
+
+from femfit.report.page import render
 
 
 @dataclass(frozen=True)
@@ -74,16 +75,15 @@ class Page:
     lead: str
     summary: Sequence[str]
     sections: Sequence[Section]
-    paper: str = ""
 
 
 def render_page(page: Page) -> str:
     """A page as HTML text."""
-    from jinja2 import Environment
-
-    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.tests["picture"] = lambda block: isinstance(block, Picture)
-    environment.tests["table"] = lambda block: isinstance(block, DataTable)
-    folder = files("femfit.report") / "templates"
-    template = environment.from_string((folder / "sections.html.j2").read_text(encoding="utf-8"))
-    return template.render(page=page, style=(folder / "report.css").read_text(encoding="utf-8"), version="")
+    facts = {
+        "title": page.title,
+        "lead": page.lead,
+        "summary": page.summary,
+        "sections": {section.name: section for section in page.sections},
+        "chapters": [(section.name, section.title, "bench/section.html.j2") for section in page.sections],
+    }
+    return render("bench.html.j2", facts, {})
