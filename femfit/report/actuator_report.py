@@ -32,7 +32,7 @@ from femfit.report.model_figures import hall_figure, ranking_figure, residual_fi
 from femfit.report.numbers import NOTHING, force_scale, percent, quantity, significant
 from femfit.report.page import Drawing, picture_uri, render
 from femfit.report.parts import all_regions, saturates
-from femfit.report.rating import SOFT_STEEL_KNEE_T, Rating, copper_share, iron_loads, rate
+from femfit.report.rating import USUAL_KNEES, Rating, copper_share, iron_loads, rate
 from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
 
 Draw = Callable[[Actuator, FieldSample], OffScreenPicture]
@@ -91,7 +91,7 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "stroke_table": [] if rating is None else _stroke_rows(rating),
         "copper_share": None if actuator is None else copper_share(actuator),
         "iron": () if actuator is None or content.strongest is None else iron_loads(actuator, content.strongest),
-        "soft_steel_knee_T": SOFT_STEEL_KNEE_T,
+        "usual_knees": USUAL_KNEES,
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
         "field": _field_facts(content),
         "sweep": None if rows is None else _sweep_facts(content, rows, grid),

@@ -130,7 +130,7 @@ def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
         plotter.add_mesh(lines.rotate_z(angle), line_width=2.5, lighting=False, **colours)
     if actuator.hall is not None:
         place = (MM * actuator.hall.radius_m, 0.0, -MM * actuator.hall.height_m)
-        plotter.add_mesh(pyvista.Sphere(0.02 * MM * float(sample.radius_m[-1]), place), color=HALL_COLOUR)
+        plotter.add_mesh(pyvista.Sphere(radius=0.02 * MM * float(sample.radius_m[-1]), center=place), color=HALL_COLOUR)
     return _picture(plotter, sample)
 
 

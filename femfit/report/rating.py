@@ -8,7 +8,7 @@ import shapely
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
 from femfit.device.bh_curve import BHCurve
-from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial, Material, NonlinearMaterial
+from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial, Material
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.field_sample import FieldSample
 from femfit.report.parts import all_regions, is_iron, standing_corners
@@ -22,8 +22,8 @@ HEAT_TRANSFER_W_M2_K = 10.0
 KNEE_STEP, KNEE_FIELD = 1.1, 1.5
 """Knee of a B-H curve (conventional): 10 % more flux density take 50 % more field, as IEC 61869-2 defines a knee."""
 
-SOFT_STEEL_KNEE_T = 1.5
-"""About where soft steels leave the straight part of their curve (conventional), for iron drawn without a curve."""
+USUAL_KNEES = "soft steel about 1.4 T, power ferrite about 0.25 T"
+"""For iron that is drawn without a curve: knees of the library's own curves by the rule above."""
 
 POINTS = 161
 LEVELS = 9
@@ -192,31 +192,31 @@ def knee_T(material: Material) -> float | None:  # noqa: N802 - the unit
 
 @dataclass(frozen=True)
 class IronLoad:
-    """Flux density in one iron part beside the knee of its material."""
+    """Flux density in one iron part beside the knee of its material; None for a material without a B-H curve."""
 
     part: str
     material: str
     flux_density_T: float
-    knee_T: float
-    has_curve: bool
+    knee_T: float | None
 
     @property
-    def margin(self) -> float:
+    def margin(self) -> float | None:
         """How far the knee is above the flux density, as a part of the latter; negative beyond the knee."""
+        if self.knee_T is None:
+            return None
         return self.knee_T / self.flux_density_T - 1.0 if self.flux_density_T else np.inf
 
 
 def iron_loads(actuator: Actuator, sample: FieldSample) -> tuple[IronLoad, ...]:
-    """Each iron part's largest flux density at a point, the part nearest to its knee first."""
+    """Each iron part's largest flux density at a point: the part nearest to its knee first, then the most loaded."""
     loads = [
-        IronLoad(
-            region.name,
-            region.material.name,
-            sample.part_flux_density_T[region.name],
-            knee_T(region.material) or SOFT_STEEL_KNEE_T,
-            isinstance(region.material, NonlinearMaterial),
-        )
+        IronLoad(region.name, region.material.name, sample.part_flux_density_T[region.name], knee_T(region.material))
         for region in all_regions(actuator)
         if is_iron(region.material) and region.name in sample.part_flux_density_T
     ]
-    return tuple(sorted(loads, key=lambda load: round(load.margin, 6)))
+    return tuple(
+        sorted(
+            loads,
+            key=lambda load: (load.margin is None, round(load.margin or 0.0, 6), -round(load.flux_density_T, 6)),
+        )
+    )

@@ -49,13 +49,26 @@ def added(levitation_model):
     return page_of(levitation_model, table, ["hall_offset"], hashes=(("rig.csv", "ab" * 32),))
 
 
+def others(page):
+    """Pictures but those of the points on the curves."""
+    return {name for name in page.images if not name.startswith("curves-")}
+
+
+def test_the_first_picture_is_of_measured_points_on_the_models_curves(added):
+    content, page = added
+    first = next(iter(page.images))
+    assert first.startswith("curves-")
+    assert {f"curves-{name}" for name in content.observations.channels} <= set(page.images)
+
+
 def test_the_page_reads_as_an_argument_in_order(added):
     _, page = added
     places = [page.text.index(f"{k}. {title}") for k, title in enumerate(
-        ("What was measured", "Where the model fails", "What would explain it", "What else could",
+        ("Measured points on the model's curves", "What was measured",
+         "Where the model fails", "What would explain it", "What else could",
          "What to measure next", "How far the error fell", "Where the numbers come from"), start=1)]  # fmt: skip
     assert places == sorted(places)
-    assert set(page.images) == {"settings", "misfit-maps", "ranking-effects", "waterfall", "after-maps"}
+    assert others(page) == {"settings", "misfit-maps", "ranking-effects", "waterfall", "after-maps"}
 
 
 def test_the_page_holds_everything_and_loads_nothing(added, tmp_path):
@@ -90,7 +103,7 @@ def test_the_fall_of_the_error_is_that_of_runs_left_out(added):
 def test_nothing_missing_is_said_without_a_ranking_or_a_waterfall(levitation_model):
     _, page = page_of(levitation_model, campaign(levitation_model, 62, **SIZE))
     assert "Nothing is missing" in page.text
-    assert set(page.images) == {"settings", "misfit-maps"}
+    assert others(page) == {"settings", "misfit-maps"}
     assert "Smallest magnitude" in page.text
 
 
@@ -131,7 +144,7 @@ def test_without_a_noise_floor_the_page_says_what_to_measure(levitation_model):
     content, page = page_of(levitation_model, rising)
     assert content.diagnosis.verdict == "compare_only"
     assert "at least twice" in page.text
-    assert set(page.images) == {"settings", "misfit-maps"}
+    assert others(page) == {"settings", "misfit-maps"}
 
 
 def test_mounts_are_spoken_of_only_where_the_data_tell_them(levitation_model):

@@ -77,15 +77,16 @@ def test_beyond_the_knee_ten_per_cent_more_flux_density_take_half_more_field():
     assert knee_T(LinearMaterial("iron", 1000.0)) is None
 
 
-def test_iron_is_judged_beside_its_knee_with_the_worst_part_first(plunger_content, rig_content):
-    field = replace(
-        rig_content.field,
-        part_flux_density_T={"plunger": 1.2, "shell": 0.4, "upper_plate": 1.6, "pole_and_bottom": 1.0},
-    )
-    loads = iron_loads(plunger_content.actuator, field)
-    assert [load.part for load in loads] == ["upper_plate", "plunger", "pole_and_bottom", "shell"]
+def test_iron_is_judged_beside_its_own_knee_with_the_worst_part_first(plunger_content, rig_content):
+    actuator = read_actuator(GEOMETRY / "emaws-saturable.toml")
+    largest = {"sleeve": 0.1, "upper_flange": 0.3, "lower_flange": 0.2}
+    loads = iron_loads(actuator, replace(rig_content.field, part_flux_density_T=largest))
+    assert [load.part for load in loads] == ["upper_flange", "lower_flange", "sleeve"]
     assert loads[0].margin < 0.0 < loads[1].margin
-    assert not loads[0].has_curve
+    largest = {"plunger": 1.2, "shell": 0.4, "upper_plate": 1.6, "pole_and_bottom": 1.0}
+    loads = iron_loads(plunger_content.actuator, replace(rig_content.field, part_flux_density_T=largest))
+    assert [load.part for load in loads] == ["upper_plate", "plunger", "pole_and_bottom", "shell"]
+    assert all(load.margin is None for load in loads)  # a linear material does not say where it saturates
 
 
 def test_only_a_body_that_is_meant_to_hang_is_drawn_where_it_hangs(rig_content, plunger_content):
