@@ -8,6 +8,9 @@ from femfit.tables.sweep_table import SweepTable
 if TYPE_CHECKING:
     import pandas as pd
 
+SMALL_FORCE = 0.01
+"""Of the largest force at the same distance: a force below it is a passage through zero (conventional)."""
+
 
 def summarise(table: SweepTable) -> dict[str, Any]:
     """Rows, failures, range of the force and of its estimated error.
@@ -16,8 +19,9 @@ def summarise(table: SweepTable) -> dict[str, Any]:
     -------
     dict
         JSON-ready; the relative error is of the force or, where that is larger, of the force of the weakest current at
-        the same distance, or of that current's force at the distance before or after if its sign is another, since a
-        force that crosses zero is no measure. Forces are None if every row failed. ``points_beyond_bh_curve`` and, with
+        the same distance, or of that current's force at the distance before or after if its sign is another, and of a
+        hundredth of the largest force at the same distance at least: a force that crosses or stays at zero is no
+        measure. Forces are None if every row failed. ``points_beyond_bh_curve`` and, with
         a tolerance, which knows one distance only, ``rows_beyond_tolerance`` where they apply.
     """
     status = table.rows["status"]
@@ -56,5 +60,6 @@ def _relative_errors(rows: "pd.DataFrame", size: "pd.Series[float]") -> "pd.Seri
     keys = [name for name in (VARIANT, "distance_m") if name in rows]
     weakest_first = rows.assign(size=size, magnitude=rows["current_A"].abs()).sort_values("magnitude", kind="stable")
     weakest = weakest_first.groupby(keys)["size"].transform("first")
-    scale = size.combine(weakest.reindex(rows.index), max)
+    largest = weakest_first["force_N"].abs().groupby([weakest_first[name] for name in keys]).transform("max")
+    scale = size.combine(weakest.reindex(rows.index), max).combine(SMALL_FORCE * largest.reindex(rows.index), max)
     return (rows["force_error_N"] / scale)[scale > 0.0]

@@ -13,6 +13,8 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.content import ReportContent, picture_point, strongest_point
+from femfit.report.diagnosis_content import DiagnosisContent
+from femfit.report.diagnosis_html import write_diagnosis_report
 from femfit.report.page import write_page
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 
@@ -28,8 +30,8 @@ def write_report(result: Any, path: str | Path) -> Path:
 
     Parameters
     ----------
-    result : str, Path, ActuatorModel, FitResult or ReportContent
-        A run directory or a model file; a model; a fit; or what was collected of a run.
+    result : str, Path, ActuatorModel, SweepTable, FitResult, ReportContent or DiagnosisContent
+        A run directory or a model file; a model; a sweep; a fit; what was collected of a run or of a diagnosis.
     path : str or Path
         HTML file; its directory is made if absent.
 
@@ -40,6 +42,8 @@ def write_report(result: Any, path: str | Path) -> Path:
     RunDirectoryError
         If the file would not stay below 3 MB.
     """
+    if isinstance(result, DiagnosisContent):
+        return write_diagnosis_report(result, Path(path))
     content = result if isinstance(result, ReportContent) else _content(result)
     return write_page(render_report(content, draw_figures(content)), path)
 

@@ -51,6 +51,7 @@ def test_everything_goes_into_a_directory(tmp_path):
         (["--row", "1"], "give a run directory"),
         (["--what", "mesh", "--what", "vtu", "-o", "one.png"], "Give a directory"),
         (["--what", "mesh", "-o", "field.vtu"], "not mesh"),
+        (["-o", "p.gif"], ".png, .svg, .pdf"),
     ],
 )
 def test_a_request_that_cannot_be_met_says_what_to_do(arguments, words):

@@ -45,3 +45,17 @@ def test_points_beyond_the_end_of_a_curve_are_counted(tmp_path):
     swept = run_sweep(bobbin(short, currents=(0.0, 8.0)), tmp_path, workers=1, settings=SolverSettings(order=3))
     assert swept.manifest["points_beyond_bh_curve"] == 1  # 8 A drive the sleeve far beyond 0.8 T, 0 A nowhere
     assert summarise(swept)["points_beyond_bh_curve"] == 1
+
+
+def test_a_force_that_is_zero_at_every_distance_without_current_is_no_measure_of_its_error():
+    rows = pd.DataFrame(
+        {
+            "current_A": [0.0, 0.0, 1.0, 1.0],
+            "distance_m": [0.01, 0.02, 0.01, 0.02],
+            "force_N": [1e-9, 1e-9, 1.0, 0.5],
+            "force_error_N": [1e-8, 1e-8, 1e-4, 1e-4],
+            "status": ["ok"] * 4,
+        }
+    )
+    # 1e-8 N over 1e-9 N would be 1000 %, of a force that nobody misses
+    assert summarise(SweepTable(rows, {}))["force_error_relative_max"] == pytest.approx(2e-4)
