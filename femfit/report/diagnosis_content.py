@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import AddedEffect
-from femfit.identify.decision.diagnose import Examination
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.experiments.suggest import Suggestion
-from femfit.identify.readings.load import measurement_observations
 from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import Measurement
@@ -21,8 +20,6 @@ class DiagnosisContent:
 
     Parameters
     ----------
-    examination : Examination
-        The diagnosis with what it rests on.
     after : array, shape (M,), or None
         Recorded minus what the model predicts with the effects that were added, or that the diagnosis names.
     hashes : tuple of (str, str)
@@ -31,7 +28,7 @@ class DiagnosisContent:
 
     model: ActuatorModel
     observations: Observations
-    examination: Examination
+    diagnosis: Diagnosis
     suggestions: Sequence[Suggestion] = ()
     added: AddResult | None = None
     after: FloatArray | None = None
@@ -39,11 +36,6 @@ class DiagnosisContent:
     test_object: str = ""
     notes: str = ""
     hashes: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def diagnosis(self) -> Diagnosis:
-        """The result."""
-        return self.examination.diagnosis
 
     @property
     def recorded_motion(self) -> bool:
@@ -55,7 +47,7 @@ class DiagnosisContent:
         """What was added to the model, or what the diagnosis names; none where it names nothing."""
         if self.added is not None:
             return (*self.added.base, *self.added.added)
-        explanations = self.examination.explanations
+        explanations = self.diagnosis.explanations
         return tuple(explanations[0].effects) if explanations else ()
 
     @property
@@ -65,36 +57,29 @@ class DiagnosisContent:
 
 
 def content_of(
-    model: ActuatorModel,
     data: Measurement,
-    observations: Observations,
-    examination: Examination,
+    diagnosis: Diagnosis,
     *,
     suggestions: Sequence[Suggestion] = (),
     added: AddResult | None = None,
     hashes: tuple[tuple[str, str], ...] = (),
 ) -> DiagnosisContent:
-    """The content of a measurement's diagnosis.
+    """The content of a measurement's diagnosis, for :func:`femfit.report.diagnosis_html.write_diagnosis_report`.
 
     Parameters
     ----------
     hashes : tuple of (str, str)
         Files and their SHA-256.
-
-    Returns
-    -------
-    DiagnosisContent
-        For :func:`femfit.report.diagnosis_html.write_diagnosis_report`.
     """
-    after = None
+    observations, after = diagnosis.observations, None
     if added is not None:
-        after = measurement_observations(added.model, data).residual
-    elif examination.explanations:
-        after = observations.value - observations.predict(examination.explanations[0].effects)
+        after = placed(added.model, data).residual
+    elif diagnosis.explanations:
+        after = observations.value - observations.predict(diagnosis.explanations[0].effects)
     return DiagnosisContent(
-        model=model,
+        model=diagnosis.model,
         observations=observations,
-        examination=examination,
+        diagnosis=diagnosis,
         suggestions=suggestions,
         added=added,
         after=after,
