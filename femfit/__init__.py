@@ -35,6 +35,9 @@ _PLACES = {
     "close_loop": "femfit.simulation.close_loop:close_loop",
     "kalman_filter": "femfit.filters.kalman_filter:kalman_filter",
     # Why the bench disagrees
+    "add_effects": "femfit.identify.refit.add_effects:add_effects",
+    "compare": "femfit.identify.comparison.compare:compare",
+    "diagnose": "femfit.identify.decision.diagnose:diagnose",
     "integrate_coil": "femfit.integrate.integrate_coil:integrate_coil",
     "list_effects": "femfit.effects.catalogue:all_effects",
     "read_measurement": "femfit.tables.measurement_file:read_measurement",

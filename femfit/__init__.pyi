@@ -9,6 +9,9 @@ from femfit.filters.filter import Filter as Filter
 from femfit.filters.kalman_filter import kalman_filter as kalman_filter
 from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
+from femfit.identify.comparison.compare import compare as compare
+from femfit.identify.decision.diagnose import diagnose as diagnose
+from femfit.identify.refit.add_effects import add_effects as add_effects
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
@@ -37,7 +40,10 @@ __all__ = [
     "LoopSummary",
     "SweepTable",
     "TimeSeries",
+    "add_effects",
     "close_loop",
+    "compare",
+    "diagnose",
     "export",
     "fit_model",
     "import_table",
