@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import null_space, solve_triangular
+from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
 from femfit.core.arrays import BoolArray, FloatArray
@@ -46,22 +46,16 @@ class QPSolution:
         For each coefficient ``lower``, ``upper`` or empty: the bound it stands on.
     active_inequalities : array of bool, shape (m,)
         Which rows of G x >= h hold with equality.
-    covariance : array, shape (k, k)
-        Of the free coefficients, from the residual variance; zero for those on a bound. White residuals assumed.
     residual : array, shape (n,)
         A x - y.
-    condition, condition_scaled : float
-        Of A / sigma before and after its columns are scaled.
+    condition_scaled : float
+        Of A / sigma with columns of length one.
     """
 
     x: FloatArray
     active: tuple[str, ...]
     active_inequalities: BoolArray
-    covariance: FloatArray
-    degrees_of_freedom: int
-    weighted_sse: float
     residual: FloatArray
-    condition: float
     condition_scaled: float
 
 
@@ -116,21 +110,14 @@ def solve_bounded_qp(
     on_bound = [[side == "lower" for side in active], [side == "upper" for side in active]]
     ends = [np.full(count, -np.inf) if lower is None else lower, np.full(count, np.inf) if upper is None else upper]
     x = np.select(on_bound, ends, z * scale / column_scale)
-    residual = matrix @ x - y
-    sse = float(np.sum((residual / sigma) ** 2))
     touching = np.zeros(0, dtype=np.bool_)
     if problem.inequalities is not None:
         touching = problem.inequalities.matrix @ z - problem.inequalities.right < _ACTIVE
-    covariance, free = _covariance(problem, active, touching, sse, len(y), column_scale)
     return QPSolution(
         x=x,
         active=active,
         active_inequalities=touching,
-        covariance=covariance,
-        degrees_of_freedom=len(y) - free,
-        weighted_sse=sse,
-        residual=residual,
-        condition=float(np.linalg.cond(problem.triangle * column_scale)),
+        residual=matrix @ x - y,
         condition_scaled=condition_scaled,
     )
 
@@ -143,7 +130,7 @@ def active_set_least_squares(
     upper: FloatArray | None = None,
     inequalities: Inequalities | None = None,
 ) -> FloatArray:
-    """Solve the same problem without proof and covariance: for the many refits of held-out and jackknife errors."""
+    """Solve the same problem without proof: for the many refits of held-out and jackknife errors."""
     names = [f"x{k + 1}" for k in range(matrix.shape[1])]
     problem = scaled_qp(matrix, y, sigma, lower, upper, inequalities, names)
     return _solve(problem) * problem.scale / problem.column_scale
@@ -196,21 +183,3 @@ def _is_optimal(problem: ScaledQP, z: FloatArray) -> bool:
         multipliers, unexplained = nnls(rows, gradient, maxiter=30 * max(rows.shape))
     better = unexplained**2 + 2.0 * multipliers @ np.fmax(slack[acting], 0.0)
     return bool(better <= EXCESS_ALLOWED * max(problem.outside + problem.excess(z), _SSE_FLOOR))
-
-
-def _covariance(
-    problem: ScaledQP, active: Sequence[str], touching: BoolArray, sse: float, rows: int, column_scale: FloatArray
-) -> tuple[FloatArray, int]:
-    """Covariance of x in the directions that active bounds leave free, and their number."""
-    count = len(active)
-    fixed = np.eye(count)[[bool(a) for a in active]]
-    if problem.inequalities is not None and np.any(touching):
-        fixed = np.concatenate([fixed, problem.inequalities.matrix[touching]])
-    directions = null_space(fixed) if len(fixed) else np.eye(count)
-    free = directions.shape[1]
-    if free == 0 or rows <= free:
-        return np.zeros((count, count)), free
-    reduced = np.linalg.qr(problem.triangle @ directions, mode="r")
-    half = solve_triangular(reduced, np.eye(free))
-    spread = directions @ half / column_scale[:, None]
-    return spread @ spread.T * (sse / (rows - free)), free

@@ -7,7 +7,6 @@ the force attracts, as with every piece of soft iron.
 References
 ----------
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1.
-G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413 (variable projection).
 """
 
 from collections.abc import Mapping
@@ -17,10 +16,11 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import nnls
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
+from femfit.fit.law_shape import search_shape
 from femfit.fit.misfit import as_written
 from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
@@ -124,7 +124,8 @@ def fit_inductance(
             f"{len(distances)}. Measure at more distances, or take a simpler law."
         )
     _require_falling(table)
-    shape = _shape(chosen, table)
+    scale = float(np.max(np.abs(table.inductance * table.current)))
+    shape = search_shape(chosen, lambda trial: _linear(chosen, trial, table)[1] / scale)
     solution, _ = _linear(chosen, shape, table)
     coefficients = tuple(
         Coefficient(basis, 2, float(value), f"{unit} A^-2", bounds=(0.0, np.inf), active="" if value > 0.0 else "lower")
@@ -188,29 +189,6 @@ def _linear(law: ForceLaw, shape: Mapping[str, float], table: InductanceTable) -
     scale = np.linalg.norm(matrix, axis=0)
     solution = nnls(matrix / scale, table.inductance * table.current)[0] / scale
     return solution, matrix @ solution - table.inductance * table.current
-
-
-def _shape(law: ForceLaw, table: InductanceTable) -> dict[str, float]:
-    """The law's nonlinear parameters; from three starts, the best."""
-    if not law.shape:
-        return {}
-    names = [p.name for p in law.shape]
-    lower, upper = np.array([p.lower for p in law.shape]), np.array([p.upper for p in law.shape])
-    scale = float(np.max(np.abs(table.inductance * table.current)))
-
-    def named(unit: FloatArray) -> dict[str, float]:
-        return {name: float(v) for name, v in zip(names, lower * (upper / lower) ** unit, strict=True)}
-
-    def misfit(unit: FloatArray) -> FloatArray:
-        return _linear(law, named(unit), table)[1] / scale
-
-    start = np.log(np.array([p.start for p in law.shape]) / lower) / np.log(upper / lower)
-    guesses = (np.clip(start + step, 1e-3, 1.0 - 1e-3) for step in (0.0, -0.1, 0.1))
-    found = [least_squares(misfit, guess, bounds=(0.0, 1.0), x_scale=0.1) for guess in guesses]
-    best = min(found, key=lambda r: float(r.cost))
-    if not best.success:
-        raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
-    return named(best.x)
 
 
 def _parts(

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from femfit.core.arrays import FloatArray
@@ -19,6 +18,7 @@ from femfit.fit.law_columns import (
     term_bounds,
     term_names,
 )
+from femfit.fit.law_shape import search_shape
 from femfit.fit.rows import FitRows
 from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
 from femfit.laws.law import ForceLaw
@@ -31,13 +31,13 @@ JACKKNIFE_BLOCKS = 12
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """95 % intervals of the joint fit's terms, under two assumptions.
+    """95 % intervals of the joint fit's terms.
+
+    Intervals for independent residuals would be too narrow where the law's own misfit dominates, because that is the
+    same at neighbouring distances and all currents.
 
     Parameters
     ----------
-    white : array, shape (terms, 2)
-        Student t on independent residuals of equal variance. Too narrow where the law's own misfit dominates, because
-        that is the same at neighbouring distances and all currents.
     block : array, shape (terms, 2)
         Delete-a-block jackknife over neighbouring distances with all their currents, shape parameters fitted again
         each time: valid for residuals that are dependent within a block.
@@ -45,7 +45,6 @@ class Interval:
         Of the same jackknife.
     """
 
-    white: FloatArray
     block: FloatArray
     block_covariance: FloatArray
 
@@ -165,40 +164,17 @@ def fit_joint(
 def fit_shape(
     law: ForceLaw, rows: FitRows, sigma: FloatArray, start: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """The law's nonlinear parameters, by variable projection with quadratic coefficient functions.
-
-    Starts from ``start``, or from the law's first guess and two further ones; FitError if none reaches a minimum.
-
-    References
-    ----------
-    G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413 (variable projection).
-    """
-    if not law.shape:
-        return {}
-    names = [p.name for p in law.shape]
-    lower, upper = np.array([p.lower for p in law.shape]), np.array([p.upper for p in law.shape])
+    """The law's nonlinear parameters for a table's forces, with quadratic coefficient functions."""
     # As free in the current as the table allows, since stage two chooses the functions only afterwards.
     functions = ({1: "constant", 2: "affine"}.get(len(rows.currents), "quadratic"),) * len(law.basis)
+    target = rows.force / sigma
 
-    def misfit(unit: FloatArray) -> FloatArray:
-        shape = dict(zip(names, lower * (upper / lower) ** unit, strict=True))
+    def residual(shape: Mapping[str, float]) -> FloatArray:
         matrix = design_matrix(law, shape, functions, rows.distance, rows.current) / sigma[:, None]
         q_factor = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0))[0]
-        target = rows.force / sigma
         return np.asarray(target - q_factor @ (q_factor.T @ target))
 
-    first = np.array([p.start if start is None else start[p.name] for p in law.shape])
-    unit = np.log(first / lower) / np.log(upper / lower)
-    # A third of a decade either way, and at the scale of this table's distances.
-    steps = (0.0,) if start is not None else (0.0, -0.1, 0.1)
-    found = []
-    for step in steps:
-        guess = np.clip(unit + step, 1e-3, 1.0 - 1e-3)
-        found.append(least_squares(misfit, guess, bounds=(0.0, 1.0), xtol=1e-10, ftol=1e-10, gtol=1e-10))
-    best = min(found, key=lambda r: float(r.cost))
-    if not best.success:
-        raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
-    return {name: float(v) for name, v in zip(names, lower * (upper / lower) ** best.x, strict=True)}
+    return search_shape(law, residual, start)
 
 
 def _intervals(
@@ -210,8 +186,6 @@ def _intervals(
     limits: TermBounds,
     joint: QPSolution,
 ) -> tuple[Interval, dict[str, tuple[float, float]]]:
-    half = student.ppf(0.975, max(joint.degrees_of_freedom, 1)) * np.sqrt(np.diag(joint.covariance))
-    white = np.stack([joint.x - half, joint.x + half], axis=1)
     blocks = np.array_split(rows.distances, min(JACKKNIFE_BLOCKS, len(rows.distances)))
     values = []
     for block in blocks:
@@ -231,4 +205,4 @@ def _intervals(
     shapes = {
         name: (value - float(h), value + float(h)) for (name, value), h in zip(shape.items(), half[terms:], strict=True)
     }
-    return Interval(white, block_interval, covariance[:terms, :terms]), shapes
+    return Interval(block_interval, covariance[:terms, :terms]), shapes

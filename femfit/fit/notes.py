@@ -9,7 +9,7 @@ from femfit.tables.sweep_table import SweepTable
 COARSE = 0.01
 """Misfit of the force (rms relative error) that a co-energy's user is warned of; conventional."""
 
-POOR_CIRCUIT = 0.05
+POOR_CIRCUIT = 0.1
 """Misfit of flux linkage or inductance, over the rms of the table's, that the user is warned of; conventional."""
 
 _UNITS_ASSUMED = "assumed-units"

@@ -83,7 +83,13 @@ def test_a_range_is_the_decimals_counted_by_hand(start, count, step, digits):
 
 
 @pytest.mark.parametrize("token", TOKENS)
-@pytest.mark.parametrize("text", FILES, ids=[path.stem for path in PATHS])
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(text, id=path.stem, marks=pytest.mark.long if path.stem == "emaws-variants" else ())
+        for text, path in zip(FILES, PATHS, strict=True)
+    ],
+)
 def test_each_odd_value_at_each_key_loads_or_is_refused(text, token):
     lines = text.splitlines()
     for n, line in enumerate(lines):

@@ -51,7 +51,7 @@ def test_unscaled_osqp_calls_a_wrong_answer_solved_and_ours_is_exact():
 
 def test_condition_number_falls_from_thousands_to_a_few_by_scaling_columns():
     solution = solve_bounded_qp(F1E, noisy(), ONES)
-    assert 5e3 < solution.condition < 2e4
+    assert 5e3 < np.linalg.cond(F1E) < 2e4
     assert solution.condition_scaled < 6
 
 
@@ -60,7 +60,7 @@ def test_a_nine_term_nonnegative_fit_is_feasible_and_optimal():
     solution = solve_bounded_qp(matrix, noisy(), ONES, lower=np.zeros(9))
     scale = np.linalg.norm(matrix, axis=0)
     reference = lsq_linear(matrix / scale, noisy(), (0, np.inf), method="bvls", tol=1e-15)
-    assert solution.weighted_sse <= 2.0 * reference.cost * (1 + 1e-6)
+    assert np.sum(solution.residual**2) <= 2.0 * reference.cost * (1 + 1e-6)
     assert np.all(solution.x >= 0)
     assert "lower" in solution.active
 
@@ -75,7 +75,7 @@ def test_sums_of_squares_never_exceed_the_independent_solvers_over_random_proble
         lower, upper = np.minimum(0.5 * free, 0.0), np.maximum(0.7 * free, 0.0)
         solution = solve_bounded_qp(matrix, y, np.ones(30), lower, upper)
         reference = lsq_linear(matrix / s, y, (lower * s, upper * s), method="bvls", tol=1e-15)
-        assert solution.weighted_sse <= 2.0 * reference.cost * (1 + 1e-6)
+        assert np.sum(solution.residual**2) <= 2.0 * reference.cost * (1 + 1e-6)
         assert np.all((solution.x >= lower) & (solution.x <= upper))
         assert any(solution.active)
 
@@ -84,8 +84,6 @@ def test_an_active_bound_is_met_exactly_and_reported_with_its_side():
     solution = solve_bounded_qp(F1E, noisy(), ONES, lower=np.zeros(2), upper=np.array([1e-7, 1e-7]))
     assert solution.x[1] == 1e-7
     assert solution.active == ("", "upper")
-    assert solution.covariance[1, 1] == 0.0
-    assert solution.degrees_of_freedom == 60
 
 
 def test_inequalities_give_the_solution_that_the_conditions_of_optimality_name():
@@ -163,19 +161,6 @@ def test_data_that_determine_no_solution_are_refused_with_the_reason(matrix, y, 
         solve_bounded_qp(matrix, y, sigma)
 
 
-def test_known_coefficients_are_recovered_within_their_white_intervals_95_times_in_100():
-    rng = np.random.default_rng(11)
-    inside = np.zeros(2)
-    runs = 200
-    for _ in range(runs):
-        y = F1E @ TRUTH + 1e-4 * rng.standard_normal(61)
-        solution = solve_bounded_qp(F1E, y, ONES)
-        half = 2.0010 * np.sqrt(np.diag(solution.covariance))  # Student t, 59 degrees of freedom
-        inside += np.abs(solution.x - TRUTH) < half
-    # Three binomial standard deviations of 200 trials at 0.95: 0.046.
-    np.testing.assert_allclose(inside / runs, 0.95, atol=0.046)
-
-
 def test_rows_weigh_by_their_standard_deviation():
     y = np.array([0.0, 1.0])
     solution = solve_bounded_qp(np.ones((2, 1)), y, np.array([1.0, 0.5]))
@@ -188,8 +173,6 @@ def test_a_coefficient_whose_bounds_coincide_is_fixed_there():
     a = np.sum(F1E[:, 0] * (y - 5e-6 * F1E[:, 1])) / np.sum(F1E[:, 0] ** 2)
     np.testing.assert_allclose(solution.x, [a, 5e-6], rtol=1e-8)
     assert solution.active == ("", "lower")
-    assert solution.degrees_of_freedom == 60
-    assert solution.covariance[1, 1] == 0.0
 
 
 def test_all_coefficients_may_be_fixed_and_inequalities_may_stand_beside_them():
