@@ -115,12 +115,12 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
             rows = _table_beside(path.parent, model)
     if table is not None:
         rows = _rows_of(Path(table), model)
-    box = model.validity
+    domain = model.validity
     d, i = (
         x.ravel()
         for x in np.meshgrid(
-            np.linspace(box.distance_min_m, box.distance_max_m, _GRID[0]),
-            np.linspace(box.current_min_A, box.current_max_A, _GRID[1]),
+            np.linspace(domain.distance_min_m, domain.distance_max_m, _GRID[0]),
+            np.linspace(domain.current_min_A, domain.current_max_A, _GRID[1]),
         )
     )
     findings = [*_misfit(model, rows, d, i), *_signs(model, d, i), *_circuit(model, d, i)]
@@ -147,8 +147,8 @@ def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | None:
         rows = _rows_of(directory, model)
     except TableError:
         return None
-    box = model.validity
-    own = (box.distance_min_m, box.distance_max_m, box.current_min_A, box.current_max_A)
+    domain = model.validity
+    own = (domain.distance_min_m, domain.distance_max_m, domain.current_min_A, domain.current_max_A)
     ends = (rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
     return rows if np.allclose(own, ends) else None
 
@@ -284,11 +284,11 @@ def _rounded(magnetics: Magnetics) -> Magnetics | None:
 
 def _held(model: ActuatorModel) -> list[AuditFinding]:
     """Where the clamp can hold the body, the reference steps, and the speed of its instability there."""
-    circuit, motion, box = model.require_circuit(), model.require_motion(), model.validity
+    circuit, motion, domain = model.require_circuit(), model.require_motion(), model.validity
     weight = motion.mass_kg * motion.gravity_m_s2
-    lowest = max(box.current_min_A, circuit.voltage_min_V / circuit.resistance_ohm)
-    highest = min(box.current_max_A, circuit.voltage_max_V / circuit.resistance_ohm)
-    d = np.linspace(box.distance_min_m, box.distance_max_m, 601)
+    lowest = max(domain.current_min_A, circuit.voltage_min_V / circuit.resistance_ohm)
+    highest = min(domain.current_max_A, circuit.voltage_max_V / circuit.resistance_ohm)
+    d = np.linspace(domain.distance_min_m, domain.distance_max_m, 601)
     least, most = (model.magnetics.force(d, np.full_like(d, end)) for end in (lowest, highest))
     held = d[(least <= weight) & (most >= weight)]
     about = "range that the supply can hold"

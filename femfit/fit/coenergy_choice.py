@@ -28,7 +28,7 @@ electromagnet, large ones a plunger or a pole with a long gap of its own, where 
 
 CELLS_IN_CURRENT = (1, 2, 3, 4, 6)
 BENT_CELLS = (3, 4, 6, 8, 12, 16)
-"""Where the inductance tells of a bend, their knots lie denser at it."""
+"""Where the inductance shows a bend, their knots lie denser at it."""
 
 MOST_CELLS = 16
 """In each direction where the inductance bends: as many functions as a QP with shapes solves in seconds."""
@@ -55,7 +55,9 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     rows = system.rows
     check_grid(len(rows.currents), len(rows.distances), _fewest_distances(rows))
     in_distance, in_current = _distance_trials(rows), _current_trials(rows)
-    start = in_current[0 if rows.inductance is None else -1]  # a bend that is not resolved hides what distances tell
+    start = in_current[
+        0 if rows.inductance is None else -1
+    ]  # a bend that is not resolved hides what the distances show
     basis, error = CoenergyBasis(**in_distance[0], **start), np.inf
     for _ in range(ROUNDS):
         before = basis.shape
@@ -74,7 +76,7 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
 
 
 def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[CoenergyBasis, float]:
-    """The choice among bases, force and flux linkage apart: noise of the one must not hide what the other tells."""
+    """The choice among bases, force and flux linkage apart: noise of the one must not hide what the other shows."""
     scored: list[tuple[FloatArray, CoenergyBasis]] = []
     for _, alike in groupby(sorted(bases, key=_size), key=_size):
         tried = [(system.held_out_errors(basis), basis) for basis in alike]
@@ -109,7 +111,7 @@ def check_grid(currents: int, distances: int, fewest_distances: int = FEWEST_DIS
 def _fewest_distances(rows: FitRows, cells: int = 1) -> int:
     """Distances that so many cells need.
 
-    Flux linkage tells W' itself beside its slope, so that fewer will do; but between two currents it and the inductance
+    Flux linkage gives W' itself beside its slope, so that fewer will do; but between two currents it and the inductance
     are all there is, known by their values alone, so that a bend in the current asks for more.
     """
     functions = U_DEGREE + cells
@@ -133,7 +135,7 @@ def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
 def _bent_breaks(rows: FitRows) -> list[FloatArray]:
     """Breaks among the currents and their middles, denser where the flux linkage bends.
 
-    A current tells two numbers of W'(i) where the inductance stands beside the flux linkage, and the force a third, so
+    A current gives two numbers of W'(i) where the inductance stands beside the flux linkage, and the force a third, so
     that cells of half the currents' spacing are the narrowest.
     """
     currents = rows.currents
@@ -141,9 +143,9 @@ def _bent_breaks(rows: FitRows) -> list[FloatArray]:
         return []
     density = _bending(currents, rows.distance, rows.current, rows.inductance)
     halves = np.sort(np.concatenate([currents, 0.5 * (currents[1:] + currents[:-1])]))
-    reached = np.concatenate([[0.0], np.cumsum(np.repeat(density * np.diff(currents), 2))])
-    between = 0.5 * (reached[1:] + reached[:-1])
-    breaks = [halves[np.unique(np.searchsorted(between, np.linspace(0.0, reached[-1], n + 1)))] for n in BENT_CELLS]
+    monitor = np.concatenate([[0.0], np.cumsum(np.repeat(density * np.diff(currents), 2))])
+    between = 0.5 * (monitor[1:] + monitor[:-1])
+    breaks = [halves[np.unique(np.searchsorted(between, np.linspace(0.0, monitor[-1], n + 1)))] for n in BENT_CELLS]
     return breaks + [every for every in (halves, currents) if len(every) <= MOST_CELLS + 1]
 
 

@@ -1,7 +1,7 @@
 """The linear equations of a co-energy: a sweep's force, flux linkage and inductance, each with its own error.
 
 F = -dW'/dd, flux linkage = dW'/di and inductance = d^2W'/di^2 are linear in the coefficients of W'. The inductance is
-what tells a winding that saturates between two currents: without it a spline through few currents misses the bend.
+what identifies a winding that saturates between two currents: without it a spline through few currents misses the bend.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ currents, which it must not outweigh."""
 
 FREE_SLOPE = 10.0
 """Sigma of the inductance's slope, as a part of largest inductance over range of currents: above any winding's slope,
-it holds only what no row tells."""
+it holds only what no row determines."""
 
 JUDGED = 2
 """Force and flux linkage are asked for on held-out rows; the inductance, their slope, only helps to find them."""
@@ -152,7 +152,7 @@ def _change_over_distance(current: FloatArray, values: FloatArray) -> float:
 
 
 def determined(basis: CoenergyBasis, rows: FitRows) -> IntArray:
-    """Indices of the coefficients that the data determine: the rest are the gauge and stay zero.
+    """Indices of the coefficients that the data determine: the others are the gauge and stay zero.
 
     Force and flux leave a constant open (one coefficient); force alone leaves any function of the current open (the
     whole first row, which is W' at the largest distance).
@@ -164,7 +164,7 @@ def determined(basis: CoenergyBasis, rows: FitRows) -> IntArray:
 def held_out_masks(rows: FitRows) -> list[BoolArray]:
     """Rows to leave out, fold by fold.
 
-    The extremes of distance and current stay in, because beyond them a model extrapolates, which its validity box
+    The extremes of distance and current stay in, because beyond them a model extrapolates, which its validity domain
     forbids. Between them every fourth distance is left out, and each single current; where inductances stand beside
     the flux linkages, single rows scattered over the grid, whose neighbours in both directions stay: a bend that moves
     with the distance is narrower than what a whole distance or current would leave open.

@@ -97,8 +97,8 @@ class _Basis:
 def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, float]:
     if len(rows.currents) < 2:
         raise FitError(
-            "The Hall field needs at least two currents, to tell the coil's part from the magnet's; instead received "
-            f"{len(rows.currents)}. Sweep more currents."
+            "The Hall field needs at least two currents, to separate its two parts, coil and magnet; instead "
+            f"received {len(rows.currents)}. Sweep more currents."
         )
     ends = [float(rows.currents[0]), float(rows.currents[-1])]
     chosen, least = _basis(rows, 0.0, 1, np.repeat(ends, 2)), np.inf

@@ -9,7 +9,7 @@ TOLERANCE = 0.1
 trapezoidal rule loses at a bend between a few currents."""
 
 STRAIGHT = 1e-3
-"""An inductance that changes with the current by less than this part tells nothing beside the flux linkage."""
+"""An inductance that changes with the current by less than this part adds nothing to the flux linkage."""
 
 
 def incremental_inductance(

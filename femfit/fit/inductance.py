@@ -62,10 +62,10 @@ class InductanceFit:
 
     def __str__(self) -> str:
         """The lines that ``femfit fit`` prints, the answer first."""
-        magnetics, box = self.model.magnetics, self.model.validity
-        at = np.array([box.distance_min_m, box.distance_max_m])
+        magnetics, domain = self.model.magnetics, self.model.validity
+        at = np.array([domain.distance_min_m, domain.distance_max_m])
         first, last = 1e3 * magnetics.inductance(at, np.ones(2))
-        pull = magnetics.force(at, np.full(2, box.current_max_A))
+        pull = magnetics.force(at, np.full(2, domain.current_max_A))
         near, far = 1e3 * at
         return "\n".join(
             [
@@ -75,7 +75,7 @@ class InductanceFit:
                 ),
                 f"inductance {first:.4g} mH at {near:.3g} mm to {last:.4g} mH at {far:.3g} mm",
                 (
-                    f"force at {box.current_max_A:.3g} A, from the slope: {pull[0]:.3g} N at {near:.3g} mm "
+                    f"force at {domain.current_max_A:.3g} A, from the slope: {pull[0]:.3g} N at {near:.3g} mm "
                     f"to {pull[1]:.3g} N at {far:.3g} mm"
                 ),
                 *(f"note: {note}" for note in (*self.of_data, *self.notes)),
@@ -100,7 +100,7 @@ def fit_inductance(
     Parameters
     ----------
     table : InductanceTable
-        Apparent inductances, weighted as flux linkages: a small current tells its inductance badly.
+        Apparent inductances, weighted as flux linkages: a small current determines its inductance badly.
     supply_V : (float, float) or None
         The driver's lowest and highest voltage, for the circuit.
 

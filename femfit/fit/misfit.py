@@ -12,11 +12,6 @@ from femfit.model.magnetics import Magnetics
 from femfit.model.to_json import model_to_dict
 
 
-def misfit_as_written(model: ActuatorModel, rows: FitRows) -> Misfit:
-    """The misfit of what a reader of the model file gets."""
-    return misfit_to_rows(as_written(model), rows)
-
-
 def as_written(model: ActuatorModel) -> ActuatorModel:
     """The model as its file holds it, read back."""
     return model_from_dict(json.loads(json.dumps(model_to_dict(model))))

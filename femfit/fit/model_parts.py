@@ -1,4 +1,4 @@
-"""Circuit, motion and sensor of a model: what the magnetics do not tell."""
+"""Circuit, motion and sensor of a model: what the magnetics do not hold."""
 
 import sys
 from collections.abc import Mapping

@@ -226,8 +226,8 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
 
 
 def _as_written(magnetics: LawMagnetics, rows: FitRows) -> Misfit:
-    box = ValidityBox(rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
-    return misfit_to_rows(as_written(ActuatorModel("candidate", magnetics, box)), rows)
+    domain = ValidityBox(rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
+    return misfit_to_rows(as_written(ActuatorModel("candidate", magnetics, domain)), rows)
 
 
 def _failed(law: ForceLaw, reason: str) -> Candidate:

@@ -82,14 +82,14 @@ class FitResult:
 
 
 def _lines(result: FitResult) -> list[str]:
-    model, box = result.model, result.model.validity
+    model, domain = result.model, result.model.validity
     kind = f"law {result.law.law.name}, {result.law.law.formula}" if result.law else "co-energy"
     lines = [
         f"{model.name}: {kind}; it misses its table of {len(result.rows.force)} points by",
         *misfit_lines(result.misfit),
         (
-            f"valid from {1e3 * box.distance_min_m:.4g} to {1e3 * box.distance_max_m:.4g} mm and "
-            f"{box.current_min_A:.4g} to {box.current_max_A:.4g} A"
+            f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm and "
+            f"{domain.current_min_A:.4g} to {domain.current_max_A:.4g} A"
         ),
         *(f"note: {note}" for note in (*result.of_data, *result.notes)),
         _derived_line(result),

@@ -85,8 +85,8 @@ def fit_each_current(
     if len(currents) < FEWEST_CURRENTS:
         given = ", ".join(f"{i:g} A" for i in currents)
         raise FitError(
-            f"Two stages need at least {FEWEST_CURRENTS} currents, to leave one out and still tell a line from a "
-            f"constant; the table holds {len(currents)} ({given}). Sweep or import more currents."
+            f"Two stages need at least {FEWEST_CURRENTS} currents, to leave one out and still distinguish a line "
+            f"from a constant; the table holds {len(currents)} ({given}). Sweep or import more currents."
         )
     solutions, sums = [], []
     for i in currents:

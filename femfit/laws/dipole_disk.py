@@ -20,8 +20,8 @@ def _columns(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
 
 
 def _gradient(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    reach = distance**2 + shape["radius_m"] ** 2
-    return np.stack([-4.0 * (distance + shape["shift_m"]) ** -5.0, -3.0 * distance * reach**-2.5], axis=-1)
+    square_sum = distance**2 + shape["radius_m"] ** 2
+    return np.stack([-4.0 * (distance + shape["shift_m"]) ** -5.0, -3.0 * distance * square_sum**-2.5], axis=-1)
 
 
 def _potential(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:

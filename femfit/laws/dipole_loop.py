@@ -20,8 +20,8 @@ def _columns(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
 
 def _gradient(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
     image, loop = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    reach = loop**2 + shape["radius_m"] ** 2
-    return np.stack([-4.0 * image**-5.0, reach**-2.5 - 5.0 * loop**2 * reach**-3.5], axis=-1)
+    square_sum = loop**2 + shape["radius_m"] ** 2
+    return np.stack([-4.0 * image**-5.0, square_sum**-2.5 - 5.0 * loop**2 * square_sum**-3.5], axis=-1)
 
 
 def _potential(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:

@@ -80,7 +80,7 @@ class ValidityBox:
     current_max_A: float
 
     def contains(self, distance: FloatArray, current: FloatArray) -> BoolArray:
-        """Whether each point lies in the box (to 1e-9 of its width); NaN does not."""
+        """Whether each point lies in the domain (to 1e-9 of its width); NaN does not."""
         slack_d = 1e-9 * (self.distance_max_m - self.distance_min_m)
         slack_i = 1e-9 * (self.current_max_A - self.current_min_A)
         return np.asarray(
@@ -91,7 +91,7 @@ class ValidityBox:
         )
 
     def require(self, distance: FloatArray, current: FloatArray) -> None:
-        """Refuse points outside of the box.
+        """Refuse points outside of the domain.
 
         Raises
         ------
@@ -153,7 +153,7 @@ class ActuatorModel:
     magnetics : Magnetics
         Co-energy spline or force law.
     circuit, motion, sensor : optional
-        Absent where the sweep's source did not tell them.
+        Absent where the sweep's source did not give them.
     sample_time_s : float
         Period of the controller and filter.
     reference_distances_m : tuple of float
@@ -257,10 +257,10 @@ class ActuatorModel:
 
     def share_without_current(self) -> float:
         """Larger of force and flux linkage without current, each over its largest in the validity domain."""
-        box = self.validity
+        domain = self.validity
         d, i = np.meshgrid(
-            np.linspace(box.distance_min_m, box.distance_max_m, 15),
-            np.linspace(box.current_min_A, box.current_max_A, 15),
+            np.linspace(domain.distance_min_m, domain.distance_max_m, 15),
+            np.linspace(domain.current_min_A, domain.current_max_A, 15),
         )
         orders = ((1, 0), (0, 1))
         everywhere = self.magnetics.coenergy_derivatives(d, i, orders)
@@ -299,15 +299,15 @@ class ActuatorModel:
         Raises
         ------
         MissingPartError
-            If circuit or motion is absent, or the inductance is not positive everywhere in the validity box, as in a
+            If circuit or motion is absent, or the inductance is not positive everywhere in the validity domain, as in a
             law fitted to forces alone.
         """
         self.require_circuit()
         self.require_motion()
-        box = self.validity
+        domain = self.validity
         d, i = np.meshgrid(
-            np.linspace(box.distance_min_m, box.distance_max_m, 9),
-            np.linspace(box.current_min_A, box.current_max_A, 9),
+            np.linspace(domain.distance_min_m, domain.distance_max_m, 9),
+            np.linspace(domain.current_min_A, domain.current_max_A, 9),
         )
         smallest = float(self.magnetics.inductance(d, i).min())
         if not smallest > 0.0:

@@ -39,7 +39,7 @@ _CHECKED = (1.0 / 6.0, 0.5, 5.0 / 6.0)
 """Places in a cell, in each direction, where the tolerance must be met."""
 
 _BEYOND = 0.2
-"""Part of the box's ranges by which the grid reaches beyond it: filters probe there."""
+"""Part of the domain's ranges by which the grid reaches beyond it: filters probe there."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class CoenergyTable:
     exact : callable
         The co-energy under effects that depend on distance and current alone.
     nominal : Nominal
-        Of the base model, for the box.
+        Of the base model, for its domain.
     hall : bool
         Whether the field at the Hall element is asked for.
     """

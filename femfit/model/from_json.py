@@ -50,14 +50,14 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
 
 def _build(top: Section) -> ActuatorModel:
     top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name not in {"base", "dynamics"})))
-    box = _known(top.section("validity"), ValidityBox)
+    domain = _known(top.section("validity"), ValidityBox)
     circuit, motion = top.optional_section("circuit"), top.optional_section("motion")
     sensor, misfit = top.optional_section("sensor"), top.optional_section("misfit")
     kind = top.optional_section("kind")
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=_magnetics_from(top.section("magnetics")),
-        validity=ValidityBox(**{f.name: box.number(f.name) for f in fields(ValidityBox)}),
+        validity=ValidityBox(**{f.name: domain.number(f.name) for f in fields(ValidityBox)}),
         circuit=_circuit_from(_known(circuit, Circuit)) if circuit else None,
         motion=_motion_from(_known(motion, Motion)) if motion else None,
         sensor=_sensor_from(_known(sensor, HallSensor)) if sensor else None,
@@ -146,15 +146,16 @@ def _misfit_from(section: Section) -> Misfit:
 
 
 def _check_values(model: ActuatorModel, source: str) -> None:
-    """Refuse a box that is none, and fields that are not finite in it (in 25 points)."""
-    box = model.validity
-    if not (0 < box.distance_min_m < box.distance_max_m and box.current_min_A <= box.current_max_A):
+    """Refuse a domain that is none, and fields that are not finite in it (in 25 points)."""
+    domain = model.validity
+    if not (0 < domain.distance_min_m < domain.distance_max_m and domain.current_min_A <= domain.current_max_A):
         raise ModelFileError(
             f"{source} is damaged: validity must span distances > 0 and currents in ascending order; instead received "
-            f"{box}. Write it again with femfit fit."
+            f"{domain}. Write it again with femfit fit."
         )
     d, i = np.meshgrid(
-        np.linspace(box.distance_min_m, box.distance_max_m, 5), np.linspace(box.current_min_A, box.current_max_A, 5)
+        np.linspace(domain.distance_min_m, domain.distance_max_m, 5),
+        np.linspace(domain.current_min_A, domain.current_max_A, 5),
     )
     # Coefficients near the largest float overflow here instead of in a filter
     with np.errstate(all="ignore"):
@@ -164,7 +165,7 @@ def _check_values(model: ActuatorModel, source: str) -> None:
             values.append(model.sensor.voltage(d, i))
     if not np.all(np.isfinite(values)):
         raise ModelFileError(
-            f"{source} is damaged: force, inductance or Hall voltage is not finite everywhere in the validity box. "
+            f"{source} is damaged: force, inductance or Hall voltage is not finite everywhere in the validity domain. "
             "Write it again with femfit fit."
         )
 

@@ -34,7 +34,7 @@ def predict_readings(
     Parameters
     ----------
     model : ActuatorModel
-        Its base and its effects count; it is evaluated outside of its validity box as well.
+        Its base and its effects count; it is evaluated outside of its validity domain as well.
     distance, current : array, shape (n,)
         As recorded, in m and A.
     effects : iterable of AddedEffect or None

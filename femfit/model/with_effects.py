@@ -25,12 +25,13 @@ def nominal_of(model: ActuatorModel) -> Nominal:
     Returns
     -------
     Nominal
-        Largest force and flux linkage over 15 x 15 points of the validity box.
+        Largest force and flux linkage over 15 x 15 points of the validity domain.
     """
     base = model.without_effects
-    box, nan = base.validity, float("nan")
+    domain, nan = base.validity, float("nan")
     d, i = np.meshgrid(
-        np.linspace(box.distance_min_m, box.distance_max_m, 15), np.linspace(box.current_min_A, box.current_max_A, 15)
+        np.linspace(domain.distance_min_m, domain.distance_max_m, 15),
+        np.linspace(domain.current_min_A, domain.current_max_A, 15),
     )
     force, flux = base.magnetics.coenergy_derivatives(d, i, ((1, 0), (0, 1)))
     largest = [float(np.abs(values).max()) for values in (force, flux)]
@@ -41,10 +42,10 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         per_ampere = float(sensor.field.derivatives(*middle)[2])
     clamp = (base.circuit.voltage_min_V, base.circuit.voltage_max_V) if base.circuit else (nan,)
     return Nominal(
-        distance_min_m=box.distance_min_m,
-        distance_max_m=box.distance_max_m,
-        current_min_A=box.current_min_A,
-        current_max_A=box.current_max_A,
+        distance_min_m=domain.distance_min_m,
+        distance_max_m=domain.distance_max_m,
+        current_min_A=domain.current_min_A,
+        current_max_A=domain.current_max_A,
         force_N=largest[0],
         flux_linkage_Wb=largest[1],
         magnet_share=max(base.share_without_current(), NO_MAGNET) if base.has_magnet else 0.0,
@@ -93,7 +94,7 @@ class EffectHallField(HallField):
     Parameters
     ----------
     quiescent_V, sensitivity_V_per_T : float
-        Of the sensor, by which the reading is told as a field.
+        Of the sensor, by which the reading is converted to a field.
     """
 
     dynamics: EffectDynamics
