@@ -1,7 +1,8 @@
 """The actuator model: the one object that simulator, filters, comparison and every export read."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as limited
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
 
+# Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
+
 NO_MAGNET = 1e-3
 """Share of the largest force or flux linkage below which what remains without current is the fit's own error."""
 
@@ -25,16 +28,16 @@ NO_MAGNET = 1e-3
 class Circuit:
     """The winding and its driver: U = R i + d(flux linkage)/dt."""
 
-    resistance_ohm: float
+    resistance_ohm: float = limited(metadata={"positive": True})
     voltage_min_V: float
-    voltage_max_V: float
+    voltage_max_V: float = limited(metadata={"not_below": "voltage_min_V"})
 
 
 @dataclass(frozen=True)
 class Motion:
     """A body hanging under the electromagnet: m d'' = m g - F."""
 
-    mass_kg: float
+    mass_kg: float = limited(metadata={"positive": True})
     gravity_m_s2: float = GRAVITY
 
 
@@ -56,9 +59,9 @@ class HallSensor:
     sensitivity_V_per_T: float
     quiescent_V: float
     output_min_V: float
-    output_max_V: float
-    adc_bits: int
-    noise_V: float = 0.0
+    output_max_V: float = limited(metadata={"not_below": "output_min_V"})
+    adc_bits: int = limited(metadata={"within": (0, 64)})
+    noise_V: float = limited(default=0.0, metadata={"lower": 0.0})
 
     @property
     def quantisation_step(self) -> float:
@@ -200,7 +203,7 @@ class ActuatorModel:
     coil_temperature_C: float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
     kind: ActuatorKind | None = None
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = limited(default_factory=dict)
 
     def force(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Magnetic force on the moving part in N, positive towards smaller distance.

@@ -50,33 +50,27 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
 
 def _build(top: Section) -> ActuatorModel:
     top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name not in {"base", "dynamics"})))
-    domain = _known(top.section("validity"), ValidityBox)
     circuit, motion = top.optional_section("circuit"), top.optional_section("motion")
     sensor, misfit = top.optional_section("sensor"), top.optional_section("misfit")
     kind = top.optional_section("kind")
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=_magnetics_from(top.section("magnetics")),
-        validity=ValidityBox(**{f.name: domain.number(f.name) for f in fields(ValidityBox)}),
-        circuit=_circuit_from(_known(circuit, Circuit)) if circuit else None,
-        motion=_motion_from(_known(motion, Motion)) if motion else None,
-        sensor=_sensor_from(_known(sensor, HallSensor)) if sensor else None,
-        misfit=_misfit_from(_known(misfit, Misfit)) if misfit else None,
+        validity=top.section("validity").record(ValidityBox),
+        circuit=circuit.record(Circuit) if circuit else None,
+        motion=motion.record(Motion) if motion else None,
+        sensor=sensor.record(HallSensor, field=HallSpline(*_spline_from(sensor.section("field")))) if sensor else None,
+        misfit=misfit.record(Misfit) if misfit else None,
         sample_time_s=top.number("sample_time_s", positive=True),
         reference_distances_m=tuple(top.array("reference_distances_m", 1).tolist()),
         covariance=None if top.data.get("covariance") is None else top.array("covariance", 2),
         provenance=dict(top.section("provenance").data),
-        coil_temperature_C=_temperature(top, "coil_temperature_C"),
-        magnet_temperature_C=_temperature(top, "magnet_temperature_C"),
-        kind=_kind_from(_known(kind, ActuatorKind)) if kind else None,
+        coil_temperature_C=top.number("coil_temperature_C", absent=REFERENCE_TEMPERATURE_C),
+        magnet_temperature_C=top.number("magnet_temperature_C", absent=REFERENCE_TEMPERATURE_C),
+        kind=kind.record(ActuatorKind) if kind else None,
     )
     added = top.sections("effects") if top.data.get("effects") else ()
     return with_effects(base, [_effect_from(section) for section in added])
-
-
-def _temperature(top: Section, key: str) -> float:
-    """Absent in files from before effects could be added: the reference."""
-    return top.number(key) if key in top.data else REFERENCE_TEMPERATURE_C
 
 
 def _effect_from(section: Section) -> AddedEffect:
@@ -94,54 +88,6 @@ def _effect_from(section: Section) -> AddedEffect:
         effect=effect,
         parameters={name: parameters.number(name) for name in names},
         ci95={name: (float(pair[0]), float(pair[1])) for name, pair in pairs.items()},
-    )
-
-
-def _known(section: Section, kind: type[Any]) -> Section:
-    section.refuse_others(tuple(f.name for f in fields(kind)))
-    return section
-
-
-def _circuit_from(section: Section) -> Circuit:
-    low = section.number("voltage_min_V")
-    return Circuit(section.number("resistance_ohm", positive=True), low, section.number("voltage_max_V", lower=low))
-
-
-def _motion_from(section: Section) -> Motion:
-    return Motion(section.number("mass_kg", positive=True), section.number("gravity_m_s2"))
-
-
-def _kind_from(section: Section) -> ActuatorKind:
-    return ActuatorKind(**{f.name: section.truth(f.name) for f in fields(ActuatorKind)})
-
-
-def _sensor_from(section: Section) -> HallSensor:
-    low = section.number("output_min_V")
-    return HallSensor(
-        field=HallSpline(*_spline_from(section.section("field"))),
-        sensitivity_V_per_T=section.number("sensitivity_V_per_T"),
-        quiescent_V=section.number("quiescent_V"),
-        output_min_V=low,
-        output_max_V=section.number("output_max_V", lower=low),
-        adc_bits=section.integer("adc_bits", 0, 64),
-        noise_V=section.number("noise_V", lower=0.0),
-    )
-
-
-def _misfit_from(section: Section) -> Misfit:
-    return Misfit(
-        force_rms_N=section.number("force_rms_N"),
-        force_max_N=section.number("force_max_N"),
-        force_rms_relative=section.number("force_rms_relative"),
-        force_rms_of_weight=section.optional_number("force_rms_of_weight"),
-        flux_linkage_rms_Wb=section.optional_number("flux_linkage_rms_Wb"),
-        inductance_rms_H=section.optional_number("inductance_rms_H"),
-        force_share=section.optional_number("force_share"),
-        flux_linkage_share=section.optional_number("flux_linkage_share"),
-        inductance_share=section.optional_number("inductance_share"),
-        hall_rms_T=section.optional_number("hall_rms_T"),
-        rows=section.integer("rows", 0, 2**53),
-        against=section.text("against"),
     )
 
 
@@ -226,6 +172,5 @@ def _spline_from(section: Section) -> tuple[float, TensorSpline, float]:
     needed = (len(spline.x_knots) - spline.x_degree - 1, len(spline.y_knots) - spline.y_degree - 1)
     if spline.coefficients.shape != needed:
         raise section.refusal("coefficients", f"{needed[0]} lists of {needed[1]} numbers, as the knots ask for")
-    # Absent in files from before the shift: they have none.
-    shift = section.number("distance_shift_m", lower=0.0) if "distance_shift_m" in section.data else 0.0
+    shift = section.number("distance_shift_m", lower=0.0, absent=0.0)
     return section.number("reference_distance_m", positive=True), spline, shift

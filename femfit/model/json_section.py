@@ -2,13 +2,18 @@
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Record = TypeVar("Record", bound="DataclassInstance")
 
 
 @dataclass(frozen=True)
@@ -45,9 +50,9 @@ class Section:
                     "spelling, or update femfit."
                 )
 
-    def number(self, key: str, *, lower: float = -np.inf, positive: bool = False) -> float:
-        """A finite number of at least ``lower``, or > 0 where ``positive``."""
-        value = self.data.get(key)
+    def number(self, key: str, *, lower: float = -np.inf, positive: bool = False, absent: float | None = None) -> float:
+        """A finite number of at least ``lower``, or > 0 where ``positive``; ``absent`` in files of older versions."""
+        value = self.data.get(key) if key in self.data else absent
         needed = "a finite number" + (" > 0" if positive else f" >= {lower:g}" if np.isfinite(lower) else "")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.refusal(key, needed)
@@ -79,6 +84,31 @@ class Section:
         if not isinstance(value, str):
             raise self.refusal(key, "a text")
         return value
+
+    def record(self, kind: type[Record], **given: object) -> Record:
+        """The members as a dataclass, by the types of its fields and the limits in their metadata.
+
+        ``positive``, ``lower`` and ``within`` limit a number, ``not_below`` names the field that it must reach; members
+        that are not plain numbers, texts or truths are ``given``.
+        """
+        self.refuse_others(tuple(f.name for f in fields(kind)))
+        hints = get_type_hints(kind)
+        values = dict(given)
+        for f in fields(kind):
+            if f.name not in given:
+                limits = dict(f.metadata)
+                if "not_below" in limits:
+                    limits["lower"] = values[limits.pop("not_below")]
+                values[f.name] = self._member(f.name, hints[f.name], limits)
+        return kind(**values)
+
+    def _member(self, key: str, hint: object, limits: Mapping[str, Any]) -> object:
+        if hint is int:
+            return self.integer(key, *limits.get("within", (0, 2**53)))
+        plain = {str: self.text, bool: self.truth}.get(hint)  # type: ignore[call-overload]
+        if plain is not None:
+            return plain(key)
+        return self.number(key, **limits) if hint is float else self.optional_number(key)
 
     def section(self, key: str) -> "Section":
         """A nested object."""

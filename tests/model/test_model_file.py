@@ -80,7 +80,7 @@ def test_effects_that_are_not_known_are_refused(model):
         (("motion", "mass_kg"), True, r"motion\.mass_kg must be a finite number"),
         (("circuit", "resistance_ohm"), None, r"circuit\.resistance_ohm must be a finite number > 0"),
         (("circuit", "voltage_max_V"), -1.0, r"circuit\.voltage_max_V must be a finite number >= 0\.5"),
-        (("circuit",), {}, r"circuit\.voltage_min_V must be a finite number; it is missing"),
+        (("circuit",), {}, r"circuit\.resistance_ohm must be a finite number > 0; it is missing"),
         (("circuit", "colour"), "red", r"unknown key circuit\.colour"),
         (("sensor", "adc_bits"), 12.5, r"sensor\.adc_bits must be a whole number"),
         (("sensor", "noise_V"), -1e-3, r"sensor\.noise_V must be a finite number >= 0"),
