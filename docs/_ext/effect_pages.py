@@ -119,11 +119,9 @@ def _picture(signature: Signature) -> str:
             colour = (0.0, 0.35 * (2 - shade) * 0.75, 0.7, 0.25 + 0.75 * shade * shade)
             panel.plot(1e3 * signature.distance_m, factor * signature.change[name][:, k], color=colour, lw=1.2)
         panel.axhline(0.0, color="0.6", lw=0.6)
-        panel.set(title=f"{title} ({unit})", xlabel="distance (mm)")
-        panel.title.set_fontsize(10)
-        largest = factor * float(np.nanmax(np.abs(signature.plain[name])))
-        note = f"largest reading {float(f'{largest:.3g}'):,g}"
-        panel.text(0.98, 0.03, note, transform=panel.transAxes, ha="right", fontsize=7, color="0.4")
+        largest = float(f"{factor * float(np.nanmax(np.abs(signature.plain[name]))):.3g}")
+        panel.set_title(f"{title} ({unit})\nof {largest:,g} at most", fontsize=9)
+        panel.set_xlabel("distance (mm)")
     text = StringIO()
     with rc_context({"svg.hashsalt": signature.effect.name}):  # the same file each time
         figure.savefig(text, format="svg", metadata={"Date": None})
