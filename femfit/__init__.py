@@ -13,6 +13,7 @@ _PLACES = {
     "Actuator": "femfit.device.parts:Actuator",
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
     "BenchTable": "femfit.tables.measurement:BenchTable",
+    "CoilIntegral": "femfit.integrate.integrate_coil:CoilIntegral",
     "FemfitError": "femfit.core.errors:FemfitError",
     "Filter": "femfit.filters.filter:Filter",
     "LoopSummary": "femfit.simulation.close_loop:LoopSummary",

@@ -12,6 +12,7 @@ from femfit.fit.result import FitResult as FitResult
 from femfit.identify.comparison.compare import compare as compare
 from femfit.identify.decision.diagnose import diagnose as diagnose
 from femfit.identify.refit.add_effects import add_effects as add_effects
+from femfit.integrate.integrate_coil import CoilIntegral as CoilIntegral
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
@@ -33,6 +34,7 @@ __all__ = [
     "Actuator",
     "ActuatorModel",
     "BenchTable",
+    "CoilIntegral",
     "FemfitError",
     "Filter",
     "FitResult",

@@ -52,6 +52,13 @@ class CoilIntegral:
         Offset voltage that was taken off at the end.
     rows : DataFrame or None
         The record's columns with the quantity, its standard uncertainty and the offset; None where they were written.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> integral = ff.integrate_coil("record.csv", coil_area_m2=0.05)
+    >>> round(1e6 * integral.offset_V), list(integral.rows)[-1]
+    (10, 'offset_V')
     """
 
     record: str
