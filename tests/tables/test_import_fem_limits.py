@@ -1,6 +1,7 @@
 """What FEMM models may hold and femfit cannot take: each is refused with its name and a remedy."""
 
 import pickle
+import re
 
 import pytest
 
@@ -197,7 +198,7 @@ def test_a_level_or_touching_moving_part_is_refused():
     level.box(12, 15, -7.5, 4.5)  # core, coil and magnet span -12 to 9
     level.label(13, -6, STEEL, group=5)
     assert "--mover-side" in only_problem(level, moving_groups=(5,))
-    assert "--face-mm" in only_problem(suspension(), mover_side="below")
+    assert "--mover-side" in only_problem(suspension(), mover_side="below")
     assert "needs a gap" in only_problem(suspension(distance=0.0), moving_groups=(3,))
 
 
@@ -249,7 +250,7 @@ def test_a_sweep_into_the_electromagnet_is_refused_by_the_actuator_file():
     drawing.box(0, 3, -40, -35)
     drawing.label(1, -37, STEEL)
     with pytest.raises(ActuatorFileError, match="collides with electromagnet"):
-        import_fem(drawing.content(), "m.fem", FemOptions(face_mm=-20.0, distances_mm=(10.0, 20.0), moving_groups=(3,)))
+        import_fem(drawing.content(), "m.fem", FemOptions(face_mm=-35.0, distances_mm=(10.0, 20.0), moving_groups=(3,)))
 
 
 @pytest.mark.parametrize(
@@ -274,3 +275,74 @@ def test_the_error_is_a_femfit_error_that_survives_a_process():
     assert isinstance(error, FemfitError)
     assert isinstance(error, ValueError)
     assert str(pickle.loads(pickle.dumps(error))) == str(error)  # noqa: S301  our own bytes
+
+
+def flush_plunger():
+    """A plunger flush with the end of the shell that it is to be drawn into: all in mm."""
+    drawing = FemDrawing()
+    drawing.box(8, 12, -20, -1)
+    drawing.box(13, 15, -22.25, 0)
+    drawing.box(0, 6, 0, 30)
+    drawing.line((0, 100), (0, -100))
+    drawing.arc((0, -100), (0, 100), 180, 1)
+    drawing.label(10, -5, COPPER, circuit=1, turns=100)
+    drawing.label(14, -5, STEEL, group=1)
+    drawing.label(3, 10, STEEL, group=3)
+    drawing.label(40, 40, AIR)
+    return drawing
+
+
+def test_every_face_that_a_message_offers_is_taken_at_once():
+    message = only_problem(flush_plunger(), moving_groups=(3,))
+    offered = [float(word) for word in re.findall(r"-?\d+\.?\d*", message.split("--face-mm: ")[1])]
+    assert offered == [-1.0, -20.0, -22.25]
+    for face in offered:
+        imported = import_fem(flush_plunger().content(), "model.fem", FemOptions(moving_groups=(3,), face_mm=face))
+        assert imported.distance_m == pytest.approx(-1e-3 * face)
+
+
+def test_a_face_at_no_corner_is_refused_in_the_files_own_heights():
+    message = only_problem(flush_plunger(), moving_groups=(3,), face_mm=-19.0)
+    assert "-1 or -20 or -22.25 mm in the file's z" in message
+
+
+def test_a_refused_actuator_says_how_its_heights_lie_in_the_file():
+    drawing = suspension(face=-30.0)
+    with pytest.raises(ActuatorFileError) as caught:
+        import_fem(drawing.content(), "model.fem", FemOptions(distances_mm=(-3.0,)))
+    assert "the file's z is -30 mm + z" in caught.value.problems[-1]
+
+
+def test_a_drawing_in_pieces_is_not_blamed_on_its_circuit():
+    drawing = suspension()
+    drawing.arc((0, 200), (0, 300), 180)
+    drawing.line((0, 200), (0, 300))
+    drawing.label(10, 250, AIR)
+    message = only_problem(drawing)
+    assert "separate pieces" in message
+    assert "Kelvin" in message
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        (b"<ex> = 1\n<ey> = 1\n<qv> = 0", "electrostatics (.fee)"),
+        (b"<Kx> = 1\n<Ky> = 1\n<Kt> = 0", "heat flow (.feh)"),
+        (b"<ox> = 1\n<oy> = 1\n<ex> = 1", "current flow (.fec)"),
+    ],
+)
+def test_files_of_the_other_solvers_are_called_what_they_are(keys, words):
+    content = b'[Format] = 1\n[ProblemType] = axisymmetric\n[BlockProps] = 1\n<BeginBlock>\n<BlockName> = "a"\n'
+    content += keys + b"\n<EndBlock>\n[ConductorProps] = 0\n[NumPoints] = 0\n[NumBlockLabels] = 1\n1 1 1 -1 3\n"
+    (message,) = problems(content)
+    assert words in message
+    assert "circuit" not in message
+
+
+def test_an_arc_that_is_as_straight_as_a_segment_is_one():
+    drawing = suspension()
+    plain = import_fem(drawing.content(), "model.fem").toml
+    *kept, (a, b, boundary) = drawing.segments
+    drawing.segments = kept
+    drawing.arcs.append((a, b, 3e-324, boundary))
+    assert import_fem(drawing.content(), "model.fem").toml == plain

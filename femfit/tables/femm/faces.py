@@ -63,9 +63,9 @@ def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
         In mm, both ends included.
     """
     start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
-    if not line.angle or start == end:
-        return [(start.real, start.imag), (end.real, end.imag)]
     half = math.radians(line.angle) / 2.0
+    if abs(end - start) * half / 4.0 < GRID:  # as straight as a segment
+        return [(start.real, start.imag), (end.real, end.imag)]
     centre = (start + end) / 2.0 + 1j * (end - start) / 2.0 / math.tan(half)
     count = math.ceil(line.angle / arc_degrees - 1e-9)
     turned = centre + (start - centre) * np.exp(2j * half * np.arange(1, count) / count)

@@ -20,6 +20,9 @@ from femfit.tables.femm.parse import DIGITS
 from femfit.tables.femm.parts import FemPart
 from femfit.tables.femm.winding import FemWinding
 
+MOST_LISTED = 6
+"""Heights that a message names; a drawing with arcs has hundreds of corners."""
+
 
 @dataclass(frozen=True)
 class FemFrame:
@@ -75,17 +78,28 @@ def find_frame(
     if up == 0.0:
         return None
     face = _face(fixed, moving, up, findings) if options.face_mm is None else round(up * options.face_mm, DIGITS)
+    usable = _usable_faces(fixed, moving, up)
     if face is None:
+        side = "above" if up > 0 else "below"
         problems.append(
-            "it is not clear from where the distance is counted: no fixed part lies before the moving part. Give the "
-            "height of a corner of the electromagnet in the file's z with --face-mm, or the side with --mover-side."
+            f"it is not clear from where the distance is counted: no fixed part lies before a moving part that stands "
+            f"{side}. Give the other side with --mover-side{_or_a_face(usable)}."
         )
         return None
     distance = round(_height(moving, up, lowest=True) - face, DIGITS)
+    if distance <= 0 and moving.distance(fixed) <= GRID:
+        problems.append("the moving part touches the electromagnet; femfit needs a gap. Move it away in the drawing.")
+        return None
     if distance <= 0:
         problems.append(
             f"the moving part stands at a distance of {distance:g} mm from the face at z = {up * face:g} mm; femfit "
-            "needs a gap. Move it away, or give another face with --face-mm or side with --mover-side."
+            f"needs a gap. Move it away, or give its side with --mover-side{_or_a_face(usable)}."
+        )
+        return None
+    if options.face_mm is not None and up * face not in usable:
+        problems.append(
+            f"--face-mm must be the height of a corner of the electromagnet that the moving part has before it, "
+            f"{_listed(usable)} mm in the file's z; instead received {options.face_mm:g}."
         )
         return None
     field = _polarity(bodies)
@@ -148,6 +162,26 @@ def _before(fixed: Polygon, moving: Polygon, up: float) -> float | None:
     z0, z1 = sorted((up * bottom, up * (bottom - 1e6)))
     met = fixed.intersection(box(r0, z0, r1, z1))
     return _height(met, up, lowest=False) if met.area > MIN_AREA else None
+
+
+def _usable_faces(fixed: Polygon, moving: Polygon, up: float) -> list[float]:
+    """Heights in the file's z from which a distance > 0 can be counted: corners of fixed parts, the nearest first."""
+    corners = {round(float(z), DIGITS) + 0.0 for z in up * shapely.get_coordinates(fixed)[:, 1]}
+    bottom = round(_height(moving, up, lowest=True), DIGITS)
+    return [up * z + 0.0 for z in sorted(corners, reverse=True) if z < bottom]
+
+
+def _or_a_face(usable: Sequence[float]) -> str:
+    return f", or the height of its face with --face-mm: {_listed(usable)}" if usable else ""
+
+
+def _listed(heights: Sequence[float]) -> str:
+    shown = [f"{z:.9g}" for z in heights[:MOST_LISTED]]
+    return (
+        f"{', '.join(shown)} or one of {len(heights) - MOST_LISTED} more"
+        if len(heights) > MOST_LISTED
+        else (" or ".join(shown))
+    )
 
 
 def _polarity(bodies: FemBodies) -> float:

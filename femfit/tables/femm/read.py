@@ -9,7 +9,7 @@ from typing import Any
 import shapely
 from shapely import Point
 
-from femfit.core.errors import FemFileError
+from femfit.core.errors import ActuatorFileError, FemFileError
 from femfit.core.finding import Finding
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_toml
@@ -116,9 +116,15 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
     text = actuator_toml(model, bodies, winding, wire, frame, options, _actuator_name(source, options))
     _say_changes(model, bodies, options, findings)
     _say_missing(options, findings)
+    try:
+        actuator = actuator_from_toml(text, f"the actuator file of {source}")
+    except ActuatorFileError as error:
+        way = "+" if frame.up > 0 else "-"
+        where = f"Heights above are the actuator file's z: the file's z is {frame.face_mm:.9g} mm {way} z."
+        raise ActuatorFileError(error.source, [*error.problems, where]) from error
     return ImportedFem(
         toml=text,
-        actuator=actuator_from_toml(text, f"the actuator file of {source}"),
+        actuator=actuator,
         current_A=frame.current_sign * winding.circuit.current_A + 0.0,
         distance_m=scaled(frame.distance_mm),
         frame=frame,
@@ -136,6 +142,8 @@ def _place(
     if faces.loose_lines:
         findings.append(Finding("loose-lines", "info", f"{faces.loose_lines} lines that enclose nothing are left out."))
     own = drop_surroundings(model, faces.faces, problems, findings)
+    if own is None:
+        return None, None, None
     winding = find_winding(own, options.circuit, problems, findings)
     if winding is None:
         return None, None, None

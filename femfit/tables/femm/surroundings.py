@@ -20,8 +20,8 @@ _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
 
 def drop_surroundings(
     model: FemModel, faces: Sequence[FemFace], problems: list[str], findings: list[Finding]
-) -> tuple[FemFace, ...]:
-    """The faces of the actuator, without air, boundary shells and holes.
+) -> tuple[FemFace, ...] | None:
+    """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces.
 
     Parameters
     ----------
@@ -33,10 +33,10 @@ def drop_surroundings(
     if not isinstance(domain, Polygon):
         count = len(domain.geoms) if isinstance(domain, MultiPolygon) else 0
         problems.append(
-            f"the drawing falls into {count} separate pieces; femfit solves one. Delete the others (an external "
-            "region is not needed), or draw the air between them."
+            f"the drawing falls into {count} separate pieces; femfit solves one. Delete the others (the disk of a "
+            "Kelvin transformation is not needed), or draw the air between them."
         )
-        return ()
+        return None
     problems += [
         f"{face.label.place} is an empty region within the field, which would end at it as at a wall. "
         "Give it the material that it is, air otherwise."

@@ -15,6 +15,13 @@ from dataclasses import dataclass, field
 from femfit.core.errors import FemFileError
 
 PROPERTIES = ("pointprops", "bdryprops", "blockprops", "circuitprops")
+OTHER_PHYSICS = {
+    "heat flow (.feh)": {"kx", "ky", "tkpoints"},
+    "current flow (.fec)": {"ox", "oy"},
+    "electrostatics (.fee)": {"ex", "ey"},
+}
+"""FEMM's other solvers, by keys that only their block properties have; the first that fits."""
+
 LISTS = ("numpoints", "numsegments", "numarcsegments", "numholes", "numblocklabels")
 
 _KEY = re.compile(r"\[(\w+)\]\s*=?\s*(.*)")
@@ -97,7 +104,7 @@ def split_fem(content: bytes, source: str) -> FemText:
             _check_count(found[1], value, len(rows[key]), problems)
         else:
             header[key] = value.strip('"').strip()
-    _check_kind(header, rows, source)
+    _check_kind(header, properties, rows, source)
     return FemText(source, header, properties, rows, problems)
 
 
@@ -148,16 +155,24 @@ def _check_count(what: str, value: str, found: int, problems: list[str]) -> None
         problems.append(f"{what} says {value[:40] or 'nothing'} but {found} follow; the file is cut or edited wrongly.")
 
 
-def _check_kind(header: Mapping[str, str], rows: Mapping[str, object], source: str) -> None:
-    if "format" not in header or "numpoints" not in rows or "numblocklabels" not in rows:
-        missing = [
-            name
-            for name, given in (
-                ("[Format]", "format" in header),
-                ("[NumPoints]", "numpoints" in rows),
-                ("[NumBlockLabels]", "numblocklabels" in rows),
-            )
-            if not given
-        ]
+def _check_kind(
+    header: Mapping[str, str],
+    properties: Mapping[str, Sequence[Mapping[str, str]]],
+    rows: Mapping[str, object],
+    source: str,
+) -> None:
+    """Refuse a file of FEMM's other solvers by its name, and what is no file of FEMM at all."""
+    keys = {key for block in properties.get("blockprops", ()) for key in block}
+    other = next((name for name, own in OTHER_PHYSICS.items() if own & keys), None)
+    if other is None and "conductorprops" in header:
+        other = "electrostatics, heat flow or current flow"
+    if other is not None:
+        raise FemFileError(
+            source, [f"it is FEMM's {other} file; femfit reads magnetics. Give the magnetics (.fem) file."]
+        )
+    needed = {"[Format]": "format" in header, "[NumPoints]": "numpoints" in rows}
+    needed["[NumBlockLabels]"] = "numblocklabels" in rows
+    missing = [name for name, given in needed.items() if not given]
+    if missing:
         what = f"it is no FEMM magnetics file of format 4.0: {', '.join(missing)} missing."
         raise FemFileError(source, [f"{what} Give a .fem file as FEMM saves it."])
