@@ -56,47 +56,36 @@ class FemMaterial:
 class FemBoundary:
     """A boundary property.
 
-    Parameters
-    ----------
-    kind : int
-        0 prescribed A, 1 small skin depth, 2 mixed, 3 strategic dual image, 4 and 5 (anti)periodic, 6 and 7 air gap.
-    c0, c1 : float
-        (1/mu) dA/dn + c0 A + c1 = 0 of kind 2.
+    ``kind`` is 0 prescribed A (a0 + a1 r + a2 z), 1 small skin depth, 2 mixed ((1/mu) dA/dn + c0 A + c1 = 0), 3
+    strategic dual image, 4 and 5 (anti)periodic, 6 and 7 air gap.
     """
 
     name: str
     kind: int = 0
-    potentials: tuple[float, ...] = (0.0, 0.0, 0.0)
+    a0: float = 0.0
+    a1: float = 0.0
+    a2: float = 0.0
     c0: float = 0.0
     c1: float = 0.0
 
 
 @dataclass(frozen=True)
 class FemCircuit:
-    """A circuit property.
-
-    Parameters
-    ----------
-    current_A : float
-        Real part of the total current.
-    series : bool
-        Whether its blocks are windings in series.
-    """
+    """A circuit property: the real part of its current, and 1 where its blocks are windings in series."""
 
     name: str
     current_A: float = 0.0
-    series: bool = True
+    kind: int = 1
+
+    @property
+    def series(self) -> bool:
+        """Whether its blocks are windings in series."""
+        return self.kind == 1
 
 
 @dataclass(frozen=True)
 class FemPointProperty:
-    """A point property.
-
-    Parameters
-    ----------
-    potential : float
-        Prescribed A, where there is no current.
-    """
+    """A point property: a filament's current, or a prescribed A where there is none."""
 
     name: str
     potential: float = 0.0
@@ -105,13 +94,7 @@ class FemPointProperty:
 
 @dataclass(frozen=True)
 class FemPoint:
-    """A node of the drawing.
-
-    Parameters
-    ----------
-    r, z : float
-        In mm.
-    """
+    """A node of the drawing, in mm."""
 
     r: float
     z: float
@@ -120,15 +103,7 @@ class FemPoint:
 
 @dataclass(frozen=True)
 class FemLine:
-    """A segment or an arc.
-
-    Parameters
-    ----------
-    start, end : FemPoint
-        Its ends; an arc runs counter-clockwise.
-    angle : float
-        Of the arc in degrees; 0 for a segment.
-    """
+    """A segment, or an arc of ``angle`` degrees that runs counter-clockwise from its start."""
 
     start: FemPoint
     end: FemPoint
@@ -144,8 +119,6 @@ class FemLabel:
     ----------
     number : int
         Its place in the file's list, from 1.
-    r, z : float
-        In mm.
     material : FemMaterial or None
         None for a region without mesh.
     magnetization : float
@@ -179,24 +152,13 @@ class FemLabel:
 
 @dataclass(frozen=True)
 class FemModel:
-    """A whole file.
-
-    Parameters
-    ----------
-    unit_mm : float
-        That unit in mm.
-    previous_solution : str
-        File that the solution starts from; empty for none.
-    labels : tuple of FemLabel
-        Block labels; holes have no material.
-    """
+    """A whole file; ``previous_solution`` is the file that the solution starts from, empty for none."""
 
     source: str
     version: float
     problem_type: str
     frequency: float
     unit: str
-    unit_mm: float
     previous_solution: str
     previous_type: int
     comment: str

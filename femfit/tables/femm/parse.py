@@ -1,8 +1,7 @@
 """From the parts of a ``.fem`` file to its model: numbers, units, references from one list to another."""
 
-from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from femfit.core.errors import FemFileError
 from femfit.tables.femm.model import (
@@ -34,16 +33,30 @@ DIGITS = 6
 LARGEST_MM = 1e5
 """As in actuator files."""
 
+MATERIAL = {
+    "mu_x": "mu_x",
+    "mu_y": "mu_y",
+    "coercivity": "h_c",
+    "coercivity_angle": "h_cangle",
+    "current_density": "j_re",
+    "conductivity": "sigma",
+    "lamination_type": "lamtype",
+    "lamination_fill": "lamfill",
+    "strands": "nstrands",
+    "wire_diameter_mm": "wired",
+    "curve": "curve",
+}
+BOUNDARY = {"kind": "bdrytype", "a0": "a_0", "a1": "a_1", "a2": "a_2", "c0": "c0", "c1": "c1"}
+CIRCUIT = {"current_A": "totalamps_re", "kind": "circuittype"}
+POINT = {"potential": "a_re", "current_A": "i_re"}
+WHOLE = {"kind", "lamination_type", "strands"}
+"""The model's names of the keys of a property's block, and those that are whole numbers."""
+
 Item = TypeVar("Item")
 
 
 def parse_fem(content: bytes, source: str) -> FemModel:
     """Read a FEMM magnetics file.
-
-    Returns
-    -------
-    FemModel
-        Lengths in mm.
 
     Raises
     ------
@@ -55,11 +68,16 @@ def parse_fem(content: bytes, source: str) -> FemModel:
     if unit not in UNITS_MM:
         text.problems.append(f"[LengthUnits] must be one of {', '.join(UNITS_MM)}; instead received {unit[:40]!r}.")
     scale = UNITS_MM.get(unit, 1.0)
-    properties = text.properties
-    point_properties = [_point_property(text, block) for block in properties.get("pointprops", ())]
-    boundaries = [_boundary(text, block) for block in properties.get("bdryprops", ())]
-    materials = [_material(text, block) for block in properties.get("blockprops", ())]
-    circuits = [_circuit(text, block) for block in properties.get("circuitprops", ())]
+
+    def properties(
+        section: str, build: Callable[..., Item], what: str, name: str, keys: Mapping[str, str]
+    ) -> list[Item]:
+        return [_property(text, block, build, what, name, keys) for block in text.properties.get(section, ())]
+
+    point_properties = properties("pointprops", FemPointProperty, "point property", "pointname", POINT)
+    boundaries = properties("bdryprops", FemBoundary, "boundary", "bdryname", BOUNDARY)
+    materials = properties("blockprops", FemMaterial, "block property", "blockname", MATERIAL)
+    circuits = properties("circuitprops", FemCircuit, "circuit", "circuitname", CIRCUIT)
     points = [_point(text, row, n, scale, point_properties) for n, row in enumerate(text.rows["numpoints"])]
     lines = [
         line
@@ -75,7 +93,6 @@ def parse_fem(content: bytes, source: str) -> FemModel:
         problem_type=text.header.get("problemtype", "planar").lower(),
         frequency=text.number(text.header.get("frequency", "0"), "[Frequency]"),
         unit=unit,
-        unit_mm=scale,
         previous_solution=text.header.get("prevsoln", ""),
         previous_type=text.integer(text.header.get("prevtype", "0"), "[PrevType]"),
         comment=unquoted(text.header.get("comment", "")),
@@ -88,67 +105,38 @@ def parse_fem(content: bytes, source: str) -> FemModel:
     return model
 
 
-def _point_property(text: FemText, block: Mapping[str, str]) -> FemPointProperty:
-    name = unquoted(block.get("pointname", ""))
-    read = partial(_value, text, block, f"point property {name!r}")
-    return FemPointProperty(name, potential=read("a_re", 0.0), current_A=read("i_re", 0.0))
+def _property(
+    text: FemText,
+    block: Mapping[str, str],
+    build: Callable[..., Item],
+    what: str,
+    name_key: str,
+    keys: Mapping[str, str],
+) -> Item:
+    name = unquoted(block.get(name_key, ""))
+    values: dict[str, Any] = {}
+    for own, key in keys.items():
+        if key == "curve" and key in block:
+            values[own] = _curve(text, block[key], f"{what} {name!r}")
+        elif key in block:
+            read = text.integer if own in WHOLE else text.number
+            values[own] = read(block[key], f"{what} {name!r}: {key}")
+    return build(name, **values)
 
 
-def _boundary(text: FemText, block: Mapping[str, str]) -> FemBoundary:
-    name = unquoted(block.get("bdryname", ""))
-    where = f"boundary {name!r}"
-    read = partial(_value, text, block, where)
-    return FemBoundary(
-        name,
-        kind=text.integer(block.get("bdrytype", "0"), f"{where}: BdryType"),
-        potentials=(read("a_0", 0.0), read("a_1", 0.0), read("a_2", 0.0)),
-        c0=read("c0", 0.0),
-        c1=read("c1", 0.0),
-    )
-
-
-def _material(text: FemText, block: Mapping[str, str]) -> FemMaterial:
-    name = unquoted(block.get("blockname", ""))
-    where = f"block property {name!r}"
-    read = partial(_value, text, block, where)
-    points = [row.split() for row in block.get("curve", "").splitlines()]
+def _curve(text: FemText, rows: str, where: str) -> tuple[tuple[float, float], ...]:
+    points = [row.split() for row in rows.splitlines()]
     if any(len(row) < 2 for row in points):
         text.problems.append(f"{where}: each of its BHPoints must be B and H.")
-        points = []
-    return FemMaterial(
-        name,
-        mu_x=read("mu_x", 1.0),
-        mu_y=read("mu_y", 1.0),
-        coercivity=read("h_c", 0.0),
-        coercivity_angle=read("h_cangle", 0.0),
-        current_density=read("j_re", 0.0),
-        conductivity=read("sigma", 0.0),
-        lamination_type=text.integer(block.get("lamtype", "0"), f"{where}: LamType"),
-        lamination_fill=read("lamfill", 1.0),
-        strands=text.integer(block.get("nstrands", "0"), f"{where}: NStrands"),
-        wire_diameter_mm=read("wired", 0.0),
-        curve=tuple((text.number(b, f"{where}: B"), text.number(h, f"{where}: H")) for b, h, *_ in points),
-    )
-
-
-def _circuit(text: FemText, block: Mapping[str, str]) -> FemCircuit:
-    name = unquoted(block.get("circuitname", ""))
-    read = partial(_value, text, block, f"circuit {name!r}")
-    return FemCircuit(name, current_A=read("totalamps_re", 0.0), series=read("circuittype", 1.0) == 1.0)
-
-
-def _value(text: FemText, block: Mapping[str, str], where: str, key: str, default: float) -> float:
-    return text.number(block[key], f"{where}: {key}") if key in block else default
+        return ()
+    return tuple((text.number(b, f"{where}: B"), text.number(h, f"{where}: H")) for b, h, *_ in points)
 
 
 def _point(text: FemText, row: Sequence[str], n: int, scale: float, properties: Sequence[FemPointProperty]) -> FemPoint:
     where = f"point {n}"
     r, z, reference = _fields(text, row, where, ("0", "0", "0"), needed=2)
-    return FemPoint(
-        _length(text, r, scale, where),
-        _length(text, z, scale, where),
-        _referenced(text, reference, properties, f"{where}: its point property"),
-    )
+    held = _referenced(text, reference, properties, f"{where}: its point property")
+    return FemPoint(_length(text, r, scale, where), _length(text, z, scale, where), held)
 
 
 def _line(
@@ -190,15 +178,15 @@ def _label(
     r, z, material, _, circuit, direction, group, turns, flags, formula = _fields(text, row, where, defaults, needed=3)
     flag = text.integer(flags, f"{where}: its external flag")
     return FemLabel(
-        number=number,
-        r=_length(text, r, scale, where),
-        z=_length(text, z, scale, where),
-        material=_referenced(text, material, materials, f"{where}: its block property"),
-        circuit=_referenced(text, circuit, circuits, f"{where}: its circuit"),
-        turns=text.number(turns, f"{where}: its turns"),
-        magnetization=text.number(direction, f"{where}: its magnetization"),
-        direction_formula=unquoted(formula),
-        group=text.integer(group, f"{where}: its group"),
+        number,
+        _length(text, r, scale, where),
+        _length(text, z, scale, where),
+        _referenced(text, material, materials, f"{where}: its block property"),
+        _referenced(text, circuit, circuits, f"{where}: its circuit"),
+        text.number(turns, f"{where}: its turns"),
+        text.number(direction, f"{where}: its magnetization"),
+        unquoted(formula),
+        text.integer(group, f"{where}: its group"),
         external=bool(flag & 1),
         default=bool(flag & 2),
     )
@@ -206,13 +194,8 @@ def _label(
 
 def _hole(text: FemText, row: Sequence[str], number: int, scale: float) -> FemLabel:
     r, z, group = _fields(text, row, "hole", ("0", "0", "0"), needed=2)
-    return FemLabel(
-        number,
-        _length(text, r, scale, "hole"),
-        _length(text, z, scale, "hole"),
-        None,
-        group=text.integer(group, "hole: its group"),
-    )
+    place = [_length(text, value, scale, "hole") for value in (r, z)]
+    return FemLabel(number, place[0], place[1], None, group=text.integer(group, "hole: its group"))
 
 
 def _fields(text: FemText, row: Sequence[str], where: str, defaults: Sequence[str], needed: int) -> list[str]:

@@ -103,7 +103,7 @@ def _check_boundaries(model: FemModel, rim: shapely.Geometry, problems: list[str
             problems.append(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
         elif boundary.kind not in {0, 2}:
             problems.append(f"{name} is of type {boundary.kind}; femfit takes prescribed A and mixed. Remove it.")
-        elif any(boundary.potentials) or boundary.c1:
+        elif any((boundary.a0, boundary.a1, boundary.a2, boundary.c1)):
             problems.append(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
         elif not outer:
             problems.append(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
