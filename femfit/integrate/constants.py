@@ -9,6 +9,9 @@ half a sample time is left for jitter."""
 
 # ---- what may be wrong with a record
 
+LARGEST_VOLTAGE_V = 1e6
+"""No coil on a bench has more. Chosen."""
+
 CLIPPED_RUN = 4
 """So many equal samples in a row at the largest |voltage| of a block look clipped. Chosen: two neighbours are equal by
 chance on a converter of few steps, four in a row at the very top hardly ever."""

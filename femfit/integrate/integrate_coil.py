@@ -16,7 +16,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.outputs import FIELD_MODEL, RAW_SIDECAR, require_outputs
-from femfit.integrate.constants import OFFSET_SIGMA_V, SETTLING_S
+from femfit.integrate.constants import LARGEST_VOLTAGE_V, OFFSET_SIGMA_V, SETTLING_S
 from femfit.integrate.field_block import FieldBlock
 from femfit.integrate.field_of_current import FieldModel, read_field_model, write_field_model
 from femfit.integrate.methods import (
@@ -284,7 +284,7 @@ def _stream(
     output: Path | None,
     progress: Callable[[int, int], None] | None,
 ) -> _Streamed:
-    blocks = iter([_block(source)]) if isinstance(source, pd.DataFrame) else source.blocks()
+    blocks = map(_plausible, [_block(source)] if isinstance(source, pd.DataFrame) else source.blocks())
     total = len(source) if isinstance(source, pd.DataFrame) else source.samples
     first = next(blocks)
     integrator = make_integrator(options, first)
@@ -370,12 +370,31 @@ def _block(rows: pd.DataFrame) -> CoilBlock:
     if missing:
         raise TableError(f"A coil record needs {' and '.join(missing)}; the table has {', '.join(map(str, rows))}.")
 
-    def column(name: str) -> FloatArray | None:
-        return np.ascontiguousarray(rows[name], dtype=np.float64) if name in rows else None
-
-    read = np.isfinite(rows[["time_s", "coil_voltage_V"]].to_numpy(dtype=np.float64)).all(axis=1)
-    time_s, voltage = (rows[name].to_numpy(dtype=np.float64) for name in ("time_s", "coil_voltage_V"))
-    block = CoilBlock(time_s, voltage, column("hall_T"), column("current_A"))[read]
+    columns: dict[str, FloatArray] = {}
+    for name in ("time_s", *COLUMNS):
+        if name in rows:
+            try:
+                columns[name] = rows[name].to_numpy(dtype=np.float64, na_value=np.nan)
+            except (TypeError, ValueError) as error:
+                raise TableError(f"Column {name} of a coil record must hold numbers; {error}.") from error
+    time_s, voltage = columns["time_s"], columns["coil_voltage_V"]
+    read = np.isfinite(time_s) & np.isfinite(voltage)
+    block = CoilBlock(time_s, voltage, columns.get("hall_T"), columns.get("current_A"))[read]
     if len(block) == 0 or np.any(np.diff(block.time) <= 0.0):
         raise TableError("A coil record must have a rising time_s; repair the clock, or give each stretch on its own.")
     return block
+
+
+def _plausible(block: CoilBlock) -> CoilBlock:
+    """The block with readings that are no number left out; a voltage that no coil has is refused."""
+    highest = float(np.abs(block.voltage).max())
+    if highest > LARGEST_VOLTAGE_V:
+        raise TableError(
+            f"A coil's voltage must stay below {LARGEST_VOLTAGE_V:g} V; instead received {highest:.3g} V. Check the "
+            "column and its unit."
+        )
+
+    def known(column: FloatArray | None) -> FloatArray | None:
+        return None if column is None else np.where(np.isfinite(column), column, np.nan)
+
+    return CoilBlock(block.time, block.voltage, known(block.hall), known(block.current))

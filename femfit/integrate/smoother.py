@@ -125,6 +125,8 @@ def _smoothed_corrections(trace: list[Correction], area: float) -> tuple[FloatAr
         F = np.array([[1.0, -after.elapsed / area], [0.0, 1.0]])
         gain = np.linalg.solve(after.predicted_covariance, F @ here.covariance).T
         mean = here.mean + gain @ (mean - after.predicted)
-        covariance = here.covariance + gain @ (covariance - after.predicted_covariance) @ gain.T
+        smoothed = here.covariance + gain @ (covariance - after.predicted_covariance) @ gain.T
+        # Across a gap of days rounding may eat all of it; the filter's own covariance is on the safe side.
+        covariance = smoothed if smoothed[0, 0] > 0.0 else here.covariance
         means[place], variances[place] = mean, covariance[0, 0]
     return means, variances

@@ -1,0 +1,66 @@
+"""Records that are short, damaged or absurd give a result without a warning, or one sentence."""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.core.errors import FemfitError, TableError
+from femfit.integrate.integrate_coil import integrate_coil
+
+SAMPLES = 1500
+TIME = 2e-3 * np.arange(SAMPLES)
+RNG = np.random.default_rng(0)
+GOOD = pd.DataFrame(
+    {
+        "time_s": TIME,
+        "coil_voltage_V": 1e-3 * np.sin(TIME) + 1e-6 * RNG.normal(size=SAMPLES),
+        "hall_T": 0.1 * (1.0 - np.cos(TIME)) + 1e-5 * RNG.normal(size=SAMPLES),
+        "current_A": 1.0 - np.cos(TIME) + 1e-4 * RNG.normal(size=SAMPLES),
+    }
+)
+OPTIONS = {"coil_area_m2": 0.01, "zero_reading_s": 0.5, "current_to_field_A_per_T": 10.0}
+ODD = {
+    "as it is": GOOD,
+    "all zero": GOOD.assign(coil_voltage_V=0.0, hall_T=0.0, current_A=0.0),
+    "no reading": GOOD.assign(hall_T=np.nan, current_A=np.nan),
+    "infinite readings": GOOD.assign(hall_T=np.inf, current_A=-np.inf),
+    "a late reading": GOOD.assign(hall_T=GOOD["hall_T"].where(TIME > 1.0)),
+    "two samples": GOOD.iloc[:2],
+    "five samples": GOOD.iloc[:5],
+    "no sample": GOOD.iloc[:0],
+    "a clock that runs back": GOOD.assign(time_s=TIME[::-1]),
+    "a gap of days": GOOD.assign(time_s=np.where(TIME > 1.0, TIME + 1e6, TIME)),
+    "a voltage that no coil has": GOOD.assign(coil_voltage_V=1e300),
+    "words": GOOD.assign(coil_voltage_V="much"),
+    "no voltage": GOOD.drop(columns="coil_voltage_V"),
+}
+METHODS = [("trapezoid", False), ("ffa1", False), ("ffa2", False)]
+METHODS += list(itertools.product(("cs1", "cs2", "cs1-offset"), (False, True)))
+
+
+@pytest.mark.parametrize("name", ODD)
+@pytest.mark.parametrize(("method", "smooth"), METHODS)
+def test_an_odd_record_ends_in_a_result_or_in_one_sentence(name, method, smooth):
+    try:
+        result = integrate_coil(ODD[name], method=method, smooth=smooth, **OPTIONS)
+    except FemfitError as error:
+        said = str(error)
+    else:
+        said = str(result)
+        assert result.samples == len(result.rows)
+    assert 20 < len(said) < 1500
+    assert name != "as it is" or "Wb" in said or " T " in said
+
+
+def test_a_voltage_that_no_coil_has_is_refused_with_its_size():
+    with pytest.raises(TableError, match=r"1e\+300 V"):
+        integrate_coil(ODD["a voltage that no coil has"], method="trapezoid")
+
+
+def test_the_integral_of_a_known_voltage_is_the_flux_linkage():
+    result = integrate_coil(GOOD.assign(coil_voltage_V=np.sin(TIME)), method="trapezoid")
+    # The trapezoidal rule at 2 ms.
+    assert result.value == pytest.approx(1.0 - np.cos(TIME[-1]), rel=1e-6)
+    assert result.quantity == "flux_linkage_Wb"
