@@ -50,30 +50,34 @@ def add(
 
     from femfit.cli.output import status, write_json
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
-    from femfit.identify.readings.load import read_measurement
-    from femfit.identify.refit.add_effects import AddOptions, add_effects
-    from femfit.identify.refit.add_text import add_lines
+    from femfit.identify.refit.add_effects import add_effects
     from femfit.model.json_file import read_model, write_model
+    from femfit.tables.measurement_file import read_measurement
 
     require_outputs([model, data], (output, MODEL), (report, PAGE), (json, RESULT))
-    options = AddOptions(base, coil_temperature_C, magnet_temperature_C)
     with status("Reading") as say:
-        actuator = read_model(model)
-        measured = read_measurement(data, actuator)
-        result = add_effects(actuator, measured, (effect, *others), options, say)
+        actuator, measured = read_model(model), read_measurement(data)
+        result = add_effects(
+            actuator,
+            measured,
+            (effect, *others),
+            base=base,
+            coil_temperature_C=coil_temperature_C,
+            magnet_temperature_C=magnet_temperature_C,
+            progress=say,
+        )
     record = result.to_dict() | {"data": data.name}
     provenance = dict(result.model.provenance)
     provenance["added"] = [*provenance.get("added", []), record]
     output.parent.mkdir(parents=True, exist_ok=True)
     write_model(replace(result.model, provenance=provenance), output)
     write_json(json, record)
-    print("\n".join([*add_lines(result), f"written: {output}"]))
+    print(f"{result}\nwritten: {output}")
     if report is not None:
         from femfit.cli.diagnosis_report import write_report
-        from femfit.identify.decision.diagnose import DiagnosisOptions, examine
-        from femfit.identify.readings.load import measurement_observations
+        from femfit.identify.decision.diagnose import diagnose
 
         with status("Diagnosing the model as it was") as say:
-            examination = examine(measurement_observations(actuator, measured), DiagnosisOptions(bootstrap=0), say)
-            write_report(report, (model, actuator), (data, measured), examination, result, say)
+            diagnosis = diagnose(actuator, measured, bootstrap=0, progress=say)
+            write_report(report, (model, data), measured, diagnosis, result, say)
         print(f"written: {report}")

@@ -29,23 +29,18 @@ def compare(
     """
     from femfit.cli.output import status, write_json
     from femfit.core.outputs import RESULT, require_outputs
-    from femfit.identify.comparison.compare import compare_observations
-    from femfit.identify.comparison.compare_text import comparison_lines
-    from femfit.identify.readings.load import measurement_observations, read_measurement
+    from femfit.identify.comparison.compare import compare as compared
 
     require_outputs([model, data, reference], (json, RESULT))
-    with status("Reading") as say:
-        actuator, base = _model(model), None if reference is None else _model(reference)
-        observations = measurement_observations(actuator, read_measurement(data, actuator))
-        say("Comparing")
-        comparison = compare_observations(observations, actuator, base)
+    with status("Comparing"):
+        comparison = compared(_model(model), data, reference=None if reference is None else _model(reference))
     written = []
     if pictures is not None:
         from femfit.report.comparison_pictures import save_comparison_pictures
 
-        written = save_comparison_pictures(observations, comparison, pictures)
+        written = save_comparison_pictures(comparison.observations, comparison, pictures)
     write_json(json, comparison.to_dict())
-    print("\n".join(comparison_lines(comparison)))
+    print(comparison)
     for file in written:
         print(f"written: {file}")
 

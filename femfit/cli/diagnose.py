@@ -28,9 +28,9 @@ def diagnose(
     exclude : tuple of str
         Effects that are not considered; repeat for more.
     bootstrap : int
-        Clean campaigns simulated for the false-naming rate; 0 for none.
+        Clean campaigns that are simulated to count how often something is named in them; 0 for none.
     seed : int
-        Of that simulation.
+        Seed of that simulation.
     report : Path
         HTML file: what was measured, where the model fails, what would explain it, what to measure next.
     json : Path
@@ -38,23 +38,19 @@ def diagnose(
     """
     from femfit.cli.output import status, write_json
     from femfit.core.outputs import PAGE, RESULT, require_outputs
-    from femfit.identify.decision.diagnose import DiagnosisOptions, examine
-    from femfit.identify.decision.diagnosis_text import diagnosis_lines
-    from femfit.identify.readings.load import measurement_observations, read_measurement
+    from femfit.identify.decision.diagnose import diagnose as diagnosed
     from femfit.model.json_file import read_model
+    from femfit.tables.measurement_file import read_measurement
 
     require_outputs([model, data], (report, PAGE), (json, RESULT))
-    options = DiagnosisOptions(exclude=exclude, bootstrap=bootstrap, seed=seed)
     with status("Reading") as say:
-        actuator = read_model(model)
-        measured = read_measurement(data, actuator)
-        observations = measurement_observations(actuator, measured)
-        examination = examine(observations, options, say)
+        measured = read_measurement(data)
+        result = diagnosed(read_model(model), measured, exclude=exclude, bootstrap=bootstrap, rng=seed, progress=say)
         if report is not None:
             from femfit.cli.diagnosis_report import write_report
 
-            write_report(report, (model, actuator), (data, measured), examination, say=say)
-    write_json(json, examination.diagnosis.to_dict())
-    print("\n".join(diagnosis_lines(examination.diagnosis)))
+            write_report(report, (model, data), measured, result, say=say)
+    write_json(json, result.to_dict())
+    print(result)
     if report is not None:
         print(f"written: {report}")

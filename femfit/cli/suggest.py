@@ -22,14 +22,14 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
     """
     from femfit.cli.output import status, write_json
     from femfit.core.outputs import RESULT, require_outputs
-    from femfit.identify.decision.diagnose import DiagnosisOptions, considered_effects, examine
+    from femfit.identify.decision.campaign import considered_effects
+    from femfit.identify.decision.diagnose import diagnose
     from femfit.identify.experiments.plan import examine_plan
     from femfit.identify.experiments.suggest import suggest_measurements
     from femfit.identify.experiments.suggest_text import isolating_lines, plan_lines, suggestion_lines
-    from femfit.identify.readings.load import measurement_observations, read_measurement
     from femfit.model.json_file import read_model
     from femfit.tables.measurement import BenchTable
-    from femfit.tables.measurement_file import read_bench_table
+    from femfit.tables.measurement_file import read_bench_table, read_measurement
 
     require_outputs([model, data, plan], (json, RESULT))
     actuator = read_model(model)
@@ -40,21 +40,21 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
         return
     if data is None or plan is not None:
         raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
-    measured = read_measurement(data, actuator)
+    measured = read_measurement(data)
     with status("Diagnosing") as say:
-        examination = examine(measurement_observations(actuator, measured), DiagnosisOptions(bootstrap=0), say)
-        explanations = examination.explanations
+        diagnosis = diagnose(actuator, measured, bootstrap=0, progress=say)
+        explanations = diagnosis.explanations
         advice = []
-        if isinstance(measured, BenchTable) and examination.evidence is not None and len(explanations) > 1:
+        if isinstance(measured, BenchTable) and diagnosis.campaign is not None and len(explanations) > 1:
             say("Trying measurements")
-            noise = examination.evidence.noise
+            noise = diagnosis.campaign.noise
             advice = suggest_measurements(actuator, measured, noise, explanations, considered_effects())
     names = [" + ".join(fit.names) for fit in explanations]
     write_json(json, {"explanations": names, "suggestions": [one.to_dict() for one in advice]})
     if names:
         print(f"The data leave: {'; '.join(names)}.")
-    if examination.evidence is None:
-        print(examination.diagnosis.findings[-1])
+    if diagnosis.campaign is None:
+        print(diagnosis.findings[-1])
     elif isinstance(measured, BenchTable):
         print("\n".join(suggestion_lines(advice, len(explanations))))
     else:

@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from femfit.core.arrays import FloatArray
-from femfit.identify.decision.diagnose import Examination
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.experiments.suggest import Suggestion
-from femfit.identify.readings.load import measurement_observations
 from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import Measurement
@@ -20,8 +19,6 @@ class DiagnosisContent:
 
     Parameters
     ----------
-    examination : Examination
-        The diagnosis with what it rests on.
     after : array, shape (M,), or None
         Recorded minus what the model predicts with the effects that were added, or that the diagnosis names.
     hashes : tuple of (str, str)
@@ -30,7 +27,7 @@ class DiagnosisContent:
 
     model: ActuatorModel
     observations: Observations
-    examination: Examination
+    diagnosis: Diagnosis
     suggestions: Sequence[Suggestion] = ()
     added: AddResult | None = None
     after: FloatArray | None = None
@@ -38,11 +35,6 @@ class DiagnosisContent:
     test_object: str = ""
     notes: str = ""
     hashes: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def diagnosis(self) -> Diagnosis:
-        """The result."""
-        return self.examination.diagnosis
 
     @property
     def recorded_motion(self) -> bool:
@@ -56,36 +48,29 @@ class DiagnosisContent:
 
 
 def content_of(
-    model: ActuatorModel,
     data: Measurement,
-    observations: Observations,
-    examination: Examination,
+    diagnosis: Diagnosis,
     *,
     suggestions: Sequence[Suggestion] = (),
     added: AddResult | None = None,
     hashes: tuple[tuple[str, str], ...] = (),
 ) -> DiagnosisContent:
-    """The content of a measurement's diagnosis.
+    """The content of a measurement's diagnosis, for :func:`femfit.report.diagnosis_html.write_diagnosis_report`.
 
     Parameters
     ----------
     hashes : tuple of (str, str)
         Files and their SHA-256.
-
-    Returns
-    -------
-    DiagnosisContent
-        For :func:`femfit.report.diagnosis_html.write_diagnosis_report`.
     """
-    after = None
+    observations, after = diagnosis.observations, None
     if added is not None:
-        after = measurement_observations(added.model, data).residual
-    elif examination.explanations:
-        after = observations.value - observations.predict(examination.explanations[0].effects)
+        after = placed(added.model, data).residual
+    elif diagnosis.explanations:
+        after = observations.value - observations.predict(diagnosis.explanations[0].effects)
     return DiagnosisContent(
-        model=model,
+        model=diagnosis.model,
         observations=observations,
-        examination=examination,
+        diagnosis=diagnosis,
         suggestions=suggestions,
         added=added,
         after=after,

@@ -6,8 +6,8 @@ from pathlib import Path
 from markupsafe import Markup
 
 from femfit import __version__
+from femfit.identify.comparison.fall import ErrorFall
 from femfit.report.diagnosis_content import DiagnosisContent
-from femfit.report.numbers import significant
 from femfit.report.page import Page, render_page, write_page
 from femfit.report.section import Block, DataTable, Section, text
 from femfit.report.section_explained import alternatives_section, explained_section, next_section
@@ -72,27 +72,16 @@ def _summary(content: DiagnosisContent) -> tuple[Markup, ...]:
     if content.suggestions:
         said.append(text("<strong>Next.</strong> {}", content.suggestions[0].text))
     if content.added is not None:
-        said.append(
-            text(
-                "<strong>Added.</strong> {}: on runs left out the error is {} times the noise.",
-                " and ".join(added.effect.name for added in content.added.added),
-                f"{content.added.unseen_ratio:.2f}",
-            )
-        )
-    elif content.after is not None and diagnosis.noise_floor:
-        ratio = [
-            max(rms[name] / diagnosis.noise_floor[name] for name in diagnosis.noise_floor)
-            for rms in (diagnosis.rms, diagnosis.rms_after)
-        ]
-        said.append(
-            text(
-                "<strong>Error.</strong> The worst channel falls from {} to {} times its noise, re-mounts and run "
-                "offsets included.",
-                significant(ratio[0], 3),
-                significant(ratio[1], 3),
-            )
-        )
+        names = " and ".join(added.effect.name for added in content.added.added)
+        said.append(text("<strong>Added.</strong> {}. {}.", names, _fall(content.added.fall)))
+    elif diagnosis.missing:
+        said.append(text("<strong>Error.</strong> {}.", _fall(diagnosis.error_fall)))
     return tuple(said)
+
+
+def _fall(fall: ErrorFall) -> str:
+    """The fall of the error in the channel that was worst."""
+    return str(max(fall.channels, key=lambda one: one.before_over_noise or 0.0))
 
 
 def _plural(sentence: str, words: int) -> str:

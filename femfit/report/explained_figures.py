@@ -42,13 +42,13 @@ def ranking_figure(
     colours = [VERMILION if s.name in named else ORANGE if s.name in members else "#b8c0c8" for s in shown]
     axes.barh(y, share, color=colours, height=0.7)
     for k, s in enumerate(shown):
-        if np.isfinite(s.error_fall):
-            axes.plot(100.0 * float(np.clip(s.error_fall, 0.0, 1.0)), k, "o", color=INK, markersize=4.5)
+        if np.isfinite(s.explained_share):
+            axes.plot(100.0 * float(np.clip(s.explained_share, 0.0, 1.0)), k, "o", color=INK, markersize=4.5)
     axes.set_yticks(y, [s.name for s in shown])
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
     axes.set(xlim=(0.0, 104.0), xlabel="structured misfit explained, each effect alone (%)")
-    if any(np.isfinite(s.error_fall) for s in shown):
+    if any(np.isfinite(s.explained_share) for s in shown):
         axes.plot([], [], "o", color=INK, markersize=4.5, label="on runs left out")
     for colour, label in ((VERMILION, "named"), (ORANGE, "not told from it")):
         if colour in colours:

@@ -8,7 +8,7 @@ from markupsafe import Markup
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import EffectParameter
 from femfit.identify.decision.diagnosis import NamedEffect
-from femfit.identify.decision.diagnosis_text import confidence_sentence
+from femfit.identify.decision.diagnosis_text import certainty_sentence
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.embed import svg_uri
 from femfit.report.explained_figures import ranking_figure
@@ -29,7 +29,7 @@ def explained_section(content: DiagnosisContent) -> Section | None:
     Section or None
         None where nothing can be said for want of a noise floor.
     """
-    diagnosis, decision = content.diagnosis, content.examination.decision
+    diagnosis, decision = content.diagnosis, content.diagnosis.decision
     if decision is None:
         return None
     blocks: list[Block] = [_verdict(content)]
@@ -56,7 +56,7 @@ def explained_section(content: DiagnosisContent) -> Section | None:
 def _verdict(content: DiagnosisContent) -> Markup:
     diagnosis = content.diagnosis
     names = Markup(" and ").join(text("<strong>{}</strong>", one.name) for one in diagnosis.missing)
-    after = diagnosis.gate_after
+    after = diagnosis.lack_of_fit_after
     left = "" if after is None else text(" What is left passes the same test (p {}).", p_value(after.p_value))
     sentences = {
         "nothing_missing": Markup("Nothing is missing: the model explains these data within their noise."),
@@ -65,7 +65,7 @@ def _verdict(content: DiagnosisContent) -> Markup:
             names,
             "explains" if len(diagnosis.missing) == 1 else "explain",
             left,
-            confidence_sentence(diagnosis) if diagnosis.verdict == "named" else "",
+            certainty_sentence(diagnosis) if diagnosis.verdict == "named" else "",
         ),
         "form_insufficient": text(
             "{} {} nearly all of it, but the exact form is another than the catalogue's: structure is left (p {}).",
@@ -78,14 +78,7 @@ def _verdict(content: DiagnosisContent) -> Markup:
             "best candidates below leave a misfit that is not noise, so that none of them is named."
         ),
     }
-    rate = diagnosis.false_naming_rate
-    known = (
-        ""
-        if rate is None
-        else text(
-            " In clean campaigns simulated from this noise, something is named in {} %.", significant(100.0 * rate, 2)
-        )
-    )
+    known = "" if diagnosis.clean is None else text(" Something is named in {}.", diagnosis.clean)
     return text("{}{}", sentences.get(diagnosis.verdict, ""), known)
 
 
@@ -106,14 +99,14 @@ def _named_table(one: NamedEffect, together: bool) -> DataTable:
                 p.description if p else "",
             )
         )
-    doubt = "" if one.sane else Markup(" <strong>Its size is unusual: check it by another measurement.</strong>")
+    doubt = "" if one.plausible else Markup(" <strong>Its size is unusual: check it by another measurement.</strong>")
     return DataTable(
         text(
             "{}. {} {} {} % of the misfit above the noise on runs left out.{}",
             one.name,
             effect.symptom if effect else "",
             "Together they explain" if together else "Explains",
-            significant(100.0 * one.error_fall, 3),
+            significant(100.0 * one.explained_share, 3),
             doubt,
         ),
         ("parameter", "fitted", "95 % interval", "usual", "unit", "what it is"),
@@ -136,7 +129,7 @@ def alternatives_section(content: DiagnosisContent) -> Section | None:
         None for want of a noise floor.
     """
     diagnosis = content.diagnosis
-    if content.examination.decision is None:
+    if content.diagnosis.decision is None:
         return None
     blocks: list[Block] = [
         text(
@@ -230,7 +223,7 @@ def _isolating(names: Iterable[str]) -> Markup:
 
 
 def _nearest(content: DiagnosisContent) -> Markup:
-    found = content.examination.decision
+    found = content.diagnosis.decision
     if found is None or not found.candidates:
         return Markup("")
     best = found.candidates[0]

@@ -1,12 +1,13 @@
 """The diagnosis report's section on how far the error fell."""
 
+import shlex
 from collections.abc import Mapping
 
 from markupsafe import Markup
 
+from femfit.identify.decision.constants import LEVEL_AFTER
 from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
 from femfit.identify.refit.add_result import AddResult
-from femfit.identify.refit.unseen import beside_random, channel_rms
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.embed import svg_uri
 from femfit.report.explained_figures import waterfall_figure
@@ -14,11 +15,6 @@ from femfit.report.measured_figures import residual_maps_figure
 from femfit.report.numbers import NOTHING, percent, plain, quantity, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
 from femfit.report.section_misfit import p_value
-
-FAILS = 0.005
-"""p-value below which structure is left, as in the decision."""
-
-AS_READ = ("before", "after", "floor")
 
 
 def fall_section(content: DiagnosisContent) -> Section | None:
@@ -34,28 +30,26 @@ def fall_section(content: DiagnosisContent) -> Section | None:
     Section or None
         None where there is nothing to add.
     """
-    evidence = content.examination.evidence
-    if evidence is None or content.after is None:
+    if content.diagnosis.campaign is None or content.after is None:
         return None
     observations, before, after = content.observations, content.observations.residual, content.after
     if content.added is not None:
-        steps = [(step.text, dict(step.unseen)) for step in content.added.steps]
-        floor = dict(content.added.floor)
+        steps = [(step.text, dict(step.rms)) for step in content.added.steps]
         blocks: list[Block] = [_added(content.added)]
     else:
-        floor = {name: evidence.noise.floor[name] for name in evidence.noise.source}
-        rms = [channel_rms(observations, beside_random(r, evidence.whitening)) for r in (before, after)]
-        steps = [("model", rms[0]), (" + ".join(one.name for one in content.diagnosis.missing), rms[1])]
+        fall = content.diagnosis.error_fall.channels
+        names = " + ".join(one.name for one in content.diagnosis.missing)
+        steps = [("model", {c.channel: c.rms_before for c in fall}), (names, {c.channel: c.rms_after for c in fall})]
         blocks = [_would(content)]
+    floor = dict(content.diagnosis.noise_floor)
     blocks += [
         Picture(
             "waterfall",
             svg_uri(waterfall_figure(steps, floor), "waterfall"),
             "Error of each channel before, what each step takes off, and after, in units of the noise.",
             text(
-                "Rms error of each channel in units of its noise, beside each run's own re-mount: before, what each "
-                "step takes off, and after{}.",
-                ", on runs that were not fitted" if content.added else ", on the runs that were fitted",
+                "Rms error of each channel over all readings, in units of its noise: before, what each step takes off, "
+                "and after."
             ),
         ),
         _error_table(steps, floor),
@@ -82,7 +76,7 @@ def _would(content: DiagnosisContent) -> Markup:
         "MODEL2.json</code> makes the model that has it, judged on runs that were not fitted.",
         " and ".join(names),
         names[0],
-        content.source,
+        shlex.quote(content.source),
         more,
     )
 
@@ -102,15 +96,13 @@ def _added(result: AddResult) -> Block:
         else ""
     )
     return text(
-        "{} {} added to the model. On runs left out, each in turn, the error is <strong>{} times the noise</strong> "
-        "(root mean square over the channels).{} What is left {} the lack-of-fit test (p {}; before: p {}).",
+        "{} {} added to the model.{} What is left {} the lack-of-fit test (p {}; before: p {}).",
         names,
         "was" if len(result.added) == 1 else "were",
-        f"{result.unseen_ratio:.2f}",
         base,
-        "passes" if result.gate_after.p_value > FAILS else "fails",
-        p_value(result.gate_after.p_value),
-        p_value(result.gate_before.p_value),
+        "passes" if result.lack_of_fit_after.p_value > LEVEL_AFTER else "fails",
+        p_value(result.lack_of_fit_after.p_value),
+        p_value(result.lack_of_fit_before.p_value),
     )
 
 
@@ -149,19 +141,7 @@ def _size_blocks(result: AddResult) -> list[Block]:
                 f"{plain(1e3 * size.distance_m, 4)} mm, {plain(size.current_A, 3)} A",
             )
         )
-    read = result.as_read
     blocks: list[Block] = [
-        DataTable(
-            Markup(
-                "The same with each run's re-mount and offset in it, which no model can know; a perfect model is "
-                "expected to leave the last column"
-            ),
-            ("channel", "before", "after", "expected"),
-            tuple(
-                (CHANNEL_WORDS[name], *(quantity(read[key][name], name.rpartition("_")[2]) for key in AS_READ))
-                for name in read["after"]
-            ),
-        ),
         DataTable(
             Markup("How large each effect is: its largest change of each channel within the data"),
             ("effect", "channel", "change", "95 % interval", "of the largest", "where"),

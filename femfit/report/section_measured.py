@@ -56,7 +56,7 @@ def _counted(count: int, word: str) -> str:
 
 
 def _noise(content: DiagnosisContent) -> Block:
-    evidence = content.examination.evidence
+    evidence = content.diagnosis.campaign
     if evidence is None:
         return Markup(
             "<strong>The noise of these data is not known</strong>: no setting was measured twice, and no sidecar "

@@ -53,7 +53,7 @@ def misfit_section(content: DiagnosisContent) -> Section:
 
 def _argument(content: DiagnosisContent) -> Markup:
     diagnosis = content.diagnosis
-    gate = diagnosis.gate_before
+    gate = diagnosis.lack_of_fit_before
     if gate is None:
         return Markup(
             "Below is what was recorded beside what the model predicts. Whether the difference is more than noise "
@@ -78,6 +78,7 @@ def p_value(value: float) -> str:
 
 def _table(content: DiagnosisContent) -> DataTable:
     diagnosis, observations = content.diagnosis, content.observations
+    rms = {one.channel: one.rms_before for one in diagnosis.error_fall.channels}
     rows = []
     for name in observations.channels:
         residual = observations.residual[observations.of(name)]
@@ -86,10 +87,10 @@ def _table(content: DiagnosisContent) -> DataTable:
         rows.append(
             (
                 CHANNEL_WORDS[name],
-                quantity(diagnosis.rms[name], unit),
+                quantity(rms[name], unit),
                 quantity(float(np.abs(residual).max()), unit),
                 quantity(floor, unit) if floor else NOTHING,
-                significant(diagnosis.rms[name] / floor, 3) if floor else NOTHING,
+                significant(rms[name] / floor, 3) if floor else NOTHING,
             )
         )
     return DataTable(

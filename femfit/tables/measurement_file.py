@@ -162,7 +162,7 @@ def _bench_table(
     rows, used, findings = _read_columns(raw, path, BENCH_COLUMNS, columns, units)
     unknown = [header for header in raw.headers if header not in {column.header for column in used}]
     _require_bench([column.name for column in used], path, unknown)
-    sidecar = read_sidecar(path, CHANNELS)
+    sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A"))
     given = tuple(
         name
         for name in BENCH_COLUMNS

@@ -9,13 +9,14 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.errors import FemfitError
-from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose
-from femfit.identify.readings.load import measurement_observations, read_measurement
-from femfit.identify.readings.observations import Observations, bench_observations
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.tables.measurement import BenchTable, Measurement
+from femfit.tables.measurement_file import read_measurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +36,15 @@ class CaseFiles:
     @property
     def observations(self) -> Observations:
         """The campaign beside the model."""
-        return measurement_observations(self.model, self.data)
+        return placed(self.model, self.data)
 
 
 def read_case(directory: Path) -> CaseFiles:
-    """Read a case's files, as the commands do: what contradicts the model's sensors is set aside."""
-    model = read_model(directory / "model.json")
+    """Read a case's files, as the commands do."""
     return CaseFiles(
-        model,
-        read_measurement(directory / "data.csv", model),
-        read_measurement(directory / "unseen.csv", model),
+        read_model(directory / "model.json"),
+        read_measurement(directory / "data.csv"),
+        read_measurement(directory / "unseen.csv"),
     )
 
 
@@ -58,7 +58,7 @@ def diagnose_case(files: CaseFiles, exclude: tuple[str, ...] = ()) -> dict[str, 
     """
     start = perf_counter()
     try:
-        result = diagnose(files.observations, DiagnosisOptions(exclude=exclude, bootstrap=0)).to_dict()
+        result = diagnose(files.model, files.data, exclude=exclude, bootstrap=0).to_dict()
     except FemfitError as error:
         result = {"verdict": "error", "missing": [], "where": {"channel": "", "covariates": []}, "message": str(error)}
     return {**result, "seconds": perf_counter() - start}
@@ -82,7 +82,7 @@ def unseen_rms(files: CaseFiles, names: tuple[str, ...]) -> dict[str, float]:
         return {}
     model = add_effects(files.model, files.data, names).model if names else files.model
     both = pd.concat([files.data.rows, files.unseen.rows], ignore_index=True)
-    observations = bench_observations(model, replace(files.data, rows=both))
+    observations = placed(model, replace(files.data, rows=both))
     last = observations.column("run") == observations.covariates["run"].max()
     residual = observations.residual
     return {

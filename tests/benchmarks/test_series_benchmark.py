@@ -8,8 +8,7 @@ import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.identify.decision.diagnose import DiagnosisOptions
-from femfit.identify.series.diagnose import diagnose_series
+from femfit.identify.decision.diagnose import diagnose
 from support.closed_loop import closed_loop, recorded
 
 
@@ -20,13 +19,13 @@ def test_forty_thousand_samples_with_all_effects(levitation_model):
     runs = 10
     record = recorded(closed_loop(model, [friction], runs=runs, seconds=4.0, seed=1), runs=range(1, runs + 1))
     for text, options in (
-        ("named, with 40 clean records simulated", DiagnosisOptions()),
-        ("named, without", DiagnosisOptions(bootstrap=0)),
+        ("named, with 40 clean records simulated", 40),
+        ("named, without", 0),
     ):
         times, processor = [], []
         for _ in range(3):
             start, begun = perf_counter(), process_time()
-            result = diagnose_series(model, record, options)
+            result = diagnose(model, record, bootstrap=options)
             times.append(perf_counter() - start)
             processor.append(process_time() - begun)
         scored = sum(not score.note for score in result.ranking)

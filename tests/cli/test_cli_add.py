@@ -31,15 +31,17 @@ def added(files):
     )  # fmt: skip
 
 
-def test_the_table_on_runs_left_out_is_printed_and_written(added, files):
+def test_the_fall_of_the_error_is_printed_and_written(added, files):
     assert added.returncode == 0, added.stderr
     assert added.stderr == ""
-    assert "rms error on runs left out (4 runs" in added.stdout
+    assert added.stdout.startswith("Added hall_offset and distance_offset")
     data = json.loads((files / "add.json").read_text())
     assert [one["name"] for one in data["added"]] == ["hall_offset", "distance_offset"]
     # 240 readings a channel: 5 % of the rms, as much of the floor
-    assert data["unseen_after"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.2)
-    assert data["unseen_ratio"] < 1.1
+    fall = data["error_fall"]["hall_V"]
+    assert fall["rms_after"] == pytest.approx(NOISE["hall_V"], rel=0.2)
+    assert fall["after_over_noise"] < 1.15
+    assert data["left_out"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.2)
 
 
 def test_the_report_shows_the_diagnosis_and_the_fall(added, files):

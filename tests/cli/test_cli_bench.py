@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.identify.readings.observations import conditions_of
+from femfit.identify.readings.bench import conditions_of
 from femfit.model.json_file import write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of

@@ -63,7 +63,7 @@ def test_the_error_falls_to_the_noise_on_the_run_left_out_once_friction_is_added
     assert done.returncode == 0, done.stderr
     data = json.loads((files / "a.json").read_text())
     name = CHANNELS[0]
-    assert data["unseen_after"][name] < 0.2 * data["unseen_before"][name]
+    assert data["left_out"][name] < 0.2 * data["error_fall"][name]["rms_before"]
     (added,) = read_model(files / "new.json").effects
     assert added.parameters["damping_per_s"] == pytest.approx(3.0, rel=0.02)  # no sensor noise but the Hall element's
     done = femfit("compare", files / "new.json", files / "record.csv")

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.identify.readings.bench_conditions import conditions_of
+from femfit.identify.readings.bench import conditions_of
 from femfit.model.with_effects import nominal_of
 
 

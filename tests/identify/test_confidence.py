@@ -1,16 +1,14 @@
 """What is named is called sure only where a cause outside the catalogue would not have borne the same name."""
 
-from dataclasses import replace
-
 import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose_bench
-from femfit.identify.decision.diagnosis_text import confidence_sentence
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.decision.diagnosis_text import certainty_sentence
 from support.campaign import NOISE, campaign
 
-QUICK = DiagnosisOptions(bootstrap=0)
+QUICK = {"bootstrap": 0}
 
 
 def hidden(name, **parameters):
@@ -25,34 +23,34 @@ def hidden(name, **parameters):
 )
 def test_a_strong_trace_is_sure_and_its_withheld_cause_gets_no_other_name(levitation_model, effect):
     table = campaign(levitation_model, 3, [effect])
-    found = diagnose_bench(levitation_model, table, QUICK)
+    found = diagnose(levitation_model, table, **QUICK)
     assert (found.missing[0].name, found.look_alikes, found.confident) == (effect.effect.name, (), True)
-    assert confidence_sentence(found).startswith("Sure")
-    withheld = diagnose_bench(levitation_model, table, replace(QUICK, exclude=(effect.effect.name,)))
+    assert certainty_sentence(found).startswith("Certain")
+    withheld = diagnose(levitation_model, table, **QUICK, exclude=(effect.effect.name,))
     assert (withheld.verdict, withheld.confident) == ("unexplained", False)
 
 
 def test_a_cause_named_as_its_neighbour_is_not_called_sure(levitation_model):
     table = campaign(levitation_model, 3, [hidden("hall_offset", offset_V=0.02)])
-    withheld = diagnose_bench(levitation_model, table, replace(QUICK, exclude=("hall_offset",)))
+    withheld = diagnose(levitation_model, table, **QUICK, exclude=("hall_offset",))
     assert withheld.verdict == "named"
     assert not withheld.confident
-    assert confidence_sentence(withheld).startswith("Not sure")
+    assert certainty_sentence(withheld).startswith("Not certain")
 
 
 def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
     table = campaign(levitation_model, 3, [hidden("force_gain", gain_error=0.008)], noise={"force_N": NOISE["force_N"]})
-    found = diagnose_bench(levitation_model, table, QUICK)
+    found = diagnose(levitation_model, table, **QUICK)
     assert found.verdict == "named"
     assert "current_gain" in found.look_alikes
     assert {name for one in found.missing for name in one.members[1:]} <= set(found.look_alikes)
     assert not found.confident
-    assert "a cause not listed that acts like" in confidence_sentence(found)
+    assert found.missing[0].members[1] in certainty_sentence(found)
 
 
 def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitation_model):
     table = campaign(levitation_model, 3, [hidden("constant_force", pull=0.03)])
-    alone = diagnose_bench(levitation_model, table, replace(QUICK, exclude=("force_offset",)))
+    alone = diagnose(levitation_model, table, **QUICK, exclude=("force_offset",))
     assert alone.missing[0].members == ("constant_force",)
     assert not alone.confident
-    assert "a constant error of the force" in confidence_sentence(alone)
+    assert "a constant error of the force" in certainty_sentence(alone)

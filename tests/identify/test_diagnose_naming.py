@@ -7,16 +7,17 @@ import pytest
 
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose_bench
-from femfit.identify.decision.evidence import gather
-from femfit.identify.decision.naming import Levels, decide
+from femfit.identify.decision.campaign import gather
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.decision.diagnosis import CleanCampaigns
+from femfit.identify.decision.naming import decide
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.readings.observations import bench_observations
+from femfit.identify.readings.bench import bench_observations
 from femfit.model.actuator_model import ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.campaign import NOISE, campaign
 
-QUICK = DiagnosisOptions(bootstrap=0)
+QUICK = {"bootstrap": 0}
 SATURATION = AddedEffect(
     effect_by_name("core_saturation"), effect_by_name("core_saturation").null() | {"mmf_loss_3": 0.02}
 )
@@ -24,7 +25,7 @@ HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
 
 
 def decided(model, table):
-    return decide(gather(bench_observations(model, table), list(all_effects().values())), Levels())
+    return decide(gather(bench_observations(model, table), list(all_effects().values())))
 
 
 @pytest.mark.parametrize(("rho", "mount_m"), [(0.0, 0.0), (0.6, 50e-6)])
@@ -39,16 +40,16 @@ def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_m
 
 
 def test_a_hidden_effect_is_named_with_its_size(levitation_model):
-    result = diagnose_bench(levitation_model, campaign(levitation_model, 3, [HALL]), QUICK)
+    result = diagnose(levitation_model, campaign(levitation_model, 3, [HALL]), **QUICK)
     assert (result.verdict, result.missing[0].name) == ("named", "hall_offset")
     low, high = result.missing[0].ci95["offset_V"]
     assert low < 0.02 < high
-    assert result.missing[0].error_fall == pytest.approx(1.0, abs=0.1)
+    assert result.missing[0].explained_share == pytest.approx(1.0, abs=0.1)
     assert result.where.channel == "hall_V"
 
 
 def test_two_hidden_effects_are_both_named(levitation_model):
-    result = diagnose_bench(levitation_model, campaign(levitation_model, 4, [SATURATION, HALL]), QUICK)
+    result = diagnose(levitation_model, campaign(levitation_model, 4, [SATURATION, HALL]), **QUICK)
     assert result.verdict == "named"
     assert {"core_saturation", "hall_offset"} == {one.name for one in result.missing}
 
@@ -62,7 +63,7 @@ def crooked(readings, rows):
 def test_a_second_effect_is_named_where_the_first_one_changes_nothing(levitation_model):
     small = AddedEffect(HALL.effect, {"offset_V": 0.01})  # a fiftieth of what the force is off by, in units of noise
     alone, beside = (
-        diagnose_bench(levitation_model, campaign(levitation_model, 14, effects, change=crooked), QUICK)
+        diagnose(levitation_model, campaign(levitation_model, 14, effects, change=crooked), **QUICK)
         for effects in ([], [small])
     )
     assert [one.name for one in alone.missing] == ["force_gain"]
@@ -77,7 +78,7 @@ def test_something_that_is_no_known_effect_is_unexplained_and_located(levitation
         wave = 1.2e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
         return readings | {"force_N": readings["force_N"] + wave}
 
-    result = diagnose_bench(levitation_model, campaign(levitation_model, 5, change=ripple), QUICK)
+    result = diagnose(levitation_model, campaign(levitation_model, 5, change=ripple), **QUICK)
     assert (result.verdict, result.missing) == ("unexplained", ())
     assert result.where.channel == "force_N"
     assert result.where.covariates[0] == "distance_m"
@@ -85,7 +86,7 @@ def test_something_that_is_no_known_effect_is_unexplained_and_located(levitation
 
 def test_an_effect_that_is_left_out_of_the_catalogue_is_not_given_another_name(levitation_model):
     table = campaign(levitation_model, 6, [SATURATION])
-    result = diagnose_bench(levitation_model, table, replace(QUICK, exclude=("core_saturation",)))
+    result = diagnose(levitation_model, table, **QUICK, exclude=("core_saturation",))
     assert result.verdict == "unexplained"
     assert "core_saturation" not in {score.name for score in result.ranking}
 
@@ -93,22 +94,23 @@ def test_an_effect_that_is_left_out_of_the_catalogue_is_not_given_another_name(l
 def test_without_repeats_or_declared_noise_the_data_are_compared_only(levitation_model):
     table = campaign(levitation_model, 7, [HALL], runs=1, rho=0.0)
     rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
-    result = diagnose_bench(levitation_model, rising, QUICK)
+    result = diagnose(levitation_model, rising, **QUICK)
     assert result.verdict == "compare_only"
-    assert result.findings[-1].code == "no-noise-floor"
-    declared = diagnose_bench(levitation_model, replace(rising, declared_noise=NOISE), QUICK)
+    assert result.findings[-1].code == "no-noise"
+    declared = diagnose(levitation_model, replace(rising, declared_noise=NOISE), **QUICK)
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
 
 
-def test_a_warm_coil_without_a_thermometer_has_a_usual_size(levitation_model):
+def test_a_warm_coil_without_a_thermometer_is_one_class_with_a_wrong_resistance(levitation_model):
     table = campaign(
         levitation_model, 13, change=lambda r, rows: r | {"voltage_V": (1.0 + 25 * 3.93e-3) * r["voltage_V"]}
     )
     blind = tuple(name for name in table.given if name != "coil_temperature_C")
     unread = replace(table, rows=table.rows.assign(coil_temperature_C=np.nan), given=blind)
-    result = diagnose_bench(levitation_model, unread, QUICK)
-    assert [one.name for one in result.missing] == ["coil_temperature"]
-    assert result.missing[0].sane  # its coefficient of a recorded temperature is zero, which would be unusual of copper
+    result = diagnose(levitation_model, unread, **QUICK)
+    (named,) = result.missing
+    assert set(named.members) == {"resistance", "coil_temperature"}  # the same readings, the commoner cause first
+    assert named.plausible
 
 
 def test_the_noise_model_recovers_what_made_the_data(levitation_model):
@@ -145,18 +147,25 @@ def test_a_distance_error_of_all_mounts_does_not_widen_their_scatter(levitation_
 
 def test_the_false_naming_rate_of_clean_campaigns_is_small_and_reproducible(levitation_model):
     table = campaign(levitation_model, 10, distances=6, currents=5)
-    options = DiagnosisOptions(bootstrap=10, seed=1)
-    first, again = (diagnose_bench(levitation_model, table, options) for _ in range(2))
-    assert first.false_naming_rate == again.false_naming_rate
-    assert first.false_naming_rate <= 0.1
+    first, again = (diagnose(levitation_model, table, bootstrap=10, rng=1) for _ in range(2))
+    assert first.clean == again.clean
+    assert first.clean.named <= 1
+
+
+@pytest.mark.parametrize(("named", "campaigns", "bound"), [(0, 40, 0.088), (2, 40, 0.169), (40, 40, 1.0)])
+def test_a_bootstrap_is_a_count_with_the_end_of_its_interval(named, campaigns, bound):
+    # Exact binomial intervals at 95 % (Clopper and Pearson, 1934)
+    clean = CleanCampaigns(named, campaigns)
+    assert clean.bound == pytest.approx(bound, abs=5e-4)
+    assert f"{named} of {campaigns}" in str(clean)
 
 
 def test_what_the_data_could_show_scales_with_the_noise(levitation_model):
     quiet, loud = (
-        diagnose_bench(
+        diagnose(
             levitation_model,
             campaign(levitation_model, 11, mount_m=0.0, rho=0.0, noise={k: f * v for k, v in NOISE.items()}),
-            QUICK,
+            **QUICK,
         )
         for f in (1.0, 4.0)
     )
@@ -165,7 +174,7 @@ def test_what_the_data_could_show_scales_with_the_noise(levitation_model):
 
 
 def test_the_result_is_json_with_the_class_under_its_own_name(levitation_model):
-    data = diagnose_bench(levitation_model, campaign(levitation_model, 3, [HALL]), QUICK).to_dict()
+    data = diagnose(levitation_model, campaign(levitation_model, 3, [HALL]), **QUICK).to_dict()
     assert data["missing"][0]["class"][0] == "hall_offset"
     assert set(data) >= {
         "verdict",
@@ -173,7 +182,7 @@ def test_the_result_is_json_with_the_class_under_its_own_name(levitation_model):
         "ranking",
         "where",
         "noise_floor",
-        "rms",
+        "error_fall",
         "detectable",
         "false_naming_rate",
     }

@@ -7,11 +7,10 @@ import pytest
 
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter
-from femfit.identify.decision.diagnose import DiagnosisOptions, examine
+from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.plan import examine_plan
 from femfit.identify.experiments.suggest import suggest_measurements
 from femfit.identify.experiments.suggest_text import plan_lines, suggestion_lines
-from femfit.identify.readings.observations import bench_observations
 from femfit.model.magnetics import CoenergySpline
 from support.campaign import NOISE, campaign
 from support.splines import REFERENCE_DISTANCE, fitted_spline
@@ -38,7 +37,7 @@ def confounded(levitation_model, monkeypatch):
     )
     given = tuple(name for name in table.given if name not in NOISE or name == "force_N")
     table = replace(table, rows=table.rows.assign(flux_linkage_Wb=np.nan, hall_V=np.nan, voltage_V=np.nan), given=given)
-    examination = examine(bench_observations(levitation_model, table), DiagnosisOptions(bootstrap=0))
+    examination = diagnose(levitation_model, table, bootstrap=0)
     return table, examination
 
 
@@ -53,7 +52,7 @@ def test_a_further_channel_or_a_reference_weight_separates_them_and_more_of_the_
 ):
     table, examination = confounded
     advice = suggest_measurements(
-        levitation_model, table, examination.evidence.noise, examination.explanations, list(PAIR)
+        levitation_model, table, examination.campaign.noise, examination.explanations, list(PAIR)
     )
     texts = [one.text for one in advice]
     assert texts[0] == "Hang a reference weight on the force sensor."  # ten readings, 40 standard deviations
@@ -102,12 +101,12 @@ def force_only(model, seed, hidden, **size):
     rows = table.rows.assign(coil_temperature_C=np.nan, magnet_temperature_C=np.nan)
     rows = rows.assign(**{name: np.nan for name in NOISE if name not in rows})
     table = replace(table, rows=rows, given=given)
-    return table, examine(bench_observations(model, table), DiagnosisOptions(bootstrap=0))
+    return table, diagnose(model, table, bootstrap=0)
 
 
 def advice_of(model, table, examination):
     return suggest_measurements(
-        model, table, examination.evidence.noise, examination.explanations, list(all_effects().values())
+        model, table, examination.campaign.noise, examination.explanations, list(all_effects().values())
     )
 
 

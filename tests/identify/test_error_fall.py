@@ -8,7 +8,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.curves import measured_curves
 from femfit.identify.comparison.fall import error_fall
-from femfit.identify.readings.observations import bench_observations
+from femfit.identify.readings.bench import bench_observations
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from support.campaign import NOISE, campaign

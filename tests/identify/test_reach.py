@@ -5,14 +5,16 @@ from dataclasses import replace
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.identify.readings.observations import bench_observations
+from femfit.identify.readings.bench import bench_observations
 from support.campaign import campaign
 
 
 def test_a_table_in_millimetres_is_refused_with_its_unit(levitation_model):
     table = campaign(levitation_model, 21, runs=1)
     table = replace(table, rows=table.rows.assign(distance_m=1e3 * table.rows["distance_m"]))
-    with pytest.raises(TableError, match=r"must have rows within the model's box, .*distance_m seems to be in mm"):
+    with pytest.raises(
+        TableError, match=r"must have rows within the model's validity domain, .*distance_m seems to be in mm"
+    ):
         bench_observations(levitation_model, table)
 
 

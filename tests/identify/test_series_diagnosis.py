@@ -8,17 +8,16 @@ import pytest
 from femfit.core.errors import TableError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.identify.comparison.gate import pattern_space
-from femfit.identify.decision.diagnose import DiagnosisOptions
+from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
-from femfit.identify.series.diagnose import diagnose_series
 from femfit.identify.series.observations import series_observations
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement_file import read_time_series
 from support.closed_loop import closed_loop, recorded
 
-QUICK = DiagnosisOptions(bootstrap=0)
+QUICK = {"bootstrap": 0}
 
 
 def added(name, **parameters):
@@ -63,7 +62,7 @@ def test_the_scatter_of_the_balances_is_what_the_sensors_noise_makes(model, clea
 def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, clean):
     ways = [{}, {"lost": 0.02}, {"converter_A": 5e-3, "current_A": 3e-4}, {"distance_m": 3e-5, "current_A": 4e-3}]
     verdicts = [
-        diagnose_series(model, recorded(clean, seed=run, runs=(run,), **ways[run % 4]), QUICK).verdict
+        diagnose(model, recorded(clean, seed=run, runs=(run,), **ways[run % 4]), **QUICK).verdict
         for run in range(1, 13)
     ]
     # The gate opens on 1 % of clean campaigns: two openings among twelve are less likely than 1 %
@@ -76,8 +75,8 @@ def test_many_clean_runs_together_show_no_structure_in_any_channel(model, clean)
     observations = series_observations(model, recorded(clean, seed=2, runs=range(1, 13)))
     noise = estimate_noise(observations)
     whitening = Whitening(observations, noise, chains_of(observations))
-    gate = pattern_space(observations, whitening).test(whitening.full(observations.residual))
-    assert gate.p_value > 0.01
+    test = pattern_space(observations, whitening).test(whitening.full(observations.residual))
+    assert test.p_value > 0.01
 
 
 @pytest.mark.long
@@ -92,7 +91,7 @@ def test_forty_long_clean_records_are_called_clean_but_for_chance(model):
             "lost": float(generator.choice([0.0, 0.02])),
             "converter_A": float(generator.choice([0.0, 5e-3])),
         }
-        verdicts.append(diagnose_series(model, recorded(samples, run, runs=(run,), **how), QUICK).verdict)
+        verdicts.append(diagnose(model, recorded(samples, run, runs=(run,), **how), **QUICK).verdict)
     assert verdicts.count("nothing_missing") >= 38  # 1 % each: three among forty are less likely than 1 %
 
 
@@ -107,7 +106,7 @@ def test_forty_long_clean_records_are_called_clean_but_for_chance(model):
     ids=lambda value: value.effect.name if isinstance(value, AddedEffect) else None,
 )
 def test_a_hidden_effect_is_in_the_class_with_its_size(model, effect, key, rel):
-    result = diagnose_series(model, hidden(model, effect), QUICK)
+    result = diagnose(model, hidden(model, effect), **QUICK)
     assert result.verdict == "named"
     assert effect.effect.name in result.missing[0].members
     if result.missing[0].name == effect.effect.name:
@@ -115,19 +114,19 @@ def test_a_hidden_effect_is_in_the_class_with_its_size(model, effect, key, rel):
 
 
 def test_mass_and_pull_are_one_class_in_a_closed_loop(model):
-    result = diagnose_series(model, hidden(model, added("mass_error", mass_error=0.03)), QUICK)
+    result = diagnose(model, hidden(model, added("mass_error", mass_error=0.03)), **QUICK)
     assert {"mass_error", "constant_force"} <= set(result.missing[0].members)
     assert result.where.channel == "force_balance_N"
 
 
 def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model):
     samples = closed_loop(model, [added("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5)
-    result = diagnose_series(model, recorded(samples, seed=3, runs=range(1, 7), distance_m=3e-5), QUICK)
+    result = diagnose(model, recorded(samples, seed=3, runs=range(1, 7), distance_m=3e-5), **QUICK)
     assert result.missing[0].name == "mass_error"
     assert result.missing[0].parameters["mass_error"] == pytest.approx(0.2, rel=0.02)
     # Weighed by the true mass, the noise of the distance would leave a fifth more
-    ratio = result.rms_after["force_balance_N"] / result.noise_floor["force_balance_N"]
-    assert 0.9 < ratio < 1.08  # some 400 windows: 4 %
+    fall = {one.channel: one for one in result.error_fall.channels}
+    assert 0.9 < fall["force_balance_N"].after_over_noise < 1.08  # some 400 windows: 4 %
 
 
 def test_an_eddy_lag_is_told_from_friction_by_the_voltage_and_hardly_by_the_motion_alone(model):
@@ -138,7 +137,7 @@ def test_an_eddy_lag_is_told_from_friction_by_the_voltage_and_hardly_by_the_moti
         given=tuple(name for name in record.given if name not in ("voltage_V", "hall_V")),
     )
     assert series_observations(model, blind).channels == ("force_balance_N",)
-    whole, motion = (diagnose_series(model, one, QUICK) for one in (record, blind))
+    whole, motion = (diagnose(model, one, **QUICK) for one in (record, blind))
     assert whole.missing[0].members == ("eddy_current_lag",)
     falls = [{one.name: one.chi2_fall for one in result.ranking} for result in (whole, motion)]
     shares = [fall["viscous_friction"] / fall["eddy_current_lag"] for fall in falls]
@@ -151,7 +150,7 @@ def test_an_eddy_lag_is_told_from_friction_by_the_voltage_and_hardly_by_the_moti
 
 def test_effects_that_a_model_has_are_taken_into_account(model):
     effect = added("viscous_friction", damping_per_s=6.0)
-    result = diagnose_series(with_effects(model, [effect]), hidden(model, effect), QUICK)
+    result = diagnose(with_effects(model, [effect]), hidden(model, effect), **QUICK)
     assert result.verdict == "nothing_missing"
 
 

@@ -8,7 +8,7 @@ import pytest
 from femfit.identify.comparison.where import where_it_fails
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
-from femfit.identify.readings.observations import bench_observations
+from femfit.identify.readings.bench import bench_observations
 from femfit.model.actuator_model import ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.campaign import NOISE, campaign

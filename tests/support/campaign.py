@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from femfit.identify.readings.observations import conditions_of
+from femfit.identify.readings.bench import conditions_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable

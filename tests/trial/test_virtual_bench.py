@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.identify.decision.diagnose import DiagnosisOptions, diagnose_bench
+from femfit.identify.decision.diagnose import diagnose
 from femfit.tables.measurement import BenchTable
 from femfit.trial.truth.thermal import COPPER_PER_K
 from femfit.trial.virtual_bench import VirtualBench, measure
@@ -29,13 +29,9 @@ def test_the_winding_follows_copper(levitation_model, rows):
 
 def test_a_model_measured_on_itself_lacks_nothing_but_the_winding_s_warming(levitation_model, rows):
     cold = rows.drop(columns="voltage_V")
-    result = diagnose_bench(
-        levitation_model, BenchTable(_complete(cold), tuple(cold.columns)), DiagnosisOptions(bootstrap=0)
-    )
+    result = diagnose(levitation_model, BenchTable(_complete(cold), tuple(cold.columns)), bootstrap=0)
     assert result.verdict == "nothing_missing"
-    full = diagnose_bench(
-        levitation_model, BenchTable(_complete(rows), tuple(rows.columns)), DiagnosisOptions(bootstrap=0)
-    )
+    full = diagnose(levitation_model, BenchTable(_complete(rows), tuple(rows.columns)), bootstrap=0)
     assert [one.name for one in full.missing] == ["coil_temperature"]
 
 

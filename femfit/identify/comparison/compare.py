@@ -1,50 +1,35 @@
-"""How far a model is from measurements, against the noise floor, and where: ``femfit compare``."""
+"""How far a model is from measurements, against their noise, and where: ``femfit compare``."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from dataclasses import asdict, dataclass
+from html import escape
+from pathlib import Path
+from typing import Any, Literal, cast
 
 import numpy as np
 
 from femfit.core.finding import Finding
-from femfit.identify.comparison.compare_shape import ShapeMisfit, shape_misfit
-from femfit.identify.comparison.gate import pattern_space
+from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
+from femfit.identify.comparison.law_shape import ShapeMisfit, shape_misfit
 from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.patterns import smooth_patterns
-from femfit.identify.comparison.where import where_it_fails
-from femfit.identify.decision.diagnosis import Gate, Where
+from femfit.identify.comparison.where import Where, where_it_fails
+from femfit.identify.decision.campaign import considered_effects, gather, untested_channels
+from femfit.identify.decision.diagnosis_text import SCATTERED, mount_words
+from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
-from femfit.identify.readings.observations import Observations, bench_observations
-from femfit.identify.readings.repeats import lack_of_fit
+from femfit.identify.readings.amounts import CHANNEL_WORDS, amount, chance, times
+from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.place import notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import BenchTable
-
-LEVEL = 0.01
-"""Probability of calling a model that holds a failing one."""
-
-NO_FLOOR = Finding(
-    "no-noise-floor",
-    "info",
-    "Neither repeated settings nor a declared noise say how large the noise is, so the misfit cannot be judged.",
-    "Measure some settings twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4).",
-)
+from femfit.tables.measurement import Measurement
 
 CompareVerdict = Literal["agrees", "fails", "wrong_shape", "compare_only"]
-
-_OWN_MISFIT = 4.0
-"""A structured misfit up to twice (in amplitude) the model's own to its sweep is that."""
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """The largest misfit of a channel.
-
-    Parameters
-    ----------
-    value : float
-        Recorded minus predicted, in the channel's unit.
-    """
+    """The largest misfit of a channel: recorded minus predicted in the channel's unit, and where."""
 
     value: float
     distance_m: float
@@ -60,13 +45,13 @@ class ChannelMisfit:
     mean, rms : float
         Of recorded minus predicted, in the channel's unit.
     noise_floor : float or None
-        Standard deviation of one reading; None where nothing tells it.
+        Standard deviation of one reading; None where it is unknown.
     noise_source : str
         ``repeats``, ``declared``, ``samples`` of a time series, or empty.
     noise_readings : float or None
-        Repeats that the floor comes from.
+        Degrees of freedom of the repeats that the noise comes from.
     model_misfit : float
-        Of the model to the sweep that it was fitted to, rms in the channel's unit.
+        Root mean square of the model's misfit to the table that it was fitted to, in the channel's unit.
     """
 
     channel: str
@@ -78,155 +63,180 @@ class ChannelMisfit:
     noise_source: str
     noise_readings: float | None
     model_misfit: float
-    lack_of_fit: Gate | None
+    lack_of_fit: LackOfFit | None
+
+    def __str__(self) -> str:
+        text = f"{CHANNEL_WORDS[self.channel]}: error {amount(self.rms, self.channel)} rms in {self.readings} readings"
+        if self.noise_floor is not None:
+            source = self.noise_source if self.noise_readings is None else f"from {self.noise_readings:.0f} repeats"
+            floor = amount(self.noise_floor, self.channel)
+            text += f", {times(self.rms / self.noise_floor)} times the noise of one, {floor} ({source})"
+        worst = self.largest
+        text += (
+            f"; largest {amount(worst.value, self.channel)} at {amount(worst.distance_m, 'distance_m', 3)} and "
+            f"{amount(worst.current_A, 'current_A')}"
+        )
+        return text + (f"; against repeats {chance(self.lack_of_fit.p_value)}" if self.lack_of_fit else "")
 
 
-@dataclass(frozen=True)
+_VERDICTS = {
+    "agrees": "The model agrees with these data within their noise{scatter}.",
+    "fails": "The model fails: {where}",
+    "wrong_shape": "The model fails, but no more than it misses the table that it was fitted to: {where}",
+    "compare_only": "No verdict. {why} The misfit: {where}",
+}
+
+
+@dataclass(frozen=True, eq=False)
 class Comparison:
-    """The result of a comparison.
+    """The result of a comparison; printed, it is what ``femfit compare`` prints.
 
     Parameters
     ----------
     verdict : str
-        ``agrees`` within the noise; ``fails``; ``wrong_shape`` where it misses the sweep that it was fitted to as much
-        as the measurement; ``compare_only`` without a noise floor.
+        ``agrees`` within the noise; ``fails``; ``wrong_shape`` where it misses the table that it was fitted to as much
+        as the measurement; ``compare_only`` where the noise is unknown or the readings are too few.
     channels : tuple of ChannelMisfit
         Each that both the model and the measurement have.
     where : Where
         Where it fails; without a channel where it agrees.
-    structure : Gate or None
-        The test of smooth patterns, of all channels together.
+    p_value : float or None
+        Of the test that ``femfit diagnose`` begins with, of smooth patterns and of every effect.
+    structure : LackOfFit or None
+        The part of that test in smooth patterns, of all channels together.
     mount_m : float or None
-        Standard deviation of the distance from mount to mount, where there are several.
+        Standard deviation by which the distance may differ from mount to mount, where that freedom is given.
+    mount_assumed : bool
+        Whether it is assumed rather than estimated, since there are few mounts.
     shape : ShapeMisfit or None
         Of a law: how far it is from its own reference, before any measurement.
-    findings : tuple of str
-        What the reader should know of the data, one plain sentence each.
-    placed_by : str
-        What tells mounts apart: ``from mount to mount`` where the file has them, else ``from run to run``.
     """
 
     verdict: CompareVerdict
     channels: tuple[ChannelMisfit, ...]
     where: Where
-    structure: Gate | None
+    p_value: float | None
+    structure: LackOfFit | None
     mount_m: float | None
+    mount_assumed: bool
     shape: ShapeMisfit | None
     maps: tuple[MisfitMap, ...]
+    observations: Observations
     findings: tuple[Finding, ...] = ()
-    placed_by: str = "from run to run"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        data = asdict(replace(self, maps=()))
-        data["maps"] = [one.to_dict() for one in self.maps]
-        return data
+        plain = ("verdict", "p_value", "mount_m", "mount_assumed")
+        nested = ("where", "structure", "shape")
+        return {
+            **{name: getattr(self, name) for name in plain},
+            **{name: getattr(self, name) and asdict(getattr(self, name)) for name in nested},
+            "channels": [asdict(one) for one in self.channels],
+            "maps": [one.to_dict() for one in self.maps],
+            "findings": [one.as_dict() for one in self.findings],
+        }
+
+    def __str__(self) -> str:
+        freedom = None
+        if self.mount_m:
+            freedom = mount_words(self.mount_m, self.mount_assumed, self.observations.given)
+        ratios = [one.rms / one.noise_floor for one in self.channels if one.noise_floor]
+        why = str(self.findings[-1]) if self.findings else ""
+        scatter = f" and {freedom}" if freedom and max(ratios, default=0.0) > SCATTERED else ""
+        lines = [*suspicions(self.findings)]
+        lines.append(_VERDICTS[self.verdict].format(where=self.where.sentence, scatter=scatter, why=why))
+        lines += [str(one) for one in self.channels]
+        if self.p_value is not None and self.structure is not None:
+            lines.append(
+                f"Lack of fit: {chance(self.p_value)}; misfit {times(self.structure.statistic)} times what noise "
+                f"gives in {self.structure.degrees_of_freedom} smooth patterns."
+            )
+        if freedom and not scatter:
+            lines.append(f"The test allows for {freedom}.")
+        if self.shape is not None:
+            lines.append(self.shape.sentence)
+        said = self.findings[:-1] if self.verdict == "compare_only" else self.findings
+        return "\n".join([*lines, *notes(said)])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
 
 
-def compare_bench(model: ActuatorModel, table: BenchTable, reference: ActuatorModel | None = None) -> Comparison:
-    """Compare a model with a bench table.
+def compare(
+    model: ActuatorModel, data: Measurement | str | Path, *, reference: ActuatorModel | None = None
+) -> Comparison:
+    """Compare a model with measurements: misfit per channel against its noise, lack of fit, and where it fails.
 
     Parameters
     ----------
+    data : BenchTable or TimeSeries, or a path
+        What was measured.
     reference : ActuatorModel or None
-        The co-energy that a law was fitted to; without it, the law's file tells its misfit to the sweep alone.
+        The co-energy that a law was fitted to; without it, the law's file says its misfit to the sweep alone.
 
     Raises
     ------
     TableError
         If no reading can be compared.
     """
-    return compare_observations(bench_observations(model, table), model, reference)
-
-
-def compare_observations(
-    observations: Observations, model: ActuatorModel, reference: ActuatorModel | None = None
-) -> Comparison:
-    """Compare observations of any kind with their model.
-
-    Parameters
-    ----------
-    observations : Observations
-        M readings beside what ``model`` predicts.
-    """
-    comparison = _compared(observations)
-    floor = {one.channel: one.noise_floor for one in comparison.channels}
-    return replace(comparison, shape=shape_misfit(model, reference, floor.get("force_N")))
-
-
-def _compared(observations: Observations) -> Comparison:
-    """The comparison without the shape of a law."""
-    noise = estimate_noise(observations)
-    known = noise is not None
-    whitening = Whitening(observations, noise or _scatter_as_noise(observations), chains_of(observations))
+    observations = placed(model, data)
+    campaign = gather(observations, considered_effects())
+    if isinstance(campaign, Finding):
+        noise, findings = estimate_noise(observations), [campaign]
+        whitening = Whitening(observations, noise or _scatter_as_noise(observations), chains_of(observations))
+        test, verdict = None, "compare_only"
+    else:
+        noise, findings, whitening = campaign.noise, untested_channels(campaign), campaign.whitening
+        test = judge_model(campaign)
+        verdict = {"fits": "agrees", "own_misfit": "wrong_shape", "fails": "fails"}[test.outcome]
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
-    rest, space = whitening.full(observations.residual), pattern_space(observations, whitening)
-    structure = space.test(rest) if known else None
-    verdict: CompareVerdict = "compare_only"
-    if structure is not None:
-        own = np.sum((observations.tolerance / whitening.noise.sigma[observations.channel]) ** 2)
-        fails: CompareVerdict = "fails" if space.excess(rest) > _OWN_MISFIT * own else "wrong_shape"
-        verdict = fails if structure.p_value < LEVEL else "agrees"
-    where = Where("", (), "The model explains these data within their noise.")
-    if verdict != "agrees":
-        where = where_it_fails(observations, whitening)
-    mounts = len(np.unique(observations.column("mount")))
+    floor = {one.channel: one.noise_floor for one in channels}
+    agrees = Where("", (), "The model explains these data within their noise.")
     return Comparison(
-        verdict=verdict,
+        verdict=cast("CompareVerdict", verdict),
         channels=channels,
-        where=where,
-        structure=structure,
-        mount_m=noise.mount_m if noise is not None and mounts > 1 else None,
-        shape=None,
+        where=agrees if verdict == "agrees" else where_it_fails(observations, whitening),
+        p_value=test.p_value if test else None,
+        structure=test.lack_of_fit if test else None,
+        mount_m=(noise.mount_m or None) if noise else None,
+        mount_assumed=bool(noise and noise.mount_assumed),
+        shape=shape_misfit(model, reference, floor.get("force_N")),
         maps=misfit_maps(observations),
-        findings=observations.findings if known else (*observations.findings, NO_FLOOR),
-        placed_by="from mount to mount" if "mount" in observations.given else "from run to run",
+        observations=observations,
+        findings=(*observations.findings, *findings),
     )
 
 
 def _channel(observations: Observations, noise: NoiseModel | None, name: str) -> ChannelMisfit:
     here = np.flatnonzero(observations.of(name))
     residual, c = observations.residual[here], observations.channels.index(name)
-    source: Mapping[str, str] = noise.source if noise is not None else {}
-    known = noise is not None and name in source
+    source = noise.source.get(name, "") if noise else ""
     worst = int(np.argmax(np.abs(residual)))
-    extreme = Extreme(
-        float(residual[worst]),
-        float(observations.column("distance_m")[here[worst]]),
-        float(observations.column("current_A")[here[worst]]),
-    )
     return ChannelMisfit(
         channel=name,
         readings=len(here),
         mean=float(residual.mean()),
         rms=float(np.sqrt(np.mean(residual**2))),
-        largest=extreme,
-        noise_floor=float(noise.sigma[c]) if noise is not None and known else None,
-        noise_source=source.get(name, ""),
-        noise_readings=float(noise.repeats[c]) if noise is not None and source.get(name) == "repeats" else None,
+        largest=Extreme(
+            float(residual[worst]),
+            float(observations.column("distance_m")[here[worst]]),
+            float(observations.column("current_A")[here[worst]]),
+        ),
+        noise_floor=float(noise.sigma[c]) if noise and source else None,
+        noise_source=source,
+        noise_readings=float(noise.repeats[c]) if noise and source == "repeats" else None,
         model_misfit=float(np.sqrt(np.mean(observations.tolerance[here] ** 2))),
-        lack_of_fit=lack_of_fit(observations, noise, name) if noise is not None and known else None,
+        lack_of_fit=pure_error_test(observations, noise, name) if noise and source else None,
     )
 
 
 def _scatter_as_noise(observations: Observations) -> NoiseModel:
-    """What smooth patterns leave, in place of a noise that nothing tells: enough to weigh the channels by."""
+    """What smooth patterns leave, in place of an unknown noise: enough to weigh the channels by."""
     patterns, zeros = smooth_patterns(observations), np.zeros(len(observations.channels))
     sigma = np.ones(len(observations.channels))
     for c in range(len(sigma)):
         here, columns = observations.channel == c, patterns.columns[:, patterns.channel == c]
         basis = orthonormal_basis(columns[here])
-        rest = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
-        sigma[c] = max(float(np.sqrt(rest @ rest / max(len(rest) - basis.shape[1], 1))), 1e-12)
-    return NoiseModel(
-        channels=observations.channels,
-        sigma=sigma,
-        rho=zeros,
-        mount_m=0.0,
-        run=zeros,
-        repeats=zeros,
-        degrees_of_freedom=zeros,
-        source={},
-        test_mount_m=0.0,
-        test_run=zeros,
-    )
+        scatter = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
+        sigma[c] = max(float(np.sqrt(scatter @ scatter / max(len(scatter) - basis.shape[1], 1))), 1e-12)
+    return NoiseModel(observations.channels, sigma, zeros, 0.0, zeros, zeros, zeros, {}, 0.0, zeros)

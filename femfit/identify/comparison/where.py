@@ -1,11 +1,13 @@
 """Where a model fails: the channel, what the misfit changes with, and one plain sentence."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.ties import first_best
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
 from femfit.identify.comparison.region import describe_region
-from femfit.identify.decision.diagnosis import Where
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.readings.observations import Observations
 
@@ -14,6 +16,23 @@ _LEAST_SHARE = 0.05
 
 _ALIASES = {"elapsed": "order"}
 """Clocks that mean the same to a reader."""
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where the model fails.
+
+    Parameters
+    ----------
+    channel : str
+        The measured channel with the largest misfit over its noise; empty where nothing fails.
+    covariates : tuple of str
+        Columns along which the misfit changes, the strongest first.
+    """
+
+    channel: str
+    covariates: tuple[str, ...]
+    sentence: str
 
 
 def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
@@ -27,13 +46,13 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
         Covariates in the order in which they explain the structure; none where the misfit is the same everywhere.
     """
     patterns = smooth_patterns(observations)
-    columns, rest = whitening.full(patterns.columns), whitening.full(observations.residual)
-    smooth = structured_misfit(patterns, columns, rest)
+    columns, residual = whitening.full(patterns.columns), whitening.full(observations.residual)
+    smooth = structured_misfit(patterns, columns, residual)
     counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
-    excess = np.array([_excess(columns[:, patterns.channel == c], rest) for c in range(len(counts))])
-    worst = int(np.argmax(excess / counts))
+    excess = np.array([_excess(columns[:, patterns.channel == c], residual) for c in range(len(counts))])
+    worst = first_best((excess / counts).tolist())
     channel = observations.channels[worst]
-    covariates = _covariates(columns, patterns, worst, rest, smooth)
+    covariates = _covariates(columns, patterns, worst, residual, smooth)
     here, read = observations.of(channel), observations.residual
     if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
         # Where patterns cannot follow a large misfit, they err towards what a mount's error may be: told as it was read
@@ -41,15 +60,15 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     return Where(channel, covariates, describe_region(observations, channel, covariates, smooth))
 
 
-def structured_misfit(patterns: Patterns, columns: FloatArray, rest: FloatArray) -> FloatArray:
+def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatArray) -> FloatArray:
     """The smooth part of recorded minus predicted.
 
     Parameters
     ----------
     columns : array, shape (M, k)
         The patterns, whitened.
-    rest : array, shape (M,)
-        The residual, whitened.
+    residual : array, shape (M,)
+        Recorded minus predicted, whitened.
 
     Returns
     -------
@@ -57,12 +76,12 @@ def structured_misfit(patterns: Patterns, columns: FloatArray, rest: FloatArray)
         In the readings' units.
     """
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    amplitude = np.linalg.lstsq(columns / size, rest, rcond=1e-8)[0] / size
+    amplitude = np.linalg.lstsq(columns / size, residual, rcond=1e-8)[0] / size
     return np.asarray(patterns.columns @ amplitude)
 
 
 def _covariates(
-    columns: FloatArray, patterns: Patterns, channel: int, rest: FloatArray, smooth: FloatArray
+    columns: FloatArray, patterns: Patterns, channel: int, residual: FloatArray, smooth: FloatArray
 ) -> tuple[str, ...]:
     """Covariates in the order in which each adds most to what the ones before explain with their products.
 
@@ -77,12 +96,12 @@ def _covariates(
     def explained(among: list[str]) -> FloatArray:
         inside = [k for k in here if patterns.along[k] <= frozenset(among)]
         seen = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
-        return np.array([seen @ seen, max(_excess(columns[:, inside], rest), 0.0)])
+        return np.array([seen @ seen, max(_excess(columns[:, inside], residual), 0.0)])
 
     total, reached = explained(names), explained([])
     while len(chosen) < len(names):
         shares = {name: _share(explained([*chosen, name]) - reached, total) for name in names if name not in chosen}
-        best = max(shares, key=lambda name: shares[name])
+        best = list(shares)[first_best(list(shares.values()))]
         if shares[best] < _LEAST_SHARE:
             break
         chosen.append(best)
@@ -94,10 +113,10 @@ def _share(gain: FloatArray, total: FloatArray) -> float:
     return float(np.sqrt(np.prod(np.maximum(gain, 0.0) / np.maximum(total, 1e-300))))
 
 
-def _excess(columns: FloatArray, rest: FloatArray) -> float:
+def _excess(columns: FloatArray, residual: FloatArray) -> float:
     """Squared length of the whitened residual along whitened columns, less what noise gives."""
     if not columns.shape[1]:
         return 0.0
     basis = orthonormal_basis(columns)
-    along = basis.T @ rest
+    along = basis.T @ residual
     return float(along @ along - basis.shape[1])

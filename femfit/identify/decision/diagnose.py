@@ -1,226 +1,177 @@
-"""Which effect is missing, or none, or none of ours: the whole diagnosis of one set of observations."""
+"""Which effect is missing, or none, or none of ours: the whole diagnosis of a measurement."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
-from femfit.effects.catalogue import all_effects
-from femfit.effects.effect import Effect
-from femfit.identify.comparison.where import where_it_fails
+from femfit.effects.words import describe
+from femfit.identify.comparison.fall import error_fall
+from femfit.identify.comparison.where import Where, where_it_fails
+from femfit.identify.decision.campaign import Campaign, considered_effects, gather, untested_channels
 from femfit.identify.decision.confidence import look_alikes
-from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect, ScoredEffect, Where
-from femfit.identify.decision.evidence import Evidence, gather
-from femfit.identify.decision.magnitude import detectable_magnitudes, error_fall
-from femfit.identify.decision.naming import Decision, Levels, decide
-from femfit.identify.noise.simulated_noise import simulated_noise
-from femfit.identify.readings.observations import Observations, bench_observations
-from femfit.identify.refit.refit import Refit
-from femfit.identify.signatures.candidate import Candidate
+from femfit.identify.decision.constants import CLEAN_CAMPAIGNS, LEVEL
+from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
+from femfit.identify.decision.magnitude import detectable_magnitudes, explained_share
+from femfit.identify.decision.naming import Decision, decide
+from femfit.identify.noise.simulate import simulated_noise
+from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.place import placed
+from femfit.identify.refit.refit import is_plausible
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import BenchTable
-
-_NO_FLOOR = Finding(
-    "no-noise-floor",
-    "info",
-    "Neither repeated settings nor a declared noise say how large the noise of a channel is, so nothing can be named.",
-    "Measure some settings twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4).",
-)
+from femfit.tables.measurement import Measurement
 
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class DiagnosisOptions:
-    """How a diagnosis is made.
-
-    Parameters
-    ----------
-    bootstrap : int
-        Clean campaigns simulated for the false-naming rate; 0 for none.
-    """
-
-    levels: Levels = field(default_factory=Levels)
-    exclude: tuple[str, ...] = ()
-    bootstrap: int = 40
-    seed: int = 0
-
-
-def diagnose_bench(
-    model: ActuatorModel, table: BenchTable, options: DiagnosisOptions | None = None, progress: Progress | None = None
+def diagnose(
+    model: ActuatorModel,
+    data: Measurement | str | Path,
+    *,
+    exclude: Sequence[str] = (),
+    bootstrap: int = CLEAN_CAMPAIGNS,
+    rng: int | np.random.Generator | None = None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
-    """Diagnose a bench table.
+    """Compare measurements with a model and name the physical effect that is missing.
 
     Parameters
     ----------
     model : ActuatorModel
-        Best the co-energy reference: a law's own shape error is found as missing physics.
+        Best the co-energy reference: a law's own misfit is found as missing physics.
+    data : BenchTable or TimeSeries, or a path
+        What was measured.
+    exclude : sequence of str
+        Effects that are not considered.
+    bootstrap : int
+        Number of clean campaigns that are simulated to count how often something is named in them; 0 for none.
+    rng : int, Generator or None
+        Randomness of that simulation; None for a fixed seed.
+
+    Returns
+    -------
+    Diagnosis
+        With the verdict ``compare_only`` where the noise of no channel is known, or the readings are too few.
 
     Raises
     ------
     TableError
         If no reading can be compared.
     """
-    return diagnose(bench_observations(model, table), options, progress)
+    say = progress or (lambda _: None)
+    say("Reading")
+    return diagnose_observations(model, placed(model, data), exclude=exclude, bootstrap=bootstrap, rng=rng, say=say)
 
 
-def diagnose(
-    observations: Observations, options: DiagnosisOptions | None = None, progress: Progress | None = None
+def diagnose_observations(
+    model: ActuatorModel,
+    observations: Observations,
+    *,
+    exclude: Sequence[str] = (),
+    bootstrap: int = 0,
+    rng: int | np.random.Generator | None = None,
+    say: Progress = lambda _: None,
 ) -> Diagnosis:
-    """Diagnose observations of any kind.
-
-    Returns
-    -------
-    Diagnosis
-        ``compare_only`` where neither repeats nor a sidecar tell the noise of any channel.
-    """
-    return examine(observations, options, progress).diagnosis
-
-
-@dataclass(frozen=True, eq=False)
-class Examination:
-    """A diagnosis with what it rests on.
-
-    Parameters
-    ----------
-    evidence : Evidence or None
-        Noise and columns; None for ``compare_only``.
-    decision : Decision or None
-        With the refitted candidates; None for ``compare_only``.
-    """
-
-    diagnosis: Diagnosis
-    evidence: Evidence | None
-    decision: Decision | None
-
-    @property
-    def explanations(self) -> tuple[Refit, ...]:
-        """What was named, then each other explanation that the data do not tell from it."""
-        if self.decision is None or self.decision.chosen is None:
-            return ()
-        chosen = self.decision.chosen.fit
-        listed = {name for members in self.decision.classes for name in members}
-        rivals = (c.fit for c in self.decision.candidates if c.fit is not chosen and set(c.fit.names) <= listed)
-        return (chosen, *(fit for fit in rivals if len(fit.names) == len(chosen.names)))
-
-
-def examine(
-    observations: Observations, options: DiagnosisOptions | None = None, progress: Progress | None = None
-) -> Examination:
-    """Diagnose observations and keep what the result rests on."""
-    options, say = options or DiagnosisOptions(), progress or (lambda _: None)
+    """Diagnose readings that stand beside their model."""
     say("Estimating the noise")
-    evidence = gather(observations, considered_effects(options.exclude))
-    if evidence is None:
-        return Examination(_compare_only(observations), None, None)
+    campaign = gather(observations, considered_effects(exclude))
+    if isinstance(campaign, Finding):
+        return _no_verdict(model, observations, campaign)
     say("Scoring the effects")
-    detectable = detectable_magnitudes(evidence, options.levels.gate)
-    decision = decide(evidence, options.levels)
-    rate = None
-    if options.bootstrap:
+    decision = decide(campaign)
+    clean = None
+    if bootstrap:
         say("Simulating clean campaigns")
-        rate = false_naming_rate(evidence, options)
-    alike = look_alikes(evidence, decision.chosen, decision.classes, options.levels.after) if decision.chosen else ()
-    diagnosis = replace(_diagnosis(evidence, decision, detectable, rate), look_alikes=alike)
-    sane = all(one.sane for one in diagnosis.missing)
-    confident = decision.verdict == "named" and sane and not alike
-    return Examination(replace(diagnosis, confident=confident), evidence, decision)
+        clean = clean_campaigns(campaign, bootstrap, np.random.default_rng(0 if rng is None else rng))
+    return _diagnosis(model, campaign, decision, clean)
 
 
-def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:
-    """The catalogue without some effects."""
-    return [effect for name, effect in all_effects().items() if name not in exclude]
+def clean_campaigns(campaign: Campaign, count: int, rng: np.random.Generator) -> CleanCampaigns:
+    """Count the simulated clean campaigns in which something is named: a parametric bootstrap of the whole decision.
 
-
-def false_naming_rate(evidence: Evidence, options: DiagnosisOptions) -> float:
-    """Share of clean campaigns in which something is named: a parametric bootstrap of the whole decision.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Settings and noise are taken from here; each campaign's noise model is estimated anew.
+    Settings and noise are the campaign's; each simulated campaign's noise model is estimated anew.
     """
-    generator = np.random.default_rng(options.seed)
     named = 0
-    for _ in range(options.bootstrap):
-        clean = evidence.observations.base + simulated_noise(evidence.whitening, generator)
-        again = evidence.of(evidence.observations.with_values(clean))
-        named += decide(again, options.levels).verdict in {"named", "form_insufficient"}
-    return named / options.bootstrap
+    for _ in range(count):
+        clean = campaign.observations.base + simulated_noise(campaign.whitening, rng)
+        named += decide(campaign.with_readings(clean)).verdict in {"named", "form_insufficient"}
+    return CleanCampaigns(named, count)
 
 
-def _diagnosis(
-    evidence: Evidence, decision: Decision, detectable: dict[str, dict[str, float]], rate: float | None
-) -> Diagnosis:
-    observations, chosen = evidence.observations, decision.chosen
-    falls = {
-        c.fit.names[0]: error_fall(evidence, c.fit, decision.excess)
+def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, clean: CleanCampaigns | None) -> Diagnosis:
+    observations, chosen = campaign.observations, decision.chosen
+    shares = {
+        c.fit.names[0]: explained_share(campaign, c.fit, decision.excess)
         for c in decision.candidates
         if len(c.fit.names) == 1
     }
-    ranking = tuple(
-        replace(score, error_fall=falls[score.name]) if score.name in falls else score for score in decision.scores
-    )
-    missing = _named_effects(evidence, decision, chosen) if chosen else ()
-    after = observations.value - observations.predict(chosen.fit.effects) if chosen else observations.residual
+    after = observations.predict(chosen.fit.effects) if chosen else observations.base
+    missing = _named_effects(campaign, decision)
+    alike = look_alikes(campaign, chosen, decision.classes) if chosen else ()
+    where = Where("", (), "The model fits.")
+    if decision.verdict != "nothing_missing":
+        where = where_it_fails(observations, campaign.whitening)
+    known = {name: sd for name, sd in campaign.noise.floor.items() if name in campaign.noise.source}
     return Diagnosis(
         verdict=decision.verdict,
         missing=missing,
-        ranking=ranking,
-        where=where_it_fails(observations, evidence.whitening)
-        if decision.verdict != "nothing_missing"
-        else Where("", (), "The model fits."),
-        noise_floor=evidence.noise.floor,
-        rms=_rms(observations, observations.residual),
-        rms_after=_rms(observations, after),
-        detectable=detectable,
-        false_naming_rate=rate,
-        gate_before=decision.before,
-        gate_after=chosen.gate if chosen else None,
-        findings=observations.findings,
+        ranking=tuple(
+            replace(s, explained_share=shares[s.name]) if s.name in shares else s for s in decision.test.scores
+        ),
+        where=where,
+        error_fall=error_fall(observations, observations.base, after, known),
+        noise_floor=known,
+        detectable=detectable_magnitudes(campaign, LEVEL),
+        clean=clean,
+        model=model,
+        observations=observations,
+        p_value=decision.test.p_value,
+        own_misfit=decision.test.outcome == "own_misfit",
+        lack_of_fit_before=decision.test.lack_of_fit,
+        lack_of_fit_after=chosen.lack_of_fit if chosen else None,
+        look_alikes=alike,
+        confident=decision.verdict == "named" and not alike and all(one.plausible for one in missing),
+        findings=(*observations.findings, *untested_channels(campaign)),
+        campaign=campaign,
+        decision=decision,
     )
 
 
-def _named_effects(evidence: Evidence, decision: Decision, chosen: Candidate) -> tuple[NamedEffect, ...]:
-    p_values = {score.name: score.p_value for score in decision.scores}
-    total = error_fall(evidence, chosen.fit, decision.excess)
-    by_name = {
-        added.effect.name: (added, sane) for added, sane in zip(chosen.fit.effects, chosen.fit.sane, strict=True)
-    }
-    result = []
-    for members in decision.classes:
-        added, sane = by_name[members[0]]
-        result.append(
-            NamedEffect(
-                name=members[0],
-                members=members,
-                p_value=p_values[members[0]],
-                error_fall=total,
-                parameters=dict(added.parameters),
-                ci95=dict(added.ci95),
-                sane=sane,
-            )
+def _named_effects(campaign: Campaign, decision: Decision) -> tuple[NamedEffect, ...]:
+    if decision.chosen is None:
+        return ()
+    fit = decision.chosen.fit
+    share = explained_share(campaign, fit, decision.excess)
+    p_values = {score.name: score.p_value for score in decision.test.scores}
+    by_name = {added.effect.name: added for added in fit.effects}
+    return tuple(
+        NamedEffect(
+            name=members[0],
+            members=members,
+            p_value=p_values[members[0]],
+            explained_share=share,
+            parameters=dict(by_name[members[0]].parameters),
+            ci95=dict(by_name[members[0]].ci95),
+            words=tuple(describe(by_name[members[0]], campaign.observations.nominal)),
+            plausible=all(is_plausible(by_name[members[0]], p) for p in by_name[members[0]].effect.parameters),
         )
-    return tuple(result)
+        for members in decision.classes
+    )
 
 
-def _rms(observations: Observations, residual: FloatArray) -> dict[str, float]:
-    return {name: float(np.sqrt(np.mean(residual[observations.of(name)] ** 2))) for name in observations.channels}
-
-
-def _compare_only(observations: Observations) -> Diagnosis:
-    note = "no noise floor"
+def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding) -> Diagnosis:
     return Diagnosis(
         verdict="compare_only",
         missing=(),
-        ranking=tuple(ScoredEffect(effect.name, 1.0, 0.0, 0, note=note) for effect in considered_effects()),
-        where=Where("", (), "Without a noise floor no misfit can be called one."),
+        ranking=tuple(ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict") for effect in considered_effects()),
+        where=Where("", (), "Without a test no misfit can be called one."),
+        error_fall=error_fall(observations, observations.base, observations.base, observations.declared_noise),
         noise_floor={},
-        rms=_rms(observations, observations.residual),
-        rms_after=_rms(observations, observations.residual),
         detectable={},
-        false_naming_rate=None,
-        findings=(*observations.findings, _NO_FLOOR),
+        clean=None,
+        model=model,
+        observations=observations,
+        findings=(*observations.findings, why),
     )

@@ -1,46 +1,26 @@
 """What a diagnosis says: the stable result of ``femfit diagnose``."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from html import escape
+from typing import TYPE_CHECKING, Any, Literal
+
+from scipy import stats
 
 from femfit.core.finding import Finding
+from femfit.identify.comparison.fall import ErrorFall
+from femfit.identify.comparison.lack_of_fit import LackOfFit
+from femfit.identify.comparison.where import Where
+from femfit.identify.decision.diagnosis_text import diagnosis_lines
+from femfit.identify.readings.observations import Observations
+from femfit.model.actuator_model import ActuatorModel
+
+if TYPE_CHECKING:
+    from femfit.identify.decision.campaign import Campaign
+    from femfit.identify.decision.naming import Decision
+    from femfit.identify.refit.refit import Refit
 
 Verdict = Literal["nothing_missing", "named", "form_insufficient", "unexplained", "compare_only"]
-
-
-@dataclass(frozen=True)
-class Where:
-    """Where the model fails.
-
-    Parameters
-    ----------
-    channel : str
-        The measured channel with the largest misfit over its noise floor; empty where nothing fails.
-    covariates : tuple of str
-        Columns along which the misfit changes, the strongest first.
-    """
-
-    channel: str
-    covariates: tuple[str, ...]
-    sentence: str
-
-
-@dataclass(frozen=True)
-class Gate:
-    """A structured lack-of-fit test.
-
-    Parameters
-    ----------
-    statistic : float
-        Squared length of the whitened residual in the space of smooth patterns, over its degrees of freedom.
-    p_value : float
-        Probability of at least this statistic where nothing is missing.
-    """
-
-    statistic: float
-    degrees_of_freedom: int
-    p_value: float
 
 
 @dataclass(frozen=True)
@@ -51,21 +31,25 @@ class NamedEffect:
     ----------
     members : tuple of str
         The class: effects that these data cannot tell from it, itself first.
-    error_fall : float
-        Part of the structured misfit, above the noise, that all that is named explains on runs left out; 1 for all.
+    explained_share : float
+        Part of the structured misfit, above the noise, that all that is named explains on readings that it was not
+        fitted to; 1 for all.
     ci95 : mapping of str to (float, float)
         95 % intervals.
-    sane : bool
-        Whether every parameter lies in its usual range.
+    words : tuple of str
+        What the parameters mean, one clause each.
+    plausible : bool
+        Whether every parameter lies in its plausible range.
     """
 
     name: str
     members: tuple[str, ...]
     p_value: float
-    error_fall: float
+    explained_share: float
     parameters: Mapping[str, float]
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    sane: bool = True
+    words: tuple[str, ...] = ()
+    plausible: bool = True
 
 
 @dataclass(frozen=True)
@@ -79,8 +63,8 @@ class ScoredEffect:
     chi2_fall : float
         By how much it lowers the weighted sum of squares.
     degrees_of_freedom : int
-        Shapes that these data can see.
-    error_fall : float
+        Number of its amplitudes that these data can see.
+    explained_share : float
         As in :class:`NamedEffect`; NaN where it was not refitted.
     note : str
         Why it cannot be tested; empty where it can.
@@ -90,55 +74,116 @@ class ScoredEffect:
     p_value: float
     chi2_fall: float
     degrees_of_freedom: int
-    error_fall: float = float("nan")
+    explained_share: float = float("nan")
     note: str = ""
 
 
 @dataclass(frozen=True)
+class CleanCampaigns:
+    """How often the whole decision names something in simulated campaigns of this noise in which nothing is missing."""
+
+    named: int
+    campaigns: int
+
+    @property
+    def bound(self) -> float:
+        """Upper end of the 95 % interval of the rate (Clopper and Pearson, Biometrika 26 (1934) 404)."""
+        if self.named == self.campaigns:
+            return 1.0
+        return float(stats.beta.ppf(0.975, self.named + 1, self.campaigns - self.named))
+
+    def __str__(self) -> str:
+        return f"{self.named} of {self.campaigns} simulated clean campaigns, at most {100.0 * self.bound:.2g} %"
+
+
+@dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The result of a diagnosis.
+    """The result of a diagnosis; printed, it is what ``femfit diagnose`` prints.
 
     Parameters
     ----------
     verdict : str
-        ``nothing_missing``, ``named``, ``form_insufficient`` (the named effect is there, but its shapes leave
-        structure),
-        ``unexplained`` (something is missing and none of the catalogue), ``compare_only`` (no noise floor).
+        ``nothing_missing``, ``named``, ``form_insufficient`` (the named effect is there, but its form leaves
+        structure), ``unexplained`` (something is missing and none of the catalogue), ``compare_only`` (no verdict,
+        since the noise is unknown or the readings are too few).
     where : Where
         Where the model fails before anything is added.
-    noise_floor, rms, rms_after : mapping of str to float
-        Per channel: standard deviation of a reading, root mean square of the misfit, and the same with what was named.
+    error_fall : ErrorFall
+        Error before, and with what is named.
+    noise_floor : mapping of str to float
+        Standard deviation of one reading per channel in which it is known.
     detectable : mapping of str to mapping of str to float
         Smallest magnitude of each effect's parameters that these data would have shown.
-    false_naming_rate : float or None
-        Share of clean data, simulated from the noise model, in which something would have been named.
+    clean : CleanCampaigns or None
+        The bootstrap; None where none was asked for.
+    p_value : float
+        Of the model, as in ``femfit compare``.
+    own_misfit : bool
+        Whether the model misses the readings, but no more than the table that it was fitted to.
     look_alikes : tuple of str
         Effects, or constant errors of a channel, that would bear the same name on these data, had they been the cause
         and not been listed.
     confident : bool
-        Whether the verdict is ``named``, without look-alikes and with every parameter in its usual range.
-    findings : tuple of str
-        What the reader should know of the data and of the decision, one plain sentence each.
+        Whether the verdict is ``named``, without look-alikes and with every parameter in its plausible range.
+    campaign, decision : Campaign and Decision, or None
+        What the result rests on; None for ``compare_only``.
     """
 
     verdict: Verdict
     missing: tuple[NamedEffect, ...]
     ranking: tuple[ScoredEffect, ...]
     where: Where
+    error_fall: ErrorFall
     noise_floor: Mapping[str, float]
-    rms: Mapping[str, float]
-    rms_after: Mapping[str, float]
     detectable: Mapping[str, Mapping[str, float]]
-    false_naming_rate: float | None
-    gate_before: Gate | None = None
-    gate_after: Gate | None = None
+    clean: CleanCampaigns | None
+    model: ActuatorModel
+    observations: Observations
+    p_value: float = 1.0
+    own_misfit: bool = False
+    lack_of_fit_before: LackOfFit | None = None
+    lack_of_fit_after: LackOfFit | None = None
     look_alikes: tuple[str, ...] = ()
     confident: bool = False
     findings: tuple[Finding, ...] = ()
+    campaign: "Campaign | None" = None
+    decision: "Decision | None" = None
+
+    @property
+    def false_naming_rate(self) -> float | None:
+        """Share of simulated clean campaigns in which something would have been named."""
+        return None if self.clean is None else self.clean.named / self.clean.campaigns
+
+    @property
+    def explanations(self) -> "tuple[Refit, ...]":
+        """What was named, then each other explanation that the data do not tell from it."""
+        if self.decision is None or self.decision.chosen is None:
+            return ()
+        chosen = self.decision.chosen.fit
+        listed = {name for members in self.decision.classes for name in members}
+        rivals = (c.fit for c in self.decision.candidates if c.fit is not chosen and set(c.fit.names) <= listed)
+        return (chosen, *(fit for fit in rivals if len(fit.names) == len(chosen.names)))
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data; ``members`` is called ``class``."""
-        data = asdict(self)
-        for one in data["missing"]:
-            one["class"] = list(one.pop("members"))
-        return data
+        names = ("verdict", "noise_floor", "detectable", "false_naming_rate", "p_value", "look_alikes", "confident")
+        missing = [vars(one) | {"class": list(one.members)} for one in self.missing]
+        for one in missing:
+            del one["members"]
+        return {
+            **{name: getattr(self, name) for name in names},
+            "missing": missing,
+            "ranking": [vars(one) for one in self.ranking],
+            "where": vars(self.where),
+            "error_fall": self.error_fall.to_dict(),
+            "clean_campaigns": self.clean and {**vars(self.clean), "bound": self.clean.bound},
+            "lack_of_fit_before": self.lack_of_fit_before and vars(self.lack_of_fit_before),
+            "lack_of_fit_after": self.lack_of_fit_after and vars(self.lack_of_fit_after),
+            "findings": [one.as_dict() for one in self.findings],
+        }
+
+    def __str__(self) -> str:
+        return "\n".join(diagnosis_lines(self))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"

@@ -1,122 +1,143 @@
-"""A diagnosis in plain sentences."""
+"""A diagnosis in plain sentences: the verdict, its size, how certain it is, where it shows, and what it rests on."""
+
+from typing import TYPE_CHECKING
 
 from femfit.effects.catalogue import all_effects
-from femfit.identify.comparison.compare_text import SCATTERED
-from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
-from femfit.identify.readings.amounts import chance, magnitudes, times, unit_of
-from femfit.identify.readings.notes import first_notes, last_notes
+from femfit.effects.words import smallest_visible
+from femfit.identify.readings.amounts import CHANNEL_WORDS, amount, chance
+from femfit.identify.readings.place import notes, suspicions
 
-_SHOWN = 8
-_ALIKE = 4
-_SCATTER = " and the scatter of the distance from mount to mount, or from run to run"
+if TYPE_CHECKING:
+    from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
+
+SCATTERED = 1.5
+"""Assumed: error over the noise from which a passing model is said to use the freedom of mounts and runs as well."""
+
+_SHOWN, _ALIKE = 8, 4
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}.",
-    "named": "Missing: {names}. With {it} the misfit is within the noise{scatter}.",
+    "own_misfit": "Nothing is missing beyond the model's own misfit to the table that it was fitted to.",
+    "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}.",
     "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
-    "unexplained": "Something is missing, and it is no effect of the catalogue nor any two of them.",
-    "compare_only": "These data can be compared, but nothing can be said to be missing.",
+    "unexplained": "Something is missing that no effect of the catalogue explains, nor any two of them.",
+    "compare_only": "No verdict. {why}",
 }
 
 
-def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
-    """The result as lines of text.
-
-    Returns
-    -------
-    list of str
-        What the data could have shown, the verdict, what it rests on, and what the data cannot tell apart.
-    """
-    lines = [*first_notes(diagnosis.findings), *_could_show(diagnosis), *_misfit(diagnosis)]
-    names = " and ".join(one.name for one in diagnosis.missing)
-    it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
-    scatter = _SCATTER if _hidden_by_scatter(diagnosis) else ""
-    lines.append(_VERDICTS[diagnosis.verdict].format(names=names, it=it, explain=explain, scatter=scatter))
+def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
+    """The result as lines of text, the verdict first."""
+    lines = [*suspicions(diagnosis.findings), verdict_sentence(diagnosis)]
+    for one in diagnosis.missing:
+        lines += _named(one)
+    lines += str(diagnosis.error_fall).split("\n") if diagnosis.missing else _misfit(diagnosis)
+    if diagnosis.missing:
+        lines.append(certainty_sentence(diagnosis))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
-    for one in diagnosis.missing:
-        lines += _named(one, len(diagnosis.missing) > 1)
-    if diagnosis.verdict == "named":
-        lines.append(confidence_sentence(diagnosis))
-    if diagnosis.verdict != "compare_only":
-        lines += _evidence(diagnosis)
-    return lines + last_notes(diagnosis.findings)
+    lines += _evidence(diagnosis)
+    skip = diagnosis.findings[-1] if diagnosis.verdict == "compare_only" else None
+    return [*lines, *notes(tuple(f for f in diagnosis.findings if f is not skip)), *_could_show(diagnosis)]
 
 
-def _hidden_by_scatter(diagnosis: Diagnosis) -> bool:
-    """Whether a channel still misses by clearly more than the noise of its readings."""
-    rms = diagnosis.rms_after if diagnosis.missing else diagnosis.rms
-    return any(rms[name] > SCATTERED * floor for name, floor in diagnosis.noise_floor.items() if name in rms)
+def verdict_sentence(diagnosis: "Diagnosis") -> str:
+    """The verdict in one sentence."""
+    names = " and ".join(one.name for one in diagnosis.missing)
+    it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
+    key = "own_misfit" if diagnosis.own_misfit else diagnosis.verdict
+    why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
+    return _VERDICTS[key].format(names=names, it=it, explain=explain, why=why, scatter=_scatter(diagnosis))
 
 
-def confidence_sentence(diagnosis: Diagnosis) -> str:
-    """How far what is named can be trusted against causes that the catalogue does not hold."""
-    name = "this name" if len(diagnosis.missing) == 1 else "these names"
+def certainty_sentence(diagnosis: "Diagnosis") -> str:
+    """How far what is named can be trusted against other causes."""
     if diagnosis.confident:
-        return f"Sure: no other effect of the catalogue, were it not listed, would have borne {name} on these data."
+        return "Certain: no other effect of the catalogue would give these readings."
+    members = [name for one in diagnosis.missing for name in one.members[1:]]
+    if members:
+        return f"Not certain: {_any_of(members)} would give the same readings. femfit suggest says what to measure."
     if diagnosis.look_alikes:
-        shown = diagnosis.look_alikes[:_ALIKE]
-        listed = " or ".join([", ".join(shown[:-1]), shown[-1]] if len(shown) > 1 else shown)
-        return f"Not sure: on these data {name} would also be borne by a cause not listed that acts like {listed}."
-    return f"Not sure: its size is unusual, as where a cause that is not listed bears {name}."
+        alike = _any_of(diagnosis.look_alikes[:_ALIKE])
+        return f"Not certain: {alike}, or a cause like it that the catalogue lacks, could give these readings."
+    if diagnosis.verdict == "named":
+        return "Not certain: its size is unusual. Check it by another measurement."
+    return "Not certain: the readings differ from the effect's exact form."
 
 
-def _could_show(diagnosis: Diagnosis) -> list[str]:
-    if not diagnosis.detectable:
-        return []
-    lines = ["These data could have shown (smallest magnitude, nine times in ten):"]
-    effects = all_effects()
-    for name, amplitudes in diagnosis.detectable.items():
-        lines.append(f"  {name}: {magnitudes(effects.get(name), amplitudes)}")
-    notes = [f"{score.name} ({score.note})" for score in diagnosis.ranking if score.note]
-    return lines + ([f"  not: {'; '.join(notes)}"] if notes else [])
+def _any_of(names: "list[str] | tuple[str, ...]") -> str:
+    return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def _misfit(diagnosis: Diagnosis) -> list[str]:
-    lines = []
-    for name, rms in diagnosis.rms.items():
-        floor = f", noise {diagnosis.noise_floor[name]:.3g}" if name in diagnosis.noise_floor else ""
-        after = f", with what is named {diagnosis.rms_after[name]:.3g}" if diagnosis.missing else ""
-        lines.append(f"{name}: rms misfit {rms:.3g}{after}{floor}")
-    return lines
+def _scatter(diagnosis: "Diagnosis") -> str:
+    """The freedom of mounts that a passing model uses, where it misses by clearly more than the noise."""
+    noise = diagnosis.campaign.noise if diagnosis.campaign else None
+    ratios = [one.after_over_noise or 0.0 for one in diagnosis.error_fall.channels]
+    if noise is None or noise.mount_m <= 0.0 or max(ratios) <= SCATTERED:
+        return ""
+    return f" and {mount_words(noise.mount_m, noise.mount_assumed, diagnosis.observations.given)}"
 
 
-def _named(one: NamedEffect, together: bool) -> list[str]:
+def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:
+    """What a body that is put back may be off by, and where that comes from."""
+    place = "mount to mount" if "mount" in given else "run to run"
+    source = "assumed, since there are few" if assumed else "estimated"
+    return f"the {amount(mount_m, 'mount_m')} by which the distance may differ from {place} ({source})"
+
+
+def _named(one: "NamedEffect") -> list[str]:
     effect = all_effects().get(one.name)
-    lines = [f"{one.name}: {effect.symptom}" if effect else one.name]
-    # Amplitudes that were not needed, and constants of shapes that are not there
-    silent = (
-        {p.name for p in effect.parameters if p.nonlinear or one.parameters.get(p.name) == p.null} if effect else set()
-    )
-    for name, value in one.parameters.items():
-        if name not in one.ci95 and name in silent:
-            continue
-        interval = f" (95 %: {one.ci95[name][0]:.4g} to {one.ci95[name][1]:.4g})" if name in one.ci95 else ""
-        lines.append(f"  {name} = {value:.4g}{unit_of(effect, name)}{interval}")
-    who = "together they explain" if together else "explains"
-    fall = f"{100 * one.error_fall:.0f} %"
-    lines.append(f"  {who} {fall} of the structured misfit on runs left out; {chance(one.p_value)}")
-    if len(one.members) > 1:
-        lines.append(f"  these data cannot tell it from {', '.join(one.members[1:])}; femfit suggest says what would")
-    if not one.sane:
-        lines.append("  its size is unusual: check it by another measurement before trusting the name")
+    symptom = effect.symptom if effect else ""
+    lines = [f"  {one.name}: {'; '.join(one.words)}." if one.words else f"  {one.name}: {symptom}"]
+    if not one.plausible:
+        lines.append("  This size is unusual: check it by another measurement before trusting the name.")
     return lines
 
 
-def _evidence(diagnosis: Diagnosis) -> list[str]:
+def _misfit(diagnosis: "Diagnosis") -> list[str]:
     lines = []
-    for name, gate in (("before", diagnosis.gate_before), ("after", diagnosis.gate_after)):
-        if gate is not None:
-            lines.append(
-                f"structure {name}: {times(gate.statistic)} times what noise gives, in {gate.degrees_of_freedom} "
-                f"patterns, {chance(gate.p_value)}"
-            )
-    ranked = [score for score in diagnosis.ranking if not score.note][:_SHOWN]
-    best = ", ".join(f"{score.name} ({score.chi2_fall:.0f})" for score in ranked)
-    if diagnosis.verdict != "nothing_missing":
-        lines.append(f"fall of the weighted sum of squares, each alone: {best}")
-    if diagnosis.false_naming_rate is not None:
+    for one in diagnosis.error_fall.channels:
+        size = amount(one.rms_before, one.channel, 3)
+        noise = "" if one.noise is None else f", {one.before_over_noise:.3g} times the noise of one"
+        lines.append(f"{CHANNEL_WORDS[one.channel]}: error {size} rms in {one.readings} readings{noise}")
+    return lines
+
+
+def _evidence(diagnosis: "Diagnosis") -> list[str]:
+    if diagnosis.verdict == "compare_only":
+        return []
+    lines = [f"Lack of fit: {chance(diagnosis.p_value)}" + _after(diagnosis) + "."]
+    if diagnosis.verdict not in {"nothing_missing", "named"} or diagnosis.missing:
+        ranked = [score for score in diagnosis.ranking if not score.note][:_SHOWN]
+        best = ", ".join(f"{score.name} {score.chi2_fall:.0f}" for score in ranked)
+        lines.append(f"Fall of the weighted sum of squares with each effect alone: {best}.")
+    if diagnosis.clean is not None:
+        named = diagnosis.clean
         lines.append(
-            f"clean campaigns of this noise in which something is named: {100 * diagnosis.false_naming_rate:.1f} %"
+            f"False names: something was named in {named.named} of {named.campaigns} simulated clean campaigns, so at "
+            f"most {100.0 * named.bound:.2g} % of the time (95 %)."
         )
     return lines
+
+
+def _after(diagnosis: "Diagnosis") -> str:
+    if diagnosis.lack_of_fit_after is None:
+        return ""
+    return f"; with what is named, {chance(diagnosis.lack_of_fit_after.p_value)}"
+
+
+def _could_show(diagnosis: "Diagnosis") -> list[str]:
+    """What the data could have shown, nine times in ten, and why they could not show the others."""
+    if not diagnosis.detectable:
+        return []
+    effects, nominal = all_effects(), diagnosis.observations.nominal
+    shown = [
+        (name, smallest_visible(effects[name], amplitudes, nominal))
+        for name, amplitudes in diagnosis.detectable.items()
+    ]
+    lines = ["These data would have shown, nine times in ten:"]
+    lines += [f"  {name} from: {words}" for name, words in shown if words]
+    why: dict[str, list[str]] = {}
+    for score in diagnosis.ranking:
+        if score.note:
+            why.setdefault(score.note, []).append(score.name)
+    return lines + [f"  not {', '.join(names)}: {note}" for note, names in why.items()]

@@ -9,20 +9,19 @@ M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-valida
 import numpy as np
 from scipy import optimize, stats
 
-from femfit.core.arrays import FloatArray, IntArray
-from femfit.identify.decision.evidence import Evidence
-from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.refit import Refit, bounded_amplitudes
+from femfit.identify.decision.campaign import Campaign
+from femfit.identify.decision.constants import POWER
+from femfit.identify.refit.refit import Refit
+from femfit.identify.refit.start import bounded_amplitudes
+from femfit.identify.refit.unseen import left_out_groups
 
-_POWER = 0.9
 
-
-def detectable_magnitudes(evidence: Evidence, level: float) -> dict[str, dict[str, float]]:
+def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[str, float]]:
     """The smallest magnitude of each effect's amplitudes that these settings and this noise show nine times in ten.
 
     Parameters
     ----------
-    evidence : Evidence
+    campaign : Campaign
         Settings, noise and columns; the readings themselves do not matter.
     level : float
         False-naming rate of all effects' tests together.
@@ -30,27 +29,25 @@ def detectable_magnitudes(evidence: Evidence, level: float) -> dict[str, dict[st
     Returns
     -------
     dict of str to dict of str to float
-        Effect -> amplitude -> magnitude in its unit, each shape of the family taken alone; infinite where the bounds
-        end before. Where a shape has constants of its own, at their usual values.
+        Effect -> amplitude -> magnitude in its unit, each amplitude taken alone; infinite where the bounds end
+        before. Nonlinear parameters have their usual values.
     """
-    effects = {one.effect.name for one, _ in evidence.columns}
+    effects = {one.name for one in campaign.effects}
     threshold = stats.chi2.isf(level / max(len(effects), 1), 1)
-    needed = optimize.brentq(lambda c: stats.ncx2.sf(threshold, 1, c) - _POWER, 1e-3, 1e4)
+    needed = optimize.brentq(lambda c: stats.ncx2.sf(threshold, 1, c) - POWER, 1e-3, 1e4)
     result: dict[str, dict[str, float]] = {}
-    for one, white in evidence.columns:
-        if one.effect.name in result:
+    for one in campaign.effects:
+        if one.name in result:
             continue
-        length = np.linalg.norm(white, axis=0)
-        found = {}
-        for p, size in zip(one.amplitudes, length, strict=True):
-            magnitude = float(np.sqrt(needed) / size) if size > 0.0 else np.inf
-            found[p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
-        result[one.effect.name] = found
+        result[one.name] = {}
+        for p, length in zip(one.columns.amplitudes, np.linalg.norm(one.whitened, axis=0), strict=True):
+            magnitude = float(np.sqrt(needed) / length) if length > 0.0 else np.inf
+            result[one.name][p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
     return result
 
 
-def error_fall(evidence: Evidence, fit: Refit, excess: float) -> float:
-    """Part of the structured misfit that effects explain on runs left out.
+def explained_share(campaign: Campaign, fit: Refit, excess: float) -> float:
+    """Part of the structured misfit that effects explain on runs left out, each in turn; on stretches of a single run.
 
     Parameters
     ----------
@@ -64,14 +61,14 @@ def error_fall(evidence: Evidence, fit: Refit, excess: float) -> float:
     float
         1 for all of it, 0 for none; negative where the effects make the error on unseen runs larger.
     """
-    target = evidence.whitening.full(evidence.observations.residual)
+    target = campaign.whitened_residual
     moving = [j for j, (_, p) in enumerate(fit.free) if not p.nonlinear and not fit.active[j]]
     columns = fit.jacobian[:, moving]
     if not moving:
         return 0.0
     # To first order about the fit: what the readings are beside the part that no small change of the fit explains
-    start = fit.rest + columns @ np.array([_to_null(fit, j) for j in moving])
-    group = left_out_groups(evidence.observations)
+    start = fit.whitened_residual + columns @ np.array([_to_null(fit, j) for j in moving])
+    group = left_out_groups(campaign.observations)
     wide = np.array([[-np.inf], [np.inf]]) * np.ones(columns.shape[1])
     fall = 0.0
     for one in np.unique(group):
@@ -86,19 +83,3 @@ def _to_null(fit: Refit, j: int) -> float:
     """The step from a fitted amplitude to its null, over its plausible range."""
     k, p = fit.free[j]
     return (p.null - fit.effects[k].parameters[p.name]) / (p.plausible[1] - p.plausible[0])
-
-
-def left_out_groups(observations: Observations) -> IntArray:
-    """Groups of readings that are left out together.
-
-    Returns
-    -------
-    array of int, shape (M,)
-        The run of each reading; with a single run, four stretches of it.
-    """
-    run = observations.column("run").astype(int)
-    if len(np.unique(run)) > 1:
-        return run
-    order: FloatArray = observations.column("order")
-    cuts = np.quantile(order, [0.25, 0.5, 0.75])
-    return np.asarray(np.searchsorted(cuts, order))

@@ -8,12 +8,13 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import Effect
-from femfit.identify.comparison.gate import pattern_space
-from femfit.identify.decision.evidence import Evidence
+from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.magnitude import detectable_magnitudes
 from femfit.identify.experiments.suggest import unlike
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.readings.observations import bench_observations
+from femfit.identify.readings.bench import bench_observations
+from femfit.identify.refit.start import Start
 from femfit.identify.signatures.columns import EffectColumns, effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import BenchTable
@@ -97,8 +98,9 @@ def examine_plan(model: ActuatorModel, plan: BenchTable, effects: Sequence[Effec
             invisible[effect.name] = reason or "its largest usual size stays within the noise"
             continue
         columns += white
-    evidence = Evidence(observations, whitening, pattern_space(observations, whitening), tuple(columns), invisible)
-    detectable = detectable_magnitudes(evidence, level)
+    starts = tuple(Start(one, white, np.zeros(len(one.amplitudes))) for one, white in columns)
+    campaign = Campaign(observations, whitening, pattern_space(observations, whitening), starts, invisible)
+    detectable = detectable_magnitudes(campaign, level)
     small = {name: {p: _SMALL * size for p, size in sizes.items()} for name, sizes in detectable.items()}
     return PlanReport(noise.floor, detectable, _groups(columns), _groups(columns, small), invisible)
 

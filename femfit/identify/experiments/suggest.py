@@ -21,8 +21,10 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Effect
 from femfit.identify.experiments.experiments import Experiment, possible_experiments
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.readings.observations import Observations, bench_observations
-from femfit.identify.refit.refit import Refit, bounded_amplitudes
+from femfit.identify.readings.bench import bench_observations
+from femfit.identify.readings.observations import Observations
+from femfit.identify.refit.refit import Refit
+from femfit.identify.refit.start import bounded_amplitudes
 from femfit.identify.signatures.columns import EffectColumns, effect_columns
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings

@@ -18,22 +18,21 @@ from scipy import optimize, stats
 
 from femfit.core.arrays import FloatArray
 from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
+from femfit.identify.noise.constants import (
+    CORRELATION_PRICE,
+    LARGEST_CORRELATION,
+    LEAST_REPEATS,
+    LEAST_REPEATS_AGAINST_DECLARED,
+    PRIOR_MOUNT_DOF,
+    PRIOR_MOUNT_M,
+    PRIOR_RUN,
+    PRIOR_RUN_DOF,
+    TEST_LEVEL,
+    UNKNOWN_CHANNEL,
+)
 from femfit.identify.noise.whitening import Chains, NoiseModel, Whitening, chains_of, orthonormal_basis, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.repeats import pure_error, repeat_cells
-
-_PRIOR_MOUNT_M, _PRIOR_MOUNT_DOF = 20e-6, 6.0
-"""A body put back by hand against a stop comes back to about this; counts like so many mounts."""
-
-_PRIOR_RUN, _PRIOR_RUN_DOF = 0.1, 4.0
-"""A run's offset over the channel's sigma, and the same."""
-
-_LEAST_REPEATS = 12
-"""Degrees of freedom from which repeats tell a channel's noise."""
-
-_LARGEST_RHO = 0.95
-_TEST_LEVEL = 2.5e-4
-"""One tail at which a test's normal quantile is replaced by Student's, for scatter known from few mounts or runs."""
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
@@ -42,7 +41,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     Returns
     -------
     NoiseModel or None
-        None where neither repeats nor a sidecar tell the noise of any channel.
+        None where neither repeats nor a sidecar say the noise of any channel.
     """
     sigma, degrees, source = _scatter(observations)
     if not np.isfinite(sigma).any():
@@ -51,14 +50,14 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     chains = chains_of(observations)
     noise = NoiseModel(
         channels=observations.channels,
-        sigma=np.where(np.isfinite(sigma), sigma, 1e6 * np.nanmax(sigma)),
+        sigma=np.where(np.isfinite(sigma), sigma, UNKNOWN_CHANNEL * np.nanmax(sigma)),
         rho=np.zeros(channels),
-        mount_m=_PRIOR_MOUNT_M,
+        mount_m=PRIOR_MOUNT_M,
         run=np.zeros(channels),
         degrees_of_freedom=degrees,
         repeats=degrees,
         source=source,
-        test_mount_m=_PRIOR_MOUNT_M,
+        test_mount_m=PRIOR_MOUNT_M,
         test_run=np.zeros(channels),
     )
     patterns = smooth_patterns(observations).columns
@@ -67,7 +66,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
 
 
 def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[str, str]]:
-    """Sigma, its degrees of freedom and its source per channel; NaN where nothing tells it."""
+    """Sigma, its degrees of freedom and its source per channel; NaN where nothing says it."""
     count = len(observations.channels)
     sigma, degrees, source = np.full(count, np.nan), np.zeros(count), {}
     cells = repeat_cells(observations)
@@ -80,7 +79,7 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
         square, dof = pure_error(residual[here], cells[here], nuisance[here])
         if name in observations.declared_noise:
             sigma[c], degrees[c], source[name] = observations.declared_noise[name], np.inf, observations.noise_source
-        if dof >= (4 * _LEAST_REPEATS if name in source else _LEAST_REPEATS) and square > 0.0:
+        if dof >= (LEAST_REPEATS_AGAINST_DECLARED if name in source else LEAST_REPEATS) and square > 0.0:
             sigma[c], degrees[c], source[name] = np.sqrt(square / dof), dof, "repeats"
     return sigma, degrees, source
 
@@ -88,7 +87,7 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
 def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, patterns: FloatArray) -> NoiseModel:
     """The noise with the correlation of successive readings: per channel the one of largest restricted likelihood.
 
-    Readings that follow each other by the autocorrelation rho tell the variance only as well as
+    Readings that follow each other by the autocorrelation rho say the variance only as well as
     (1 - rho^2) / (1 + rho^2) times as many independent ones; and slow patterns have (1 + rho) / (1 - rho) of that
     variance, which rho's own uncertainty, (1 - rho^2) / n, makes uncertain by 4 / ((1 - rho^2) n) in relative variance.
     """
@@ -100,11 +99,12 @@ def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, 
         position = np.full(len(observations.value), -1)
         position[here] = np.arange(len(here))
         first, before, gap = chains.first[here], position[chains.before[here]], chains.gap[here]
-        if np.count_nonzero(~first) < _LEAST_REPEATS:
+        if np.count_nonzero(~first) < LEAST_REPEATS:
             continue
-        columns = design[here]
+        sd = np.sqrt(noise.sigma[c] ** 2 + np.sum(observations.setting_columns[here] ** 2, axis=1))
+        columns = design[here] / sd[:, None]
         columns = orthonormal_basis(columns[:, np.any(columns != 0.0, axis=0)])
-        y = observations.residual[here] / noise.sigma[c]
+        y = observations.residual[here] / sd
         joined = np.column_stack([columns, y])
 
         def cost(value: float) -> float:
@@ -117,8 +117,10 @@ def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, 
             spread = 2.0 * np.log(diagonal[:-1]).sum() + 2.0 * np.log(root).sum()
             return float(spread + 2.0 * free * np.log(max(diagonal[-1], 1e-300)))
 
-        best = optimize.minimize_scalar(cost, bounds=(0.0, _LARGEST_RHO), method="bounded", options={"xatol": 0.01})
-        rho[c] = best.x if cost(float(best.x)) < cost(0.0) - 0.5 else 0.0
+        best = optimize.minimize_scalar(
+            cost, bounds=(0.0, LARGEST_CORRELATION), method="bounded", options={"xatol": 0.01}
+        )
+        rho[c] = best.x if cost(float(best.x)) < cost(0.0) - CORRELATION_PRICE else 0.0
     repeats = np.array([noise.source.get(name) == "repeats" for name in noise.channels])
     independent = np.where(repeats, noise.repeats * (1.0 - rho**2) / (1.0 + rho**2), noise.degrees_of_freedom)
     count = np.bincount(observations.channel, minlength=len(rho))
@@ -129,7 +131,7 @@ def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, 
 
 
 def _common_distance(observations: Observations) -> FloatArray:
-    """What a distance error of all mounts does to each channel; their scatter is told by their differences alone.
+    """What a distance error of all mounts does to each channel; their scatter is known from their differences alone.
 
     A hidden effect that is steep in the distance looks like it, and would make mounts seem to scatter by its size.
     """
@@ -153,8 +155,8 @@ def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, 
     runs = np.array([len(np.unique(observations.column("run")[observations.of(name)])) for name in noise.channels])
     group = np.concatenate([np.zeros(2 * mounts, dtype=int), np.repeat(1 + np.arange(len(runs)), runs)])
     second = np.concatenate([np.zeros(mounts), np.ones(mounts), np.zeros(int(runs.sum()))]).astype(bool)
-    prior = np.concatenate([[_PRIOR_MOUNT_M], _PRIOR_RUN * noise.sigma])
-    weight = np.concatenate([[_PRIOR_MOUNT_DOF], np.full(len(runs), _PRIOR_RUN_DOF)])
+    prior = np.concatenate([[PRIOR_MOUNT_M], PRIOR_RUN * noise.sigma])
+    weight = np.concatenate([[PRIOR_MOUNT_DOF], np.full(len(runs), PRIOR_RUN_DOF)])
 
     def cost(log_scale: FloatArray) -> float:
         variance = (prior * np.exp(log_scale)) ** 2
@@ -166,14 +168,16 @@ def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, 
 
     best = optimize.minimize(cost, np.zeros(len(prior)), method="L-BFGS-B", bounds=[(-4.0, 6.0)] * len(prior)).x
     scale = prior * np.exp(best)
+    # One run has no offset of its own, nor a re-mount where the file has no mounts
+    placed_again = bool("mount" in observations.given or runs.max() > 1)
+    scale[np.concatenate([[not placed_again], runs < 2])] = 0.0
     many = np.concatenate([[mounts], runs]) - 1.0 + weight
-    wide = stats.t.isf(_TEST_LEVEL, many) / stats.norm.isf(_TEST_LEVEL)
-    single = np.concatenate([[False], runs < 2])  # one run has no offset of its own
-    scale[single] = 0.0
+    wide = stats.t.isf(TEST_LEVEL, many) / stats.norm.isf(TEST_LEVEL)
     return replace(
         noise,
         mount_m=float(scale[0]),
         run=scale[1:],
         test_mount_m=float(wide[0] * scale[0]),
         test_run=wide[1:] * scale[1:],
+        mount_assumed=placed_again and mounts - 1.0 < PRIOR_MOUNT_DOF,
     )

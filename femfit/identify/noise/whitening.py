@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import sparse
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.identify.readings.observations import Observations
@@ -80,6 +81,8 @@ class NoiseModel:
         Per channel ``repeats``, ``declared`` or ``samples``.
     test_mount_m, test_run : float and array
         The same standard deviations as tests use them: widened for having been estimated from few mounts and runs.
+    mount_assumed : bool
+        Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts.
     """
 
     channels: tuple[str, ...]
@@ -92,6 +95,7 @@ class NoiseModel:
     source: Mapping[str, str]
     test_mount_m: float
     test_run: FloatArray
+    mount_assumed: bool = False
 
     @property
     def floor(self) -> dict[str, float]:
@@ -108,19 +112,38 @@ class Whitening:
     chains: Chains
 
     @cached_property
-    def _factors(self) -> tuple[FloatArray, FloatArray]:
-        """(share of the reading before, one over the standard deviation of what is new)."""
-        channel = self.observations.channel
-        rho = self.noise.rho[channel] ** self.chains.gap
-        share = np.where(self.chains.first, 0.0, rho)
-        return share, 1.0 / (self.noise.sigma[channel] * np.sqrt(1.0 - share**2))
+    def _share(self) -> FloatArray:
+        """Share of the noise of the reading before in each reading's, shape (M,)."""
+        rho = self.noise.rho[self.observations.channel] ** self.chains.gap
+        return np.where(self.chains.first, 0.0, rho)
+
+    @cached_property
+    def _settings(self) -> list[tuple[sparse.csr_array, FloatArray]]:
+        """Of each uncertain setting the unit vectors of its rows, shape (N, M), and how far they shrink.
+
+        The readings of a row share its errors g, so that their covariance is I + g g' with the inverse root
+        I - (1 - (1 + g'g)^-1/2) g g' / g'g; the second error is first mapped by that of the first.
+        """
+        observations = self.observations
+        maps: list[tuple[sparse.csr_array, FloatArray]] = []
+        for column in observations.setting_columns.T:
+            if not column.any():
+                continue
+            error = _shrunk(column / self.noise.sigma[observations.channel], maps)
+            length = np.sqrt(np.bincount(observations.row, error**2, minlength=len(observations.covariates)))
+            unit = error / np.maximum(length, 1e-300)[observations.row]
+            shape = len(length), len(error)
+            rows = sparse.csr_array((unit, (observations.row, np.arange(len(error)))), shape=shape)
+            maps.append((rows, 1.0 - 1.0 / np.sqrt(1.0 + length**2)))
+        return maps
 
     def serial(self, x: FloatArray) -> FloatArray:
-        """Only the noise along the runs whitened, for x of shape (M,) or (M, k)."""
-        share, scale = self._factors
+        """Only the noise of each row and along the runs whitened, for x of shape (M,) or (M, k)."""
+        share, sigma = self._share, self.noise.sigma[self.observations.channel]
         if x.ndim == 2:
-            share, scale = share[:, None], scale[:, None]
-        return (x - share * x[self.chains.before]) * scale
+            share, sigma = share[:, None], sigma[:, None]
+        scaled = _shrunk(x / sigma, self._settings)
+        return (scaled - share * scaled[self.chains.before]) / np.sqrt(1.0 - share**2)
 
     @cached_property
     def _random(self) -> tuple[FloatArray, FloatArray]:
@@ -138,6 +161,13 @@ class Whitening:
         serial = self.serial(x)
         along = left.T @ serial
         return serial - left @ ((shrink if x.ndim == 1 else shrink[:, None]) * along)
+
+
+def _shrunk(x: FloatArray, maps: list[tuple[sparse.csr_array, FloatArray]]) -> FloatArray:
+    """x, of shape (M,) or (M, k), shrunk along unit vectors of rows."""
+    for unit, shrink in maps:
+        x = x - unit.T @ ((shrink if x.ndim == 1 else shrink[:, None]) * (unit @ x))
+    return x
 
 
 def random_columns(observations: Observations, mount_m: float, run: FloatArray) -> tuple[FloatArray, FloatArray]:

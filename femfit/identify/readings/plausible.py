@@ -10,6 +10,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.conditions import Conditions
 from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
@@ -19,11 +20,16 @@ from femfit.tables.suspected_units import common_factors, suspicion
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 
 _LEAST_READINGS = 8
+"""Assumed: fewer readings are no ground for a suspicion."""
+
 _CLEARLY, _WELL = 0.2, 0.3
-"""A suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
+"""Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
+
+_SLACK = 0.02
+"""Assumed: by how much of its width a validity domain may be left; a stage's zero error at the border of the sweep."""
 
 _LEAST_SHARE = 0.05
-"""Part of the model's largest distance or current that a converted column must reach: almost nothing always fits."""
+"""Assumed: part of the model's largest distance or current that a converted column must reach: zero always fits."""
 
 _OTHER_SIGN = "of the other sign"
 
@@ -171,3 +177,38 @@ def _within_rails(rows: pd.DataFrame, sensor: HallSensor) -> tuple[pd.DataFrame,
     text += f"{sensor.output_max_V:g} V) {'were' if count > 1 else 'was'} set aside: there it is clipped."
     finding = Finding("clipped", "info", text, size=float(count), column="hall_V")
     return rows.assign(hall_V=np.where(clipped, np.nan, values)), [finding]
+
+
+def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
+    """Where a model may be compared with a bench: its validity domain, a little beyond, and what is exact beyond.
+
+    The co-energy of linear iron is a polynomial of second degree in the current, which holds at any current; there only
+    the distances are limited.
+
+    It is false where either setting is not a number.
+    """
+    base = model.without_effects
+    box, magnetics = base.validity, base.magnetics
+    slack = _SLACK * (box.distance_max_m - box.distance_min_m)
+    inside = (distance >= box.distance_min_m - slack) & (distance <= box.distance_max_m + slack)
+    linear = isinstance(magnetics, CoenergySpline) and (
+        magnetics.spline.y_degree <= 2 and len(np.unique(magnetics.spline.y_knots)) == 2
+    )
+    if linear:
+        return np.asarray(inside & np.isfinite(current))
+    slack = _SLACK * (box.current_max_A - box.current_min_A)
+    return np.asarray(inside & (current >= box.current_min_A - slack) & (current <= box.current_max_A + slack))
+
+
+def nothing_in_domain(model: ActuatorModel, table: BenchTable) -> str:
+    """Say where the model holds, where the rows of a table outside of it are, and what their units may be."""
+    box = model.without_effects.validity
+    d, i = table.rows["distance_m"], table.rows["current_A"]
+    where = (
+        f"{table.source} must have rows within the model's validity domain, {box.distance_min_m:g} to "
+        f"{box.distance_max_m:g} m and {box.current_min_A:g} to {box.current_max_A:g} A; its distances are "
+        f"{d.min():g} to {d.max():g} m and its currents {i.min():g} to {i.max():g} A."
+    )
+    remedy = "Convert the columns, or sweep and fit a wider range."
+    suspected = suspect_units(model, table)
+    return " ".join([where, *(str(one) for one in suspected)] if suspected else [where, remedy])

@@ -1,4 +1,4 @@
-"""Repeated settings: which readings are repeats of each other, what scatter they show, and what the model misses there.
+"""Repeated settings: which readings are repeats of each other, and what scatter they show.
 
 References
 ----------
@@ -7,11 +7,9 @@ N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.identify.decision.diagnosis import Gate
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
+from femfit.identify.noise.constants import SAME_SETTING
 from femfit.identify.readings.observations import Observations
 
 
@@ -29,12 +27,12 @@ def repeat_cells(observations: Observations) -> IntArray:
 
 
 def _levels(x: FloatArray) -> FloatArray:
-    """Numbers of the levels that a setting was brought to, each at most a four-hundredth of the range wide.
+    """Numbers of the levels that a setting was brought to.
 
     A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
     changes over that distance.
     """
-    tolerance = float(np.ptp(x)) / 400.0
+    tolerance = SAME_SETTING * float(np.ptp(x))
     order = np.argsort(x, kind="stable")
     level, start, numbers = 0, x[order[0]], np.zeros(len(x))
     for k in order:
@@ -71,32 +69,7 @@ def pure_error(residual: FloatArray, cells: IntArray, nuisance: FloatArray) -> t
     columns = columns[:, length > 1e-9 * np.maximum(np.linalg.norm(nuisance[repeated], axis=0), 1e-300)]
     if not columns.shape[1]:
         return float(y @ y), float(free)
-    left, sizes_, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
-    left = left[:, sizes_ > 1e-8 * sizes_[0]]
-    rest = y - left @ (left.T @ y)
-    return float(rest @ rest), float(free - left.shape[1])
-
-
-def lack_of_fit(observations: Observations, noise: NoiseModel, channel: str) -> Gate:
-    """The pure-error test of one channel: what repeats of a setting share against what they do not.
-
-    With whitened residual w and an orthonormal basis Q of the whitened cells, F = |Q'w|^2 / k is F(k, nu) distributed
-    where the model holds. The whitening carries the scatter of mounts and runs, which all cells of a mount share.
-
-    Returns
-    -------
-    Gate
-        With k cells and the p-value of F(k, nu); of chi-square where the noise was declared.
-    """
-    alone = observations.select(observations.of(channel))
-    whitening = Whitening(alone, noise, chains_of(alone))
-    codes, cell = np.unique(repeat_cells(alone), return_inverse=True)
-    columns = np.zeros((len(alone.value), len(codes)))
-    columns[np.arange(len(cell)), cell] = 1.0
-    basis = orthonormal_basis(whitening.full(columns))
-    along, count = basis.T @ whitening.full(alone.residual), basis.shape[1]
-    square = float(along @ along)
-    degrees = float(noise.degrees_of_freedom[observations.channels.index(channel)])
-    finite = np.isfinite(degrees)
-    p_value = stats.f.sf(square / count, count, degrees) if finite else stats.chi2.sf(square, count)
-    return Gate(square / count, count, float(p_value))
+    left, singular, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    left = left[:, singular > 1e-8 * singular[0]]
+    scatter = y - left @ (left.T @ y)
+    return float(scatter @ scatter), float(free - left.shape[1])

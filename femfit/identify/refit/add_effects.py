@@ -1,64 +1,55 @@
-"""Adds effects to a model: a bounded refit to measurements, judged on runs left out.
+"""Adds effects to a model: a bounded refit to measurements, checked on runs left out.
 
-Amplitudes of the base (the magnet's strength, the turns, the resistance) may be fitted beside the effects, held by a
-prior of two per cent: without them an effect would mop up a base that is slightly off. They are used where they lower
-the weighted error on runs left out.
+Tolerances of the drawing (the magnet's strength, the turns, the resistance) may be fitted beside the effects, held by a
+prior: without them an effect would mop up a base that is slightly off. They are used where they lower the weighted
+error on runs left out.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from femfit.core.errors import TableError
+from femfit.core.finding import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
-from femfit.identify.comparison.gate import pattern_space
+from femfit.identify.comparison.fall import error_fall
+from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW
+from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.readings.load import measurement_observations
 from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_result import AddResult, Step
-from femfit.identify.refit.add_size import effect_sizes, suspicious_values
-from femfit.identify.refit.add_start import restart, starting_point, without_untold
-from femfit.identify.refit.refit import Refit, Start, refit
-from femfit.identify.refit.unseen import UnseenError, beside_random, channel_rms, floor_as_read, unseen_error
-from femfit.identify.signatures.columns import why_untestable
+from femfit.identify.refit.refit import Refit, refit
+from femfit.identify.refit.sizes import effect_sizes, suspicious_values
+from femfit.identify.refit.start import Start, starting_point
+from femfit.identify.refit.unseen import UnseenError, channel_rms, unseen_error
+from femfit.identify.signatures.columns import effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
+from femfit.tables.measurement_file import read_measurement
 
 _HELPS = 9.0
-"""Fall of the weighted error on runs left out from which the base's amplitudes are used: three standard deviations."""
+"""Conventional: fall of the weighted error on runs left out from which tolerances are used (three deviations)."""
 
 _HARMS = 1.05
-"""Rise of a channel's error on runs left out from which they are not, whatever the other channels gain by them."""
+"""Assumed: rise of a channel's error on runs left out from which they are not, whatever the other channels gain."""
 
-Observe = Callable[[ActuatorModel], Observations]
+_SETTLED = 2.0
+"""Assumed: time constants that the longest run must last for it to show where an effect settles (to 14 %)."""
 
-
-@dataclass(frozen=True)
-class AddOptions:
-    """How effects are added.
-
-    Parameters
-    ----------
-    base : {"auto", "always", "never"}
-        Whether the base's amplitudes are fitted beside the effects; ``auto`` where that helps on runs left out
-        and makes no channel worse.
-    coil_temperature_C, magnet_temperature_C : float or None
-        At which the new model runs; None for the mean of what was recorded, or the model's own.
-    """
-
-    base: Literal["auto", "always", "never"] = "auto"
-    coil_temperature_C: float | None = None
-    magnet_temperature_C: float | None = None
+Base = Literal["auto", "always", "never"]
 
 
 @dataclass(frozen=True, eq=False)
-class _Campaign:
+class _Readings:
     """Readings beside the model without what is refitted, and their noise."""
 
     observations: Observations
@@ -68,17 +59,21 @@ class _Campaign:
 
 @dataclass(frozen=True, eq=False)
 class _Fitted:
-    """A refit and its error on runs left out."""
+    """A refit, its error on runs left out, and what was held."""
 
     fit: Refit
     error: UnseenError
+    findings: tuple[Finding, ...] = ()
 
 
 def add_effects(
     model: ActuatorModel,
-    data: Measurement | Observe,
-    names: Sequence[str],
-    options: AddOptions | None = None,
+    data: Measurement | str | Path,
+    effects: str | Sequence[str] | Diagnosis,
+    *,
+    base: Base = "auto",
+    coil_temperature_C: float | None = None,
+    magnet_temperature_C: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> AddResult:
     """Refit a model with effects.
@@ -87,134 +82,199 @@ def add_effects(
     ----------
     model : ActuatorModel
         Effects that it has already are refitted with the new ones where the data can show them.
-    data : BenchTable or TimeSeries or callable
-        As read; or a function that places any other measurement beside a model.
-    names : sequence of str
-        Effects of the catalogue in the order of adding; one that the model has already is refitted.
-
-    Returns
-    -------
-    AddResult
-        The new model and how far the error fell.
+    data : BenchTable or TimeSeries, or a path
+        What was measured.
+    effects : str, sequence of str, or Diagnosis
+        Effects of the catalogue in the order of adding, or what a diagnosis names; one that the model has already is
+        refitted.
+    base : {"auto", "always", "never"}
+        Whether tolerances of the drawing are fitted beside the effects; ``auto`` where that helps on runs left out and
+        makes no channel worse.
+    coil_temperature_C, magnet_temperature_C : float or None
+        At which the new model runs; None for the mean of what was recorded, or the model's own.
 
     Raises
     ------
     ModelFileError
         If no effect has a name.
     TableError
-        If the data cannot show an effect, or do not tell their noise.
+        If the data cannot show an effect, their noise is unknown, or they are too few.
     """
-    options, say = options or AddOptions(), progress or (lambda _: None)
-    observe = data if callable(data) else (lambda m: measurement_observations(m, data))
-    kept, given, new = _split(model, names, observe)
-    campaign = _campaign(observe(with_effects(model, kept)))
-    observations, noise, whitening = campaign.observations, campaign.noise, campaign.whitening
+    say = progress or (lambda _: None)
+    say("Reading")
+    measured = read_measurement(data) if isinstance(data, str | Path) else data
+    kept, given, new = _split(model, _names(effects), measured)
+    readings = _readings(placed(with_effects(model, kept), measured))
+    observations, whitening = readings.observations, readings.whitening
     wanted = [*(added.effect for added in given), *new]
-    _require_testable(wanted, observations)
+    for effect in wanted:
+        if reason := why_untestable(effect, observations):
+            raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
     say("Fitting the effects")
     start = starting_point(observations, whitening, wanted)
-    partial = [unseen_error(observations, noise, start[:k]).rms for k in range(len(given) + 1, len(start))]
-    fitted = _fitted(campaign, start)
-    steps = [Step(effect.name, rms) for effect, rms in zip(new, [*partial, fitted.error.rms], strict=False)]
-    say("Fitting the base beside them")
-    fitted = _with_base(campaign, fitted, options)
-    base = len(fitted.fit.effects) - len(start)
-    if base or not new:
-        steps.append(Step("base" if base else "refit", fitted.error.rms))
-    first = unseen_error(observations, noise, (), otherwise=given)
-    before, after = (observations.value - observations.predict(e) for e in (given, fitted.fit.effects))
-    gate = pattern_space(observations, whitening)
-    fit = fitted.fit
+    partial = [refit(observations, whitening, start[:k]).effects for k in range(len(given) + 1, len(start))]
+    alone = _fitted(readings, start)
+    say("Fitting the tolerances of the drawing beside them")
+    fitted, dropped = _with_tolerances(readings, alone, base)
+    fit, beside = fitted.fit, len(fitted.fit.effects) - len(start)
+    before, after = observations.predict(given), observations.predict(fit.effects)
+    stages = [(effect.name, one) for effect, one in zip(new, [*partial, alone.fit.effects], strict=False)]
+    stages += [("tolerances" if beside else "refit", fit.effects)] if beside or not new else []
     sizes = effect_sizes(observations, fit)
-    beside = {added.effect.name for added in fit.effects[:base]}
+    patterns = pattern_space(observations, whitening)
+    known = {name: sd for name, sd in readings.noise.floor.items() if name in readings.noise.source}
     return AddResult(
-        model=with_effects(_at_temperature(model, observations, options), (*kept, *fit.effects)),
-        added=fit.effects[base:],
-        base=fit.effects[:base],
+        model=with_effects(
+            _at_temperature(model, observations, coil_temperature_C, magnet_temperature_C), (*kept, *fit.effects)
+        ),
+        added=fit.effects[beside:],
+        base=fit.effects[:beside],
         kept=tuple(added.effect.name for added in kept),
-        before=channel_rms(observations, beside_random(before, whitening)),
-        after=channel_rms(observations, beside_random(after, whitening)),
-        unseen_before=first.rms,
-        unseen_after=fitted.error.rms,
-        floor={name: noise.floor[name] for name in noise.channels if name in noise.source},
-        floor_source=noise.source,
-        as_read={
-            "before": first.rms_as_read,
-            "after": fitted.error.rms_as_read,
-            "floor": floor_as_read(observations, noise),
-        },
-        steps=(Step("model", first.rms), *steps),
+        fall=error_fall(observations, before, after, known),
+        left_out=fitted.error.rms,
+        floor=known,
+        floor_source=readings.noise.source,
+        steps=(
+            Step("model", channel_rms(observations, observations.value - before)),
+            *(
+                Step(text, channel_rms(observations, observations.value - observations.predict(e)))
+                for text, e in stages
+            ),
+        ),
         sizes=sizes,
-        suspicious=suspicious_values(fit, sizes, beside),
-        gate_before=gate.test(whitening.full(before)),
-        gate_after=gate.test(fit.rest, fit.jacobian[:, ~fit.active]),
+        suspicious=suspicious_values(observations, fit, sizes, {added.effect.name for added in fit.effects[:beside]}),
+        lack_of_fit_before=patterns.test(whitening.full(observations.value - before)),
+        lack_of_fit_after=patterns.test(fit.whitened_residual, fit.jacobian[:, ~fit.active]),
         readings=len(observations.value),
         runs=len(np.unique(observations.column("run"))),
-        findings=observations.findings,
+        observations=observations,
+        findings=(*observations.findings, *fitted.findings, *dropped),
     )
 
 
+def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
+    if isinstance(effects, Diagnosis):
+        if not effects.missing:
+            raise TableError("The diagnosis names no effect, so there is nothing to add. Give the names of effects.")
+        return [one.name for one in effects.missing]
+    return [effects] if isinstance(effects, str) else list(effects)
+
+
 def _split(
-    model: ActuatorModel, names: Sequence[str], observe: Observe
+    model: ActuatorModel, names: Sequence[str], data: Measurement
 ) -> tuple[tuple[AddedEffect, ...], tuple[AddedEffect, ...], list[Effect]]:
     """(effects that stay as they are, those that are refitted, those that are new).
 
     An effect of the model stays where these data cannot show it; one that the user names is never among those.
     """
     wanted = [effect_by_name(name) for name in dict.fromkeys(names)]
-    own = model.effects
-    bare = observe(with_effects(model, ()))
     named = {effect.name for effect in wanted}
-    stays = [added.effect.name not in named and bool(why_untestable(added.effect, bare)) for added in own]
-    kept = tuple(added for added, stay in zip(own, stays, strict=True) if stay)
-    given = tuple(added for added, stay in zip(own, stays, strict=True) if not stay)
+    bare = placed(with_effects(model, ()), data) if model.effects else None
+    stays = [
+        bare is not None and added.effect.name not in named and bool(why_untestable(added.effect, bare))
+        for added in model.effects
+    ]
+    kept = tuple(added for added, stay in zip(model.effects, stays, strict=True) if stay)
+    given = tuple(added for added, stay in zip(model.effects, stays, strict=True) if not stay)
     present = {added.effect.name for added in given}
     return kept, given, [effect for effect in wanted if effect.name not in present]
 
 
-def _campaign(observations: Observations) -> _Campaign:
+def _readings(observations: Observations) -> _Readings:
     noise = estimate_noise(observations)
     if noise is None:
-        raise TableError(
-            "Without a noise floor nothing can be fitted: neither repeated settings nor a sidecar tell the noise of a "
-            "channel. Measure some settings twice, or declare the noise in a .toml beside the data ([noise] "
-            "force_N = 2e-4)."
+        raise TableError(str(NO_NOISE))
+    whitening = Whitening(observations, noise, chains_of(observations))
+    if not pattern_space(observations, whitening).groups:
+        raise TableError(str(TOO_FEW))
+    return _Readings(observations, noise, whitening)
+
+
+def _fitted(readings: _Readings, start: Sequence[Start], prior_sd: Mapping[str, float] | None = None) -> _Fitted:
+    """A refit of what the data show: without amplitudes that they do not identify, and without extrapolated ends."""
+    observations, whitening = readings.observations, readings.whitening
+    fit = refit(observations, whitening, start, prior_sd=prior_sd)
+    fixed = _unsettled(observations, fit)
+    if fixed:
+        fit = refit(observations, whitening, _restart(fit), fixed=fixed, prior_sd=prior_sd)
+    identified = _identified(fit)
+    if any(one.count < whole.count for one, whole in zip(identified, fit.start, strict=True)):
+        fit = refit(observations, whitening, identified, fixed=fixed, prior_sd=prior_sd)
+    error = unseen_error(observations, readings.noise, _restart(fit), fixed, prior_sd)
+    findings = tuple(
+        Finding(
+            "not-settled",
+            "warning",
+            f"{name} had not settled within the longest run: the new model runs with what these data showed, "
+            "not with where it would settle.",
+            "Record longer, or measure its end by itself.",
         )
-    return _Campaign(observations, noise, Whitening(observations, noise, chains_of(observations)))
+        for name in fixed
+    )
+    return _Fitted(fit, error, findings)
 
 
-def _require_testable(effects: Sequence[Effect], observations: Observations) -> None:
-    for effect in effects:
-        if reason := why_untestable(effect, observations):
-            raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
+def _restart(fit: Refit) -> list[Start]:
+    """A fit as the start of another."""
+    return [one.continued(added) for one, added in zip(fit.start, fit.effects, strict=True)]
 
 
-def _fitted(campaign: _Campaign, start: Sequence[Start], prior_sd: Mapping[str, float] | None = None) -> _Fitted:
-    fit = refit(campaign.observations, campaign.whitening, start, prior_sd=prior_sd)
-    told = without_untold(fit)
-    if any(len(one.amplitudes) < len(all_.amplitudes) for (one, _), all_ in zip(told, fit.start, strict=True)):
-        fit = refit(campaign.observations, campaign.whitening, told, prior_sd=prior_sd)
-    return _Fitted(fit, unseen_error(campaign.observations, campaign.noise, restart(fit), prior_sd))
+def _unsettled(observations: Observations, fit: Refit) -> dict[str, dict[str, float]]:
+    """Time constants of changes of the circuit that are longer than the runs, with what they are held at instead.
+
+    The new model runs with the end of such a change. A fit to its beginning says only its rate, and would put an end
+    into the circuit that nobody has seen.
+    """
+    clock = observations.column("time_s" if "time_s" in observations.covariates else "order")
+    longest = float(clock.max()) / _SETTLED
+    result: dict[str, dict[str, float]] = {}
+    for k, p in fit.free:
+        added = fit.effects[k]
+        slow = p.nonlinear and p.name.endswith("_time") and added.parameters[p.name] > longest
+        if slow and added.effect.circuit is not None:
+            result[added.effect.name] = {p.name: max(longest, p.lower)}
+    return result
 
 
-def _with_base(campaign: _Campaign, alone: _Fitted, options: AddOptions) -> _Fitted:
-    """The refit with the base's amplitudes beside the effects, where wanted."""
-    observations = campaign.observations
-    visible = [
-        effect
-        for effect in TOLERANCES
-        if effect.name not in alone.fit.names and not why_untestable(effect, observations)
+def _identified(fit: Refit) -> list[Start]:
+    """A fit as the start of another, without the amplitudes that the data do not identify; one stays at least.
+
+    Their interval holds the null and more than their plausible range.
+    """
+    result = []
+    for one, added in zip(_restart(fit), fit.effects, strict=True):
+        keep = []
+        for k, p in enumerate(one.columns.amplitudes):
+            low, high = added.ci95.get(p.name, (np.nan, np.nan))
+            if not (low < p.null < high and high - low > p.plausible[1] - p.plausible[0]):
+                keep.append(k)
+        result.append(one.part(keep) if keep else one)
+    return result
+
+
+def _with_tolerances(readings: _Readings, alone: _Fitted, base: Base) -> tuple[_Fitted, list[Finding]]:
+    """The refit with the tolerances beside the effects, where wanted, and what was dropped."""
+    observations = readings.observations
+    testable = [e for e in TOLERANCES if e.name not in alone.fit.names and not why_untestable(e, observations)]
+    visible = [effect for effect in testable if effect_columns(effect, observations)]
+    dropped = [
+        Finding("tolerance-dropped", "info", f"{effect.name} changes no reading here, so it was not fitted beside.")
+        for effect in testable
+        if effect not in visible
     ]
-    if options.base == "never" or not visible:
-        return alone
-    start = [*starting_point(observations, campaign.whitening, visible, at_null=True), *restart(alone.fit)]
-    together = _fitted(campaign, start, {effect.name: TOLERANCE_SD for effect in visible})
+    if base == "never" or not visible:
+        return alone, [] if base == "never" else dropped
+    start = [*starting_point(observations, readings.whitening, visible, at_null=True), *_restart(alone.fit)]
+    together = _fitted(readings, start, {effect.name: TOLERANCE_SD for effect in visible})
     helps = together.error.chi2 < alone.error.chi2 - _HELPS
-    harms = any(rms > _HARMS * alone.error.rms[name] for name, rms in together.error.rms.items())
-    return together if options.base == "always" or (helps and not harms) else alone
+    limits = alone.error.rms_beside_random
+    harms = any(rms > _HARMS * limits[name] for name, rms in together.error.rms_beside_random.items())
+    return together if base == "always" or (helps and not harms) else alone, dropped
 
 
-def _at_temperature(model: ActuatorModel, observations: Observations, options: AddOptions) -> ActuatorModel:
+def _at_temperature(
+    model: ActuatorModel, observations: Observations, coil_C: float | None, magnet_C: float | None
+) -> ActuatorModel:
     """The model at the temperatures where it is to run."""
 
     def chosen(option: float | None, name: str, own: float) -> float:
@@ -226,6 +286,6 @@ def _at_temperature(model: ActuatorModel, observations: Observations, options: A
 
     return replace(
         model,
-        coil_temperature_C=chosen(options.coil_temperature_C, "coil_temperature_C", model.coil_temperature_C),
-        magnet_temperature_C=chosen(options.magnet_temperature_C, "magnet_temperature_C", model.magnet_temperature_C),
+        coil_temperature_C=chosen(coil_C, "coil_temperature_C", model.coil_temperature_C),
+        magnet_temperature_C=chosen(magnet_C, "magnet_temperature_C", model.magnet_temperature_C),
     )

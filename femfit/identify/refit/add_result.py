@@ -2,56 +2,39 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from typing import Any
-
-import numpy as np
 
 from femfit.core.finding import Finding
 from femfit.effects.effect import AddedEffect
-from femfit.identify.decision.diagnosis import Gate
+from femfit.effects.words import describe
+from femfit.identify.comparison.fall import ErrorFall
+from femfit.identify.comparison.lack_of_fit import LackOfFit
+from femfit.identify.decision.constants import LEVEL_AFTER
+from femfit.identify.readings.amounts import CHANNEL_WORDS, amount, chance
+from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.place import notes, suspicions
+from femfit.identify.refit.sizes import EffectSize
 from femfit.model.actuator_model import ActuatorModel
 
 
 @dataclass(frozen=True)
 class Step:
-    """One bar of the waterfall.
+    """One bar of the waterfall: what was added, and the error per channel with it and everything before it.
 
     Parameters
     ----------
-    text : str
-        What was added in this step.
-    unseen : mapping of str to float
-        Rms per channel on runs left out, with this and everything before it.
+    rms : mapping of str to float
+        Over all readings, as :class:`femfit.identify.comparison.fall.ErrorFall` has it.
     """
 
     text: str
-    unseen: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class EffectSize:
-    """What an added effect changes of one channel, where it changes it most within the data.
-
-    Parameters
-    ----------
-    of_largest : float
-        ``change`` over the largest magnitude that the base predicts for this channel.
-    """
-
-    effect: str
-    channel: str
-    change: float
-    ci95: tuple[float, float]
-    of_largest: float
-    distance_m: float
-    current_A: float
+    rms: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
 class AddResult:
-    """Effects added to a model.
-
-    All errors are root mean squares per channel beside each run's own re-mount and offset, except ``as_read``.
+    """Effects added to a model; printed, it is what ``femfit add`` prints.
 
     Parameters
     ----------
@@ -60,68 +43,112 @@ class AddResult:
     added : tuple of AddedEffect
         The effects that were fitted, in order, with 95 % intervals.
     base : tuple of AddedEffect
-        Amplitudes of the base that were fitted beside them; none where they did not help on runs left out.
+        Tolerances of the drawing that were fitted beside them; none where they did not help on runs left out.
     kept : tuple of str
         Effects that the model had before and that these data cannot refit.
-    before, after : mapping of str to float
-        On the runs that were fitted.
-    unseen_before, unseen_after : mapping of str to float
-        On runs left out, each in turn.
-    as_read : mapping of str to mapping of str to float
-        ``before``, ``after`` and ``floor`` on runs left out with the re-mounts and run offsets in them.
+    fall : ErrorFall
+        Error before and after, over all readings.
+    left_out : mapping of str to float
+        Root mean square per channel on readings that were not fitted: each run in turn, or quarters of a single run.
+    floor : mapping of str to float
+        Standard deviation of one reading, in the channels in which it is known.
     steps : tuple of Step
         From the model as it was to the last effect.
     suspicious : tuple of str
-        What is unusual of the fitted parameters, one plain sentence each.
-    findings : tuple of str
-        What else should be known, one plain sentence each.
+        What is unusual of the fitted parameters, one sentence each.
+    observations : Observations
+        The readings beside the model without what was refitted.
     """
 
     model: ActuatorModel
     added: tuple[AddedEffect, ...]
     base: tuple[AddedEffect, ...]
     kept: tuple[str, ...]
-    before: Mapping[str, float]
-    after: Mapping[str, float]
-    unseen_before: Mapping[str, float]
-    unseen_after: Mapping[str, float]
+    fall: ErrorFall
+    left_out: Mapping[str, float]
     floor: Mapping[str, float]
     floor_source: Mapping[str, str]
-    as_read: Mapping[str, Mapping[str, float]]
     steps: tuple[Step, ...]
     sizes: tuple[EffectSize, ...]
     suspicious: tuple[str, ...]
-    gate_before: Gate
-    gate_after: Gate
+    lack_of_fit_before: LackOfFit
+    lack_of_fit_after: LackOfFit
     readings: int
     runs: int
+    observations: Observations
     findings: tuple[Finding, ...] = ()
-
-    @property
-    def unseen_ratio(self) -> float:
-        """Root mean square over the channels of the error on runs left out over the noise floor."""
-        ratios = [self.unseen_after[name] / self.floor[name] for name in self.floor]
-        return float(np.sqrt(np.mean(np.square(ratios))))
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
-        names = ("kept", "before", "after", "unseen_before", "unseen_after", "floor", "floor_source", "as_read")
+        names = ("kept", "left_out", "floor", "floor_source", "readings", "runs")
         return {
             "added": [_effect(one) for one in self.added],
             "base": [_effect(one) for one in self.base],
             **{name: getattr(self, name) for name in names},
-            "unseen_ratio": self.unseen_ratio,
+            "error_fall": self.fall.to_dict(),
             "steps": [vars(step) for step in self.steps],
             "sizes": [vars(size) for size in self.sizes],
             "suspicious": list(self.suspicious),
-            "gate_before": vars(self.gate_before),
-            "gate_after": vars(self.gate_after),
-            "readings": self.readings,
-            "runs": self.runs,
+            "lack_of_fit_before": vars(self.lack_of_fit_before),
+            "lack_of_fit_after": vars(self.lack_of_fit_after),
             "coil_temperature_C": self.model.coil_temperature_C,
             "magnet_temperature_C": self.model.magnet_temperature_C,
-            "findings": [finding.as_dict() for finding in self.findings],
+            "findings": [one.as_dict() for one in self.findings],
         }
+
+    def __str__(self) -> str:
+        lines = [*suspicions(self.findings), self._verdict()]
+        for added in self.added:
+            words = describe(added, self.observations.nominal) or [added.effect.symptom.rstrip(".")]
+            lines.append(f"  {added.effect.name}: {'; '.join(words)}.")
+            lines += [f"    {size}" for size in self.sizes if size.effect == added.effect.name]
+        lines += str(self.fall).split("\n")
+        lines += [self._left_out(), *self._circumstances()]
+        lines += [f"suspicious: {sentence}" for sentence in self.suspicious]
+        return "\n".join([*lines, *notes(self.findings)])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+    def _verdict(self) -> str:
+        names, after = " and ".join(added.effect.name for added in self.added), self.lack_of_fit_after
+        if after.p_value > LEVEL_AFTER:
+            rest = (
+                f"what is left is noise ({chance(after.p_value)}; before, {chance(self.lack_of_fit_before.p_value)})."
+            )
+        else:
+            rest = f"the misfit that is left is not noise ({chance(after.p_value)})."
+        doubt = " Its size is not certain: see below." if self.suspicious else ""
+        return f"Added {names}: {rest}{doubt}"
+
+    def _left_out(self) -> str:
+        errors = ", ".join(f"{CHANNEL_WORDS[name]} {amount(rms, name, 3)}" for name, rms in self.left_out.items())
+        part = f"each of the {self.runs} runs" if self.runs > 1 else "each quarter of the one run"
+        return f"Fitted without {part} in turn, the error there is {errors} rms."
+
+    def _circumstances(self) -> list[str]:
+        lines = []
+        if self.base:
+            words = [clause for one in self.base for clause in describe(one, self.observations.nominal)]
+            lines.append(f"Fitted beside it, held to 2 %, since that helps on readings left out: {'; '.join(words)}.")
+        if self.kept:
+            lines.append(f"Kept as they were, since these data cannot refit them: {', '.join(self.kept)}.")
+        if any(added.effect.circuit or "temperature" in " ".join(added.effect.needs) for added in self.added):
+            lines.append(
+                f"Plant and filters run with the coil at {self.model.coil_temperature_C:g} °C"
+                f"{self._warmer('coil_temperature')} and the magnet at {self.model.magnet_temperature_C:g} °C"
+                f"{self._warmer('magnet_temperature')}."
+            )
+        return lines
+
+    def _warmer(self, name: str) -> str:
+        """What was found beside a temperature that was not recorded; plant and filters run with it too."""
+        kelvin = sum(
+            a.parameters.get("warmer_K", 0.0) + a.parameters.get("warming_K", 0.0)
+            for a in self.added
+            if a.effect.name == name
+        )
+        return f" and the {kelvin:.3g} K more that were found" if kelvin else ""
 
 
 def _effect(added: AddedEffect) -> dict[str, Any]:

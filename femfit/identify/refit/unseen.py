@@ -15,30 +15,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.effects.effect import AddedEffect
-from femfit.identify.decision.magnitude import left_out_groups
+from femfit.core.arrays import FloatArray, IntArray
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
 from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.refit import Start, refit
+from femfit.identify.refit.refit import refit
+from femfit.identify.refit.start import Start
 
 
 @dataclass(frozen=True, eq=False)
 class UnseenError:
-    """Error on runs left out, all of them in turn.
+    """Error on runs left out, all of them in turn; on quarters of a single run.
 
     Parameters
     ----------
     rms : mapping of str to float
-        Per channel, beside each run's own re-mount and offset.
-    rms_as_read : mapping of str to float
-        The same with the re-mount and the offset in it.
+        Root mean square of recorded minus predicted per channel.
+    rms_beside_random : mapping of str to float
+        The same with each run's own re-mount and offset predicted from that run.
     chi2 : float
         Weighted sum of squares over all noise, re-mounts and offsets.
     """
 
     rms: Mapping[str, float]
-    rms_as_read: Mapping[str, float]
+    rms_beside_random: Mapping[str, float]
     chi2: float
 
 
@@ -46,24 +45,17 @@ def unseen_error(
     observations: Observations,
     noise: NoiseModel,
     start: Sequence[Start],
+    fixed: Mapping[str, Mapping[str, float]] | None = None,
     prior_sd: Mapping[str, float] | None = None,
-    otherwise: tuple[AddedEffect, ...] = (),
 ) -> UnseenError:
     """Cross-validate effects over the runs of a campaign.
 
     Parameters
     ----------
-    start : sequence of (EffectColumns, array of shape (k,))
-        Effects with amplitudes to start from; none for nothing to fit.
-    prior_sd : mapping of str to float, or None
+    start : sequence of Start
+        Effects with amplitudes to start from.
+    fixed, prior_sd : mapping or None
         As in :func:`femfit.identify.refit.refit.refit`.
-    otherwise : tuple of AddedEffect
-        What holds where there is nothing to fit.
-
-    Returns
-    -------
-    UnseenError
-        With a single run, over four stretches of it.
     """
     group = left_out_groups(observations)
     beside, as_read = np.zeros(len(group)), np.zeros(len(group))
@@ -71,30 +63,26 @@ def unseen_error(
     for one in np.unique(group):
         out = group == one
         seen, unseen = observations.select(~out), observations.select(out)
-        effects = otherwise
-        if start:
-            effects = refit(seen, Whitening(seen, noise, chains_of(seen)), start, prior_sd=prior_sd).effects
-        residual = unseen.value - unseen.predict(effects)
+        fit = refit(seen, Whitening(seen, noise, chains_of(seen)), start, fixed=fixed, prior_sd=prior_sd)
+        residual = unseen.value - unseen.predict(fit.effects)
         whitening = Whitening(unseen, noise, chains_of(unseen))
         as_read[out], beside[out] = residual, beside_random(residual, whitening)
         white = whitening.full(residual)
         chi2 += float(white @ white)
-    return UnseenError(channel_rms(observations, beside), channel_rms(observations, as_read), chi2)
+    return UnseenError(channel_rms(observations, as_read), channel_rms(observations, beside), chi2)
+
+
+def left_out_groups(observations: Observations) -> IntArray:
+    """The run of each reading, shape (M,); with a single run, four stretches of it."""
+    run = observations.column("run").astype(int)
+    if len(np.unique(run)) > 1:
+        return run
+    order: FloatArray = observations.column("order")
+    return np.asarray(np.searchsorted(np.quantile(order, [0.25, 0.5, 0.75]), order))
 
 
 def beside_random(residual: FloatArray, whitening: Whitening) -> FloatArray:
-    """A residual without its re-mounts' and runs' best linear unbiased prediction.
-
-    Parameters
-    ----------
-    residual : array, shape (M,)
-        In the readings' units.
-
-    Returns
-    -------
-    array, shape (M,)
-        In the readings' units.
-    """
+    """A residual, shape (M,), without the best linear unbiased prediction of its re-mounts and runs."""
     columns, deviations = random_columns(whitening.observations, whitening.noise.mount_m, whitening.noise.run)
     columns = columns * deviations
     white = whitening.serial(columns)
@@ -103,18 +91,5 @@ def beside_random(residual: FloatArray, whitening: Whitening) -> FloatArray:
 
 
 def channel_rms(observations: Observations, residual: FloatArray) -> dict[str, float]:
-    """Root mean square per channel.
-
-    Parameters
-    ----------
-    residual : array, shape (M,)
-        In the readings' units.
-    """
+    """Root mean square of a residual, shape (M,), per channel."""
     return {name: float(np.sqrt(np.mean(residual[observations.of(name)] ** 2))) for name in observations.channels}
-
-
-def floor_as_read(observations: Observations, noise: NoiseModel) -> dict[str, float]:
-    """What even a perfect model would leave on a new run, re-mount and offset included."""
-    sigma, run = noise.sigma[observations.channel], noise.run[observations.channel]
-    expected = np.sqrt(sigma**2 + run**2 + (noise.mount_m * observations.distance_slope) ** 2)
-    return channel_rms(observations, expected)

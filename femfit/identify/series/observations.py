@@ -21,7 +21,8 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
-from femfit.identify.readings.observations import Observations, model_tolerance
+from femfit.identify.readings.bench import model_tolerance
+from femfit.identify.readings.observations import Observations
 from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE, model_balances, model_readings
 from femfit.identify.series.field import sample_field, sensor_noise
 from femfit.identify.series.measured import MeasuredChannel, measure_balances, measure_sensors
@@ -73,7 +74,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     if not len(windows.centre_s):
         raise TableError(
             f"{series.source} must have stretches of at least {1e3 * windows.length_s:.3g} ms without a gap in "
-            "distance and current, within the model's box; none was found. Record faster, or more steadily."
+            "distance and current, in the model's validity domain; none was found. Record faster, or more steadily."
         )
     nominal = nominal_of(model)
     field = sample_field(base, samples)
@@ -139,6 +140,7 @@ def _assembled(
         nominal=nominal,
         declared_noise={name: s for name, s in zip(names, sigma, strict=True) if np.isfinite(s)},
         tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
+        setting_columns=np.zeros((len(number), 2)),
         findings=findings,
         present=tuple(added.effect.name for added in own),
         noise_source="samples",
@@ -173,7 +175,7 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
             covariates["velocity_m_s"] / (box.distance_max_m - box.distance_min_m),
             covariates["current_rate_A_s"] / (box.current_max_A - box.current_min_A),
         )
-        # A misfit that turns its sign some five times over the box
+        # A misfit that turns its sign some five times over the domain
         result[VOLTAGE_BALANCE] = 5.0 * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
     return result
 
@@ -186,15 +188,19 @@ def _with_scatter(observations: Observations) -> Observations:
     for c, name in enumerate(observations.channels):
         here = np.flatnonzero(observations.channel == c)
         basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
-        rest = residual[here] - basis @ (basis.T @ residual[here])
+        scatter = residual[here] - basis @ (basis.T @ residual[here])
         follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
-        seen, told = successive_scatter(rest, follows, basis), noise.get(name, np.nan)
-        if np.isfinite(seen) and not seen <= max(_RESTLESS, 1.0 + _CHANCE / np.sqrt(len(follows))) * told:
+        seen, known = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
+        if np.isfinite(seen) and not seen <= max(_RESTLESS, 1.0 + _CHANCE / np.sqrt(len(follows))) * known:
             noise[name] = seen
-            more = f"{seen / told:.1f} times" if np.isfinite(told) else "and nothing else tells"
-            text = (
-                f"Successive windows of {name} scatter by {seen:.2g}, {more} what the sensors' noise makes; this was "
+            more = f"{seen / known:.1f} times" if np.isfinite(known) else "and nothing else says"
+            findings.append(
+                Finding(
+                    "restless",
+                    "info",
+                    f"Successive windows of {name} scatter by {seen:.2g}, {more} what the sensors' noise makes; this "
+                    "was taken as their noise.",
+                    column=name,
+                )
             )
-            text += "taken as their noise."
-            findings.append(Finding("window-scatter", "info", text, size=float(seen), column=name))
     return replace(observations, declared_noise=noise, findings=(*observations.findings, *findings))

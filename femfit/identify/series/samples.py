@@ -8,12 +8,12 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
-from femfit.identify.readings.reach import within_reach
+from femfit.identify.readings.plausible import within_domain
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import TimeSeries
 
 _LARGE = 30.0
-"""A factor by which a median must miss the box for a wrong unit to be suspected."""
+"""A factor by which a median must miss the validity domain for a wrong unit to be suspected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +25,7 @@ class Samples:
     time, run : array
         In s, and the run's number.
     usable : array of bool
-        Samples whose distance and current are known and within the model's reach.
-    findings : tuple of str
-        What was left out, one plain sentence each.
+        Samples whose distance and current are known and in the model's validity domain.
     """
 
     time: FloatArray
@@ -44,7 +42,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     Parameters
     ----------
     model : ActuatorModel
-        Its box counts, its driver's clamp and its Hall element's range.
+        Its validity domain counts, its driver's clamp and its Hall element's range.
 
     Returns
     -------
@@ -54,7 +52,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     Raises
     ------
     TableError
-        If distance or current is missing, or no sample lies within the model's reach.
+        If distance or current is missing, or no sample lies in the model's validity domain.
     """
     missing = [name for name in ("current_A", "distance_m") if name not in series.given]
     if missing:
@@ -62,32 +60,43 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
             f"A time series must record current_A and distance_m for its balances; {series.source} lacks "
             f"{' and '.join(missing)}. Record it, or estimate the distance by a filter and give it as distance_m."
         )
-    rows, findings = series.rows, []
+    rows = series.rows
+    findings: list[Finding] = []
     columns = {name: rows[name].to_numpy(copy=True) for name in rows.columns if name not in ("run", "time_s")}
     distance, current = columns["distance_m"], columns["current_A"]
     known = np.isfinite(distance) & np.isfinite(current)
-    usable = known & within_reach(model, distance, current)
+    usable = known & within_domain(model, distance, current)
     if not usable.any():
         raise TableError(_nowhere(model, series, distance[known], current[known]))
     outside = int((known & ~usable).sum())
     if outside:
-        text = f"{outside} samples lie outside of the model's validity domain; no stretch over them is used."
-        findings.append(Finding("outside-domain", "info", text, size=float(outside)))
+        findings.append(
+            Finding(
+                "outside-domain",
+                "info",
+                f"{outside} samples lie outside of the validity domain of the model; no stretch over them is used.",
+            )
+        )
     if model.circuit is not None:
         clamp = model.circuit.voltage_min_V, model.circuit.voltage_max_V
         beyond = int(np.count_nonzero((columns["voltage_V"] < clamp[0]) | (columns["voltage_V"] > clamp[1])))
         if beyond:
-            text = (
-                f"{beyond} commands lie beyond the driver's {clamp[0]:g} to {clamp[1]:g} V and were taken as clamped."
+            findings.append(
+                Finding(
+                    "clamped",
+                    "warning",
+                    f"{beyond} commands lie beyond the driver's {clamp[0]:g} to {clamp[1]:g} V and were taken as "
+                    "clamped.",
+                    "If the driver can do more, change [supply] in the drawing.",
+                )
             )
-            findings.append(Finding("clamped-commands", "warning", text, size=float(beyond), column="voltage_V"))
             columns["voltage_V"] = np.clip(columns["voltage_V"], *clamp)
     if model.sensor is not None:
         ends = model.sensor.output_min_V, model.sensor.output_max_V - model.sensor.quantisation_step
         ended = (columns["hall_V"] <= ends[0]) | (columns["hall_V"] >= ends[1])
         if ended.any():
             text = f"{int(ended.sum())} Hall voltages stand at an end of the range and count as missing."
-            findings.append(Finding("clipped", "info", text, size=float(ended.sum()), column="hall_V"))
+            findings.append(Finding("clipped", "info", text, column="hall_V"))
             columns["hall_V"][ended] = np.nan
     return Samples(
         time=rows["time_s"].to_numpy(),
@@ -112,7 +121,7 @@ def _nowhere(model: ActuatorModel, series: TimeSeries, distance: FloatArray, cur
             hints.append("currents have the other sign than the model's")
     hint = f" ({'; '.join(hints)})" if hints else ""
     return (
-        f"{series.source} must have samples within the model's box of {1e3 * box.distance_min_m:g} to "
+        f"{series.source} must have samples in the model's validity domain of {1e3 * box.distance_min_m:g} to "
         f"{1e3 * box.distance_max_m:g} mm and {box.current_min_A:g} to {box.current_max_A:g} A; none was found{hint}. "
         "Check the columns and units, or sweep and fit a wider range."
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.identify.decision.diagnose import considered_effects
+from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.observations import Observations
 from femfit.identify.signatures.columns import effect_columns, why_untestable

@@ -7,12 +7,9 @@ from femfit.identify.noise.whitening import Whitening, random_columns
 
 
 def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> FloatArray:
-    """One draw of everything in a reading that is neither model nor effect.
+    """Draw everything in the readings that is neither model nor effect, shape (M,), in their units.
 
-    Returns
-    -------
-    array, shape (M,)
-        AR(1) noise along each run, re-mounts and run offsets, in the readings' units.
+    It is AR(1) noise along each run, re-mounts, run offsets, and what uncertain settings make.
     """
     observations, noise, chains = whitening.observations, whitening.noise, whitening.chains
     rho = noise.rho[observations.channel] ** chains.gap
@@ -24,4 +21,6 @@ def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> Flo
         )
     columns, deviations = random_columns(observations, noise.mount_m, noise.run)
     random = columns @ (deviations * generator.standard_normal(len(deviations)))
-    return np.asarray(value * noise.sigma[observations.channel] + random)
+    errors = generator.standard_normal((len(observations.covariates), 2))[observations.row]
+    uncertain = np.sum(observations.setting_columns * errors, axis=1)
+    return np.asarray(value * noise.sigma[observations.channel] + random + uncertain)

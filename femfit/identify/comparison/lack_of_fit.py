@@ -1,7 +1,7 @@
-"""The structured lack-of-fit gate: is anything missing, before a name is sought and after one was given.
+"""Lack-of-fit tests of a residual: against smooth patterns over the settings, and against repeats of one setting.
 
-In whitened units a residual without structure has squared length chi-square distributed in any k directions. The
-directions are smooth patterns over the settings; noise known from nu repeats turns chi-square / k into F(k, nu).
+In whitened units a residual without structure has squared length chi-square distributed in any k directions; noise
+known from nu repeats turns chi-square / k into F(k, nu).
 
 References
 ----------
@@ -15,16 +15,32 @@ from scipy import stats
 
 from femfit.core.arrays import FloatArray
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
-from femfit.identify.decision.diagnosis import Gate
-from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.repeats import repeat_cells
 
 _SPANNED = 1e-4
-"""Squared sine below which a pattern lies in the fitted columns."""
-
+"""Squared sine below which a pattern lies in the fitted columns (numerical)."""
 
 _COARSE = (2, 3)
 """Degrees up to which patterns are tested apart from the finer ones, which would drown a broad misfit."""
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """The outcome of a lack-of-fit test.
+
+    Parameters
+    ----------
+    statistic : float
+        Squared length of the whitened residual in the tested directions, over its degrees of freedom; 1 is expected.
+    p_value : float
+        Probability of at least this statistic where nothing is missing.
+    """
+
+    statistic: float
+    degrees_of_freedom: int
+    p_value: float
 
 
 def tail_probability(square: float, count: int, degrees_of_freedom: float) -> float:
@@ -62,13 +78,13 @@ class Group:
     basis: FloatArray
     degrees_of_freedom: float
 
-    def along(self, rest: FloatArray, fitted: FloatArray) -> tuple[float, int]:
+    def along(self, residual: FloatArray, fitted: FloatArray) -> tuple[float, int]:
         """Squared length of the residual in the patterns beside orthonormal fitted columns L, and their number.
 
         With orthonormal B and L and L'B = U diag(c) V', the patterns beside L have the metric I - V diag(c^2) V', whose
         inverse adds (v'a)^2 c^2 / (1 - c^2) to |a|^2; a pattern that L spans (c = 1) is no freedom any more.
         """
-        along, count = self.basis.T @ rest, self.basis.shape[1]
+        along, count = self.basis.T @ residual, self.basis.shape[1]
         if not fitted.shape[1]:
             return float(along @ along), count
         _, cosine, directions = np.linalg.svd(fitted.T @ self.basis, full_matrices=False)
@@ -77,12 +93,12 @@ class Group:
         gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, _SPANNED))
         return float(along @ along + part @ gain), count - int(np.count_nonzero(spanned))
 
-    def test(self, rest: FloatArray, fitted: FloatArray) -> Gate:
+    def test(self, residual: FloatArray, fitted: FloatArray) -> LackOfFit:
         """Test a residual beside orthonormal fitted columns."""
-        square, count = self.along(rest, fitted)
+        square, count = self.along(residual, fitted)
         if not count:
-            return Gate(0.0, 0, 1.0)
-        return Gate(square / count, count, tail_probability(square, count, self.degrees_of_freedom))
+            return LackOfFit(0.0, 0, 1.0)
+        return LackOfFit(square / count, count, tail_probability(square, count, self.degrees_of_freedom))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,38 +124,37 @@ class PatternSpace:
         """Of the noise level of all channels."""
         return self.groups[-1].degrees_of_freedom
 
-    def excess(self, rest: FloatArray, fitted: FloatArray | None = None) -> float:
+    def excess(self, residual: FloatArray, fitted: FloatArray | None = None) -> float:
         """Squared length of a whitened residual in the patterns beyond what noise gives; may be negative."""
-        rest, left = _beside(rest, fitted)
-        square, count = self.groups[-1].along(rest, left)
+        square, count = self.groups[-1].along(*_beside(residual, fitted))
         return square - count
 
-    def test(self, rest: FloatArray, fitted: FloatArray | None = None) -> Gate:
+    def test(self, residual: FloatArray, fitted: FloatArray | None = None) -> LackOfFit:
         """Test a whitened residual in every group.
 
         Parameters
         ----------
-        rest : array, shape (M,)
+        residual : array, shape (M,)
             Whitened.
         fitted : array, shape (M, p), or None
             Whitened columns that were fitted to it: directions in which it has no freedom left.
 
         Returns
         -------
-        Gate
+        LackOfFit
             Of the group that is least likely to be noise; its p-value times the number of groups (Bonferroni).
         """
-        rest, left = _beside(rest, fitted)
-        worst = min((group.test(rest, left) for group in self.groups), key=lambda gate: gate.p_value)
-        return Gate(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
+        residual, basis = _beside(residual, fitted)
+        worst = min((group.test(residual, basis) for group in self.groups), key=lambda one: one.p_value)
+        return LackOfFit(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
 
 
-def _beside(rest: FloatArray, fitted: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+def _beside(residual: FloatArray, fitted: FloatArray | None) -> tuple[FloatArray, FloatArray]:
     """A residual without its part along fitted columns, and their orthonormal basis."""
     if fitted is None or not fitted.shape[1]:
-        return rest, np.zeros((len(rest), 0))
-    left = orthonormal_basis(fitted)
-    return rest - left @ (left.T @ rest), left
+        return residual, np.zeros((len(residual), 0))
+    basis = orthonormal_basis(fitted)
+    return residual - basis @ (basis.T @ residual), basis
 
 
 def pattern_space(observations: Observations, whitening: Whitening) -> PatternSpace:
@@ -148,7 +163,7 @@ def pattern_space(observations: Observations, whitening: Whitening) -> PatternSp
     Returns
     -------
     PatternSpace
-        With the degrees of freedom of each group's repeats.
+        With the degrees of freedom of each group's repeats; without groups where every channel has too few readings.
     """
     patterns = smooth_patterns(observations)
     columns, degrees = whitening.full(patterns.columns), whitening.noise.degrees_of_freedom
@@ -162,3 +177,21 @@ def pattern_space(observations: Observations, whitening: Whitening) -> PatternSp
         for part in distinct.values()
     ]
     return PatternSpace(patterns, tuple(sorted(groups, key=lambda group: group.basis.shape[1])))
+
+
+def pure_error_test(observations: Observations, noise: NoiseModel, channel: str) -> LackOfFit:
+    """Test one channel by what repeats of a setting share against what they do not.
+
+    With whitened residual w and an orthonormal basis Q of the whitened cells, F = |Q'w|^2 / k is F(k, nu) distributed
+    where the model holds. The whitening carries the scatter of mounts and runs, which all cells of a mount share.
+    """
+    alone = observations.select(observations.of(channel))
+    whitening = Whitening(alone, noise, chains_of(alone))
+    codes, cell = np.unique(repeat_cells(alone), return_inverse=True)
+    columns = np.zeros((len(alone.value), len(codes)))
+    columns[np.arange(len(cell)), cell] = 1.0
+    basis = orthonormal_basis(whitening.full(columns))
+    along, count = basis.T @ whitening.full(alone.residual), basis.shape[1]
+    square = float(along @ along)
+    degrees = float(noise.degrees_of_freedom[observations.channels.index(channel)])
+    return LackOfFit(square / count, count, tail_probability(square, count, degrees))

@@ -21,7 +21,7 @@ class ShapeMisfit:
     Parameters
     ----------
     against : str
-        ``co-energy reference`` over the law's box, or the ``sweep`` of the law's own file.
+        ``co-energy reference`` over the validity domain of the law, or the ``sweep`` of the law's own file.
     over_noise : float or None
         The rms over the bench's noise floor of the force.
     wrong : bool or None
@@ -50,7 +50,7 @@ def shape_misfit(model: ActuatorModel, reference: ActuatorModel | None, noise_N:
     Returns
     -------
     ShapeMisfit or None
-        None for a co-energy, and for a law whose file tells no misfit.
+        None for a co-energy, and for a law whose file does not say its misfit.
     """
     base = model.without_effects
     if not isinstance(base.magnetics, LawMagnetics):
@@ -73,7 +73,7 @@ def shape_misfit(model: ActuatorModel, reference: ActuatorModel | None, noise_N:
 
 
 def _over_the_box(law: ActuatorModel, reference: ActuatorModel) -> tuple[float, float, str]:
-    """Rms, maximum and where, over the part of the law's box that the reference has too."""
+    """Rms, maximum and where, over the part of the validity domain of the law that the reference has too."""
     a, b = law.validity, reference.without_effects.validity
     d, i = (
         x.ravel()

@@ -1,0 +1,119 @@
+"""What a diagnosis rests on: readings, their noise, the patterns of the lack-of-fit test, and the effects' columns."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.finding import Finding
+from femfit.effects.catalogue import all_effects
+from femfit.effects.effect import Effect
+from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.readings.observations import Observations
+from femfit.identify.refit.start import Start
+from femfit.identify.signatures.columns import effect_columns, why_untestable
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Readings with everything that a decision about them needs.
+
+    Parameters
+    ----------
+    effects : tuple of Start
+        Every testable effect at every combination of trial values of its nonlinear parameters, in the catalogue's
+        order, with amplitudes of zero.
+    untestable : mapping of str to str
+        Why the others cannot be tested.
+    """
+
+    observations: Observations
+    whitening: Whitening
+    patterns: PatternSpace
+    effects: tuple[Start, ...]
+    untestable: Mapping[str, str]
+
+    @property
+    def noise(self) -> NoiseModel:
+        """Variances of the campaign."""
+        return self.whitening.noise
+
+    @property
+    def known_misfit(self) -> float:
+        """Squared length, in whitened units, of the model's own misfit to the table that it was fitted to."""
+        tolerance, sigma = self.observations.tolerance, self.noise.sigma[self.observations.channel]
+        return float(np.sum((tolerance / sigma) ** 2))
+
+    @property
+    def whitened_residual(self) -> FloatArray:
+        """Recorded minus predicted with the noise whitened, shape (M,)."""
+        return self.whitening.full(self.observations.residual)
+
+    def with_readings(self, value: FloatArray) -> "Campaign":
+        """The same settings with other readings, of shape (M,), and their own noise estimate."""
+        observations = self.observations.with_values(value)
+        whitening = Whitening(observations, estimate_noise(observations) or self.noise, self.whitening.chains)
+        effects = tuple(_whitened(one, whitening) for one in self.effects)
+        return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
+
+
+def _whitened(one: Start, whitening: Whitening) -> Start:
+    return Start(one.columns, whitening.full(one.columns.columns), one.amplitude)
+
+
+NO_NOISE = Finding(
+    "no-noise",
+    "warning",
+    "The noise is unknown: no settings were measured twice, and none is declared.",
+    "Measure some settings twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4).",
+)
+TOO_FEW = Finding(
+    "too-few-readings",
+    "warning",
+    "The readings are too few to be tested: every channel has fewer than six.",
+    "Measure more settings, or a longer record.",
+)
+
+
+def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:
+    """The catalogue without some effects."""
+    return [effect for name, effect in all_effects().items() if name not in exclude]
+
+
+def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:
+    """Estimate the noise and compute the lack-of-fit patterns and every effect's columns.
+
+    Returns
+    -------
+    Campaign or Finding
+        The finding says why these readings cannot be tested: their noise is unknown, or they are too few.
+    """
+    noise = estimate_noise(observations)
+    if noise is None:
+        return NO_NOISE
+    whitening = Whitening(observations, noise, chains_of(observations))
+    patterns = pattern_space(observations, whitening)
+    if not patterns.groups:
+        return TOO_FEW
+    untestable: dict[str, str] = {}
+    starts: list[Start] = []
+    for effect in effects:
+        reason = why_untestable(effect, observations)
+        columns = [] if reason else effect_columns(effect, observations)
+        if any(not np.isfinite(one.columns).all() for one in columns):
+            columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
+        if not columns:
+            untestable[effect.name] = reason or "it changes no reading at these settings"
+        starts += [Start(one, whitening.full(one.columns), np.zeros(len(one.amplitudes))) for one in columns]
+    return Campaign(observations, whitening, patterns, tuple(starts), untestable)
+
+
+def untested_channels(campaign: Campaign) -> list[Finding]:
+    """Say which channels have too few readings to be tested."""
+    tested = set(campaign.patterns.patterns.channel.tolist())
+    names = [name for c, name in enumerate(campaign.observations.channels) if c not in tested]
+    text = f"{', '.join(names)}: too few readings to be tested."
+    return [Finding("too-few-readings", "warning", text)] if names else []

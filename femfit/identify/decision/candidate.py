@@ -1,0 +1,102 @@
+"""A candidate explanation: one effect, or two, refitted within bounds and tested again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.ties import ranked
+from femfit.effects.effect import AddedEffect
+from femfit.identify.comparison.lack_of_fit import LackOfFit
+from femfit.identify.decision.campaign import Campaign
+from femfit.identify.decision.constants import LEVEL_AFTER, NONLINEAR_PRICE, ROUNDING, STRUCTURE_LEFT
+from femfit.identify.decision.scoring import further_effects, parameter_price
+from femfit.identify.refit.refit import Refit, refit
+from femfit.identify.refit.start import Start
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect, or two, refitted to the readings.
+
+    Parameters
+    ----------
+    cost : float
+        Weighted sum of squares plus a price for every parameter.
+    excess : float
+        Squared length of the whitened residual in the smooth patterns beyond what noise gives.
+    further : float
+        Smallest p-value of a further effect beside it, times the number of effects.
+    beside : tuple of Start
+        The other effects as they would go on from here, best first.
+    """
+
+    fit: Refit
+    cost: float
+    excess: float
+    lack_of_fit: LackOfFit
+    further: float
+    beside: tuple[Start, ...]
+
+    def passes(self, level: float = LEVEL_AFTER) -> bool:
+        """Whether it leaves neither structure nor anything for a further effect to explain."""
+        return min(self.lack_of_fit.p_value, self.further) > level
+
+
+def refitted_candidates(campaign: Campaign, starts: Sequence[Sequence[Start]]) -> list[Candidate]:
+    """Refit combinations of effects, each with amplitudes to start from; the cheapest comes first."""
+    place = {name: k for k, name in enumerate(dict.fromkeys(one.name for one in campaign.effects))}
+    candidates = [_best_refit(campaign, start) for start in starts]
+    candidates.sort(key=lambda one: sorted(place[name] for name in one.fit.names))
+    return ranked(candidates, lambda one: -one.cost, ROUNDING)
+
+
+def forward_pairs(singles: Sequence[Candidate], leading: int, wanted: int) -> list[list[Start]]:
+    """Pairs of a refitted effect, one of the leading ones, and what goes on best from it.
+
+    A first-order score misses an effect whose nonlinear parameters are far from where its columns were taken; a refit
+    does not.
+    """
+    return [
+        [one.fit.start[0].continued(one.fit.effects[0]), second]
+        for one in singles[:leading]
+        for second in one.beside[:wanted]
+    ]
+
+
+def _best_refit(campaign: Campaign, start: Sequence[Start]) -> Candidate:
+    """The refit of a combination; with all amplitudes of its effects where that is cheaper and structure was left.
+
+    Amplitudes that did not pay for themselves to first order may do so about the refit.
+    """
+    one = _refitted(campaign, start)
+    if one.passes(STRUCTURE_LEFT):
+        return one
+    whole = [_whole_family(campaign, added) for added in one.fit.effects]
+    if sum(item.count for item in whole) <= sum(item.count for item in start):
+        return one
+    other = _refitted(campaign, whole)
+    return other if other.cost < one.cost - ROUNDING else one
+
+
+def _refitted(campaign: Campaign, start: Sequence[Start]) -> Candidate:
+    fit = refit(campaign.observations, campaign.whitening, start)
+    # A nonlinear parameter that ended at its bound was searched for as well; it matters less than an amplitude
+    amplitudes = sum(not p.nonlinear and not bound for (_, p), bound in zip(fit.free, fit.active, strict=True))
+    nonlinear = sum(p.nonlinear for _, p in fit.free)
+    fitted = fit.jacobian[:, ~fit.active]
+    beside, further = further_effects(campaign, fit.names, fit.whitened_residual, fitted)
+    return Candidate(
+        fit=fit,
+        cost=fit.chi2 + parameter_price(fit.whitened_residual) * (amplitudes + NONLINEAR_PRICE * nonlinear),
+        excess=campaign.patterns.excess(fit.whitened_residual, fitted),
+        lack_of_fit=campaign.patterns.test(fit.whitened_residual, fitted),
+        further=further,
+        beside=tuple(beside),
+    )
+
+
+def _whole_family(campaign: Campaign, added: AddedEffect) -> Start:
+    """All amplitudes of an effect, those that a refit used as it left them."""
+    variants = [one for one in campaign.effects if one.name == added.effect.name]
+    return variants[int(np.argmax([one.count for one in variants]))].continued(added)

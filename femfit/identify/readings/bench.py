@@ -1,0 +1,192 @@
+"""A bench table beside a model: the readings that can be compared, and what the effects need to know of each row."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding
+from femfit.effects.catalogue import all_effects
+from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.effect import AddedEffect
+from femfit.identify.readings.amounts import amount
+from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.plausible import nothing_in_domain, within_domain
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of
+from femfit.tables.measurement import BenchTable
+from femfit.tables.measurement_order import STILL_CURRENT
+
+_IN_ORDER = 0.75
+"""Assumed: part of the current's steps that must agree with the branches where rows stand in the order of measuring."""
+
+
+def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
+    """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts.
+
+    Raises
+    ------
+    TableError
+        If no reading can be compared.
+    """
+    findings: list[Finding] = []
+    d, i = table.rows["distance_m"].to_numpy(), table.rows["current_A"].to_numpy()
+    known = np.isfinite(d) & np.isfinite(i)
+    inside = known & within_domain(model, d, i)
+    if not known.all():
+        findings.append(Finding("no-setting", "info", f"{_rows(~known, 'without distance or current')} left out."))
+    if (known & ~inside).any():
+        text = f"{_rows(known & ~inside, 'outside of the validity domain of the model')} left out."
+        findings.append(Finding("outside-domain", "info", text, "Sweep and fit a wider range to use them."))
+    if not inside.any():
+        raise TableError(nothing_in_domain(model, table))
+    measured = table.rows[inside].reset_index(drop=True)
+    covariates, nominal = _covariates(measured), nominal_of(model)
+    conditions = conditions_of(covariates, nominal)
+    d, i = covariates["distance_m"].to_numpy(), covariates["current_A"].to_numpy()
+    reading = predict_readings(model, d, i, conditions)
+    channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
+    pieces = [np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels]
+    if not channels:
+        raise TableError(
+            f"{table.source} must have at least one reading of a channel that the model predicts "
+            f"({', '.join(reading)}) within its validity domain; none was found. Check the columns, units and the "
+            "model's range."
+        )
+    channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
+
+    def stacked(values: Mapping[str, FloatArray]) -> FloatArray:
+        return np.concatenate([values[name][piece] for name, piece in zip(channels, pieces, strict=True)])
+
+    def predict(effects: Iterable[AddedEffect]) -> FloatArray:
+        return stacked(predict_readings(model, d, i, conditions, (*model.effects, *effects)))
+
+    def moved(distance_m: float, current_A: float) -> FloatArray:
+        return stacked(predict_readings(model, d + distance_m, i + current_A, conditions))
+
+    steps = (
+        1e-3 * (nominal.distance_max_m - nominal.distance_min_m),
+        1e-3 * max(nominal.current_max_A - nominal.current_min_A, 1e-9),
+    )
+    ahead, behind = moved(steps[0], 0.0), moved(-steps[0], 0.0)
+    slope = (ahead - behind) / (2.0 * steps[0])
+    along_current = (moved(0.0, steps[1]) - moved(0.0, -steps[1])) / (2.0 * steps[1])
+    tolerance, declared = model_tolerance(model), table.declared_noise
+    uncertain = (slope * declared.get("distance_m", 0.0), along_current * declared.get("current_A", 0.0))
+    return Observations(
+        channels=channels,
+        channel=channel,
+        row=np.concatenate(pieces),
+        value=stacked({name: measured[name].to_numpy(dtype=np.float64) for name in channels}),
+        covariates=covariates,
+        given=table.given,
+        predict=predict,
+        distance_slope=slope,
+        distance_curvature=(ahead - 2.0 * stacked(reading) + behind) / steps[0] ** 2,
+        nominal=nominal,
+        declared_noise={name: sd for name, sd in declared.items() if name in channels},
+        tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[channel],
+        setting_columns=np.stack(uncertain, axis=1),
+        findings=(*table.findings, *findings, *_declared_settings(declared)),
+        present=tuple(added.effect.name for added in model.effects),
+    )
+
+
+def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:
+    """Say that the uncertainty of the settings was used, and how."""
+    said = [
+        f"the {words} to {amount(declared[name], name)}"
+        for name, words in (("distance_m", "distance"), ("current_A", "current"))
+        if name in declared
+    ]
+    if not said:
+        return []
+    text = f"Each reading was set to {' and '.join(said)} (declared); its noise includes what that makes of it."
+    return [Finding("uncertain-setting", "info", text)]
+
+
+def _rows(which: BoolArray, words: str) -> str:
+    count = int(which.sum())
+    return f"{count} row{'s' if count > 1 else ''} {words} {'were' if count > 1 else 'was'}"
+
+
+def _covariates(rows: pd.DataFrame) -> pd.DataFrame:
+    """Settings with runs and mounts numbered from 0, and both clocks."""
+    run = pd.factorize(rows["run"])[0]
+    mount_label = rows["mount"].where(rows["mount"].notna(), rows["run"])
+    mount = pd.factorize(mount_label)[0]
+    place = pd.Series(run).groupby(run).cumcount().to_numpy(dtype=np.float64)
+    order = rows["order"].to_numpy()
+    order = np.where(np.isfinite(order), order, place)
+    first = pd.Series(order).groupby(run).transform("min").to_numpy()
+    within = order - first
+    longest = pd.Series(within).groupby(run).max().to_numpy()
+    # An order that starts anew with each run counts on from the run before
+    restarts = len(np.unique(run)) > 1 and bool(np.any(np.diff(pd.Series(order).groupby(run).min().to_numpy()) <= 0.0))
+    start = np.concatenate([[0.0], np.cumsum(longest + 1.0)[:-1]])
+    elapsed = start[run] + within if restarts else order - order.min()
+    names = ("distance_m", "current_A", "branch", "coil_temperature_C", "magnet_temperature_C")
+    return pd.DataFrame(
+        {
+            "run": run,
+            "mount": mount,
+            **{name: rows[name].to_numpy(dtype=np.float64) for name in names},
+            "order": within,
+            "elapsed": elapsed,
+        }
+    ).fillna({"branch": 0.0})
+
+
+def model_tolerance(model: ActuatorModel) -> dict[str, float]:
+    """Misfit of a model to the table that it was fitted to: root mean square per channel in which it is known."""
+    misfit, sensor = model.misfit, model.sensor
+    if misfit is None:
+        return {}
+    result = {"force_N": misfit.force_rms_N}
+    if misfit.flux_linkage_rms_Wb is not None:
+        result["flux_linkage_Wb"] = misfit.flux_linkage_rms_Wb
+    if misfit.hall_rms_T is not None and sensor is not None:
+        result["hall_V"] = misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
+    return result
+
+
+def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
+    """What effects need to know of every row of the covariates; a temperature that was not recorded is NaN."""
+    cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
+    return Conditions(
+        nominal=nominal,
+        branch=covariates["branch"].to_numpy(),
+        coil_temperature_C=covariates["coil_temperature_C"].to_numpy(),
+        magnet_temperature_C=covariates["magnet_temperature_C"].to_numpy(),
+        time_s=covariates["order"].to_numpy(),
+        elapsed=covariates["elapsed"].to_numpy(),
+        current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),
+        recalled=_recalled(covariates, nominal),
+    )
+
+
+def _recalled(covariates: pd.DataFrame, nominal: Nominal) -> Mapping[str, FloatArray]:
+    """What the effects recall of the order of measuring; nothing where the branches contradict it."""
+    in_order = covariates.sort_values(["run", "order"], kind="stable")
+    current, run = in_order["current_A"].to_numpy(), in_order["run"].to_numpy()
+    begins = np.append(True, run[1:] != run[:-1])
+    path, still = current.copy(), STILL_CURRENT * np.ptp(current)
+    for k in np.flatnonzero(~begins):
+        if abs(current[k] - path[k - 1]) <= still:
+            path[k] = path[k - 1]
+    step, branch = np.where(begins, 0.0, np.diff(path, prepend=path[0])), in_order["branch"].to_numpy()
+    same_place = np.append(False, np.diff(in_order["distance_m"].to_numpy()) == 0.0)
+    # A branch that changes while the current stands still contradicts the order, but for a turning point read twice
+    known = same_place & (branch != 0.0) & ((step != 0.0) | np.append(False, branch[1:] != branch[:-1]))
+    if not known.any() or np.mean(np.sign(step[known]) == branch[known]) < _IN_ORDER:
+        return {}
+    place = np.argsort(in_order.index.to_numpy())
+    return {
+        name: values[place]
+        for effect in all_effects().values()
+        if effect.memory is not None and effect.memory.recall is not None
+        for name, values in effect.memory.recall(path, begins, nominal).items()
+    }

@@ -1,0 +1,46 @@
+"""Places a measured file or table of either kind, bench table or record over time, beside a model."""
+
+from pathlib import Path
+
+from femfit.core.finding import Finding
+from femfit.identify.readings.bench import bench_observations
+from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.plausible import plausible_table
+from femfit.identify.series.observations import series_observations
+from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.measurement import Measurement, TimeSeries
+from femfit.tables.measurement_file import read_measurement
+
+
+def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations:
+    """Place a measurement beside a model, what contradicts the model's sensors set aside.
+
+    Parameters
+    ----------
+    data : BenchTable or TimeSeries, or a path
+        A path is read first.
+
+    Raises
+    ------
+    TableError
+        If nothing of it can be compared.
+    """
+    if isinstance(data, str | Path):
+        data = read_measurement(data)
+    if isinstance(data, TimeSeries):
+        return series_observations(model, data)
+    return bench_observations(model, plausible_table(model, data))
+
+
+def suspicions(findings: tuple[Finding, ...]) -> list[str]:
+    """What a reader must know before any number, as lines: units and signs that are suspected."""
+    return [f"Check first: {one}" for one in findings if one.code.startswith("suspected")]
+
+
+def notes(findings: tuple[Finding, ...]) -> list[str]:
+    """The other findings as lines, warnings first."""
+    others = [one for one in findings if not one.code.startswith("suspected")]
+    return [
+        *(f"Warning: {one}" for one in others if one.severity != "info"),
+        *(f"note: {one}" for one in others if one.severity == "info"),
+    ]

@@ -1,0 +1,147 @@
+"""How large an added effect is in each channel, and whether that is plausible."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.effects.words import describe, size_of
+from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
+from femfit.identify.readings.observations import Observations
+from femfit.identify.refit.refit import Refit, is_plausible
+
+_STEP = 1e-3
+"""Step of a difference over a parameter's plausible range."""
+
+_LEAST_CHANGE = 1e-6
+"""Of the channel's largest value: less is rounding."""
+
+
+@dataclass(frozen=True)
+class EffectSize:
+    """What an added effect changes of one channel, where it changes it most within the data.
+
+    Parameters
+    ----------
+    of_largest : float
+        ``change`` over the largest magnitude that the base predicts for this channel.
+    """
+
+    effect: str
+    channel: str
+    change: float
+    ci95: tuple[float, float]
+    of_largest: float
+    distance_m: float
+    current_A: float
+
+    def __str__(self) -> str:
+        low, high = (amount(end, self.channel) for end in self.ci95)
+        return (
+            f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount(self.change, self.channel)} (95 %: {low} to "
+            f"{high}), {100.0 * abs(self.of_largest):.2g} % of its largest, at "
+            f"{amount(self.distance_m, 'distance_m', 3)} and {amount(self.current_A, 'current_A')}"
+        )
+
+
+def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ...]:
+    """The largest change that each effect makes of each channel within the data, with its 95 % interval."""
+    largest = [float(np.abs(observations.base[observations.of(name)]).max()) for name in observations.channels]
+    result = []
+    for k, added in enumerate(fit.effects):
+        change = _change(observations, fit.effects, k)
+        for c, channel in enumerate(observations.channels):
+            here = np.flatnonzero(observations.channel == c)
+            at = here[np.argmax(np.abs(change[here]))] if len(here) else -1
+            if at < 0 or abs(change[at]) < _LEAST_CHANGE * largest[c]:
+                continue
+            half = stats.norm.isf(0.025) * _standard_error(observations, fit, k, int(at))
+            result.append(
+                EffectSize(
+                    effect=added.effect.name,
+                    channel=channel,
+                    change=float(change[at]),
+                    ci95=(float(change[at] - half), float(change[at] + half)),
+                    of_largest=float(change[at]) / largest[c],
+                    distance_m=float(observations.column("distance_m")[at]),
+                    current_A=float(observations.column("current_A")[at]),
+                )
+            )
+    return tuple(result)
+
+
+def _change(observations: Observations, effects: tuple[AddedEffect, ...], k: int) -> FloatArray:
+    """What the predictions gain by effect k, the others in place."""
+    return observations.predict(effects) - observations.predict(effects[:k] + effects[k + 1 :])
+
+
+def _standard_error(observations: Observations, fit: Refit, k: int, at: int) -> float:
+    """Of the change that effect k makes at one reading, to first order."""
+    own = [j for j, (number, _) in enumerate(fit.free) if number == k and not fit.active[j]]
+    here = observations.select(np.arange(len(observations.value)) == at)
+    slopes = []
+    for j in own:
+        added, p = fit.effects[k], fit.free[j][1]
+        value, step = added.parameters[p.name], _STEP * (p.plausible[1] - p.plausible[0])
+        ends = (min(value + step, p.upper), max(value - step, p.lower))
+        moved = [
+            (*fit.effects[:k], replace(added, parameters={**added.parameters, p.name: x}), *fit.effects[k + 1 :])
+            for x in ends
+        ]
+        up, down = (float(here.predict(effects)[0]) for effects in moved)
+        slopes.append((up - down) / (ends[0] - ends[1]) * (p.plausible[1] - p.plausible[0]))
+    slope = np.array(slopes)
+    return float(np.sqrt(max(slope @ fit.covariance[np.ix_(own, own)] @ slope, 0.0))) if own else 0.0
+
+
+def suspicious_values(
+    observations: Observations, fit: Refit, sizes: tuple[EffectSize, ...], beside: Collection[str]
+) -> tuple[str, ...]:
+    """What is unusual of fitted parameters, one sentence each.
+
+    Parameters
+    ----------
+    beside : collection of str
+        Tolerances of the drawing that were fitted beside the effects; these may well be zero.
+    """
+    nominal, result = observations.nominal, []
+    for added in fit.effects:
+        for p in (p for p in added.effect.parameters if not is_plausible(added, p)):
+            low, high = (size_of(p, end, nominal) for end in p.plausible)
+            result.append(
+                f"{_words(added, p, nominal)}, which is unusual ({low} to {high} is usual). Check it by another "
+                "measurement."
+            )
+    for k, p in at_bounds(fit):
+        result.append(
+            f"{_words(fit.effects[k], p, nominal)}: that is the end of its range, not a measured size. Do not trust "
+            "the new model where it matters."
+        )
+    for added in fit.effects:
+        name = added.effect.name
+        if name not in beside and all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name):
+            result.append(f"{name} may be absent: no change of any channel differs from zero with 95 % confidence.")
+    return tuple(result)
+
+
+def at_bounds(fit: Refit) -> list[tuple[int, EffectParameter]]:
+    """Parameters that stand at a bound other than their null, each with the number of its effect."""
+    ends = [fit.free[j] for j in np.flatnonzero(fit.active)]
+    return [
+        (k, p)
+        for k, p in ends
+        if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * (p.plausible[1] - p.plausible[0])
+    ]
+
+
+def _words(added: AddedEffect, p: EffectParameter, nominal: Nominal) -> str:
+    """An effect's parameter as a clause."""
+    value = added.parameters[p.name]
+    alone = AddedEffect(added.effect, added.effect.null() | {p.name: value})
+    clauses = [] if p.nonlinear else describe(alone, nominal)
+    what = clauses[0] if clauses else f"{p.description.rstrip('.')} is {size_of(p, value, nominal)}"
+    return f"{added.effect.name}: {what}"
