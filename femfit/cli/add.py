@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+
 
 def add(
     model: Path,
@@ -17,6 +19,7 @@ def add(
     coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
     magnet_temperature_C: Annotated[float | None, Parameter(name="--magnet-temperature-C")] = None,
     report: Path | None = None,
+    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.
@@ -56,7 +59,7 @@ def add(
 
     require_outputs([model, data], (output, MODEL), (report, PAGE), (json, RESULT))
     with status("Reading") as say:
-        actuator, measured = read_model(model), read_measurement(data)
+        actuator, measured = read_model(model), read_measurement(data, **table_options.keywords)
         result = add_effects(
             actuator,
             measured,

@@ -1,14 +1,24 @@
 """``femfit compare``: how far a model is from measurements, against their noise, and where."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
 
 
 def compare(
-    model: Path, data: Path, *, reference: Path | None = None, pictures: Path | None = None, json: Path | None = None
+    model: Path,
+    data: Path,
+    *,
+    reference: Path | None = None,
+    pictures: Path | None = None,
+    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    json: Path | None = None,
 ) -> None:
     """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.
 
@@ -30,10 +40,15 @@ def compare(
     from femfit.cli.output import status, write_json
     from femfit.core.outputs import RESULT, require_outputs
     from femfit.identify.comparison.compare import compare as compared
+    from femfit.tables.measurement_file import read_measurement
 
     require_outputs([model, data, reference], (json, RESULT))
     with status("Comparing"):
-        comparison = compared(_model(model), data, reference=None if reference is None else _model(reference))
+        comparison = compared(
+            _model(model),
+            read_measurement(data, **table_options.keywords),
+            reference=None if reference is None else _model(reference),
+        )
     written = []
     if pictures is not None:
         from femfit.report.comparison_pictures import save_comparison_pictures

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+
 
 def diagnose(
     model: Path,
@@ -14,6 +16,7 @@ def diagnose(
     bootstrap: int = 40,
     seed: int = 0,
     report: Path | None = None,
+    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Compare measurements with a model and name the physical effect that is missing.
@@ -44,7 +47,7 @@ def diagnose(
 
     require_outputs([model, data], (report, PAGE), (json, RESULT))
     with status("Reading") as say:
-        measured = read_measurement(data)
+        measured = read_measurement(data, **table_options.keywords)
         result = diagnosed(read_model(model), measured, exclude=exclude, bootstrap=bootstrap, rng=seed, progress=say)
         if report is not None:
             from femfit.cli.diagnosis_report import write_report

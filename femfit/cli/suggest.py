@@ -1,11 +1,22 @@
 """``femfit suggest``: the next measurement that separates what is still confounded."""
 
 from pathlib import Path
+from typing import Annotated
 
+from cyclopts import Parameter
+
+from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
 from femfit.core.errors import TableError
 
 
-def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, json: Path | None = None) -> None:
+def suggest(
+    model: Path,
+    data: Path | None = None,
+    *,
+    plan: Path | None = None,
+    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    json: Path | None = None,
+) -> None:
     """Advise the cheapest measurement that tells apart what the data leave together, or examine a plan.
 
     Parameters
@@ -34,13 +45,15 @@ def suggest(model: Path, data: Path | None = None, *, plan: Path | None = None, 
     require_outputs([model, data, plan], (json, RESULT))
     actuator = read_model(model)
     if plan is not None and data is None:
-        report = examine_plan(actuator, read_bench_table(plan, planned=True), considered_effects())
+        report = examine_plan(
+            actuator, read_bench_table(plan, planned=True, **table_options.keywords), considered_effects()
+        )
         write_json(json, report.to_dict())
         print("\n".join(plan_lines(report)))
         return
     if data is None or plan is not None:
         raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
-    measured = read_measurement(data)
+    measured = read_measurement(data, **table_options.keywords)
     with status("Diagnosing") as say:
         diagnosis = diagnose(actuator, measured, bootstrap=0, progress=say)
         explanations = diagnosis.explanations

@@ -12,10 +12,10 @@ from femfit.core.errors import TableError
 class TableOptions:
     """What a table's columns are, where their headers do not say it."""
 
-    column: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    column: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """HEADER=COLUMN, for example "Kanal 3=force_N"; once for each column."""
 
-    unit: Annotated[tuple[str, ...], Parameter(negative=())] = ()
+    unit: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """HEADER=UNIT, for example Kraft=gf, or a number that multiplies the column to SI; once for each column."""
 
     @property
@@ -27,6 +27,11 @@ class TableOptions:
     def units(self) -> dict[str, str]:
         """Header to unit."""
         return dict(_pair(text, "--unit", "mm") for text in self.unit)
+
+    @property
+    def keywords(self) -> dict[str, dict[str, str]]:
+        """Both, as the functions that read tables take them."""
+        return {"columns": self.columns, "units": self.units}
 
 
 NO_TABLE_OPTIONS = TableOptions()

@@ -25,6 +25,9 @@ _COMMENT = re.compile(r"\s*(#|%|//|!|--(?=\s))+\s?")
 _SAMPLE = 500
 """Lines by which delimiter and width are found."""
 
+_DECIDING_ROWS = 5000
+"""Rows, from all over the table, by which the decimal mark is found."""
+
 _MOST_WORDS = 60
 """Words of a line that may be a header whose names hold blanks."""
 
@@ -117,7 +120,7 @@ def parse_text(
 
 def _deciding(rows: Sequence[Sequence[str]], layout: Layout) -> set[str]:
     """Cells that may say which mark is the decimal one."""
-    cells = set(itertools.chain(layout.headers, *rows))
+    cells = set(itertools.chain(layout.headers, *rows[:: 1 + len(rows) // _DECIDING_ROWS]))
     if any("," in cell for cell in cells):
         return {cell for cell in cells if ("," in cell or "." in cell) and looks_numeric(cell)}
     return {cell for cell in cells if cell.count(".") > 1 and looks_numeric(cell)}

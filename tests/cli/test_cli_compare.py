@@ -55,3 +55,13 @@ def test_a_missing_file_is_an_error_with_a_remedy(files):
     done = femfit("compare", files / "model.json", files / "nothing.csv")
     assert done.returncode == 1
     assert "There is no measurement" in done.stderr
+
+
+def test_columns_and_units_are_said_by_options(files):
+    foreign = (files / "bench.csv").read_text().replace("force_N", "Kanal 3", 1).replace("distance_m", "Weg", 1)
+    (files / "foreign.csv").write_text(foreign)
+    said = ("--column", "Kanal 3=force_N", "--unit", "Kanal 3=N", "--unit", "Weg=m")
+    done = femfit("compare", files / "model.json", files / "foreign.csv", *said)
+    assert done.returncode == 0, done.stderr
+    assert "force: rms misfit" in done.stdout
+    assert "--unit must be" in femfit("compare", files / "model.json", files / "foreign.csv", "--unit", "Weg").stderr
