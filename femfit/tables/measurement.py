@@ -45,25 +45,15 @@ SERIES_COLUMNS = ("run", "time_s", *SERIES_CHANNELS)
 
 
 @dataclass(frozen=True, eq=False)
-class BenchTable:
-    """A bench measurement, read and checked.
+class _Measured:
+    """What bench tables and time series have in common.
 
     Parameters
     ----------
-    rows : DataFrame
-        Every column of :data:`SETTINGS` and :data:`CHANNELS` as float64; a reading that is missing, or that a check has
-        set aside, is NaN. Rows of one run stand together in the order of measuring.
     given : tuple of str
         The columns that the file has with at least one number.
     declared_noise : mapping of str to float
         Standard deviation of a channel's reading, in the channel's unit.
-
-    Examples
-    --------
-    >>> import femfit as ff
-    >>> bench = ff.read_measurement("bench.csv")
-    >>> len(bench.rows), sorted(set(bench.rows["run"]))
-    (448, [1.0, 2.0, 3.0, 4.0])
     """
 
     rows: pd.DataFrame
@@ -74,8 +64,8 @@ class BenchTable:
     test_object: str = ""
     notes: str = ""
 
-    kind: ClassVar[str] = "readings"
-    known_channels: ClassVar[tuple[str, ...]] = CHANNELS
+    kind: ClassVar[str]
+    known_channels: ClassVar[tuple[str, ...]]
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -83,67 +73,41 @@ class BenchTable:
         return tuple(name for name in self.known_channels if name in self.given)
 
     def __str__(self) -> str:
-        return "\n".join(measurement_lines(self))
+        """Say what the file holds, one line a fact, what must be looked at first."""
+        rows, runs = self.rows, self.rows["run"].nunique()
+        lines = [f"{self.source}: {len(rows)} {self.kind} in {runs} run{'s' * (runs != 1)} of {listing(self.channels)}"]
+        placed = [name for name in ("distance_m", "current_A") if rows[name].notna().any()]
+        lines += [f"  {name} {rows[name].min():.4g} to {rows[name].max():.4g}" for name in placed]
+        lines += [f"  declared noise of {name}: {value:.3g}" for name, value in self.declared_noise.items()]
+        first = [f"check first: {one}" for one in self.findings if one.severity != "info"]
+        return "\n".join([*first, *lines, *(f"note: {one}" for one in self.findings if one.severity == "info")])
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>{self.rows.to_html(max_rows=12)}"
 
 
 @dataclass(frozen=True, eq=False)
-class TimeSeries:
-    """A recorded time series, read and checked.
+class BenchTable(_Measured):
+    """A bench measurement, read and checked.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        Every column of :data:`SERIES_COLUMNS` as float64, and ``segment``: rows of one segment follow each other on a
-        clock that runs on without a gap. A reading that is missing, or that a check has set aside, is NaN.
-    given : tuple of str
-        The columns that the file has with at least one number.
-    declared_noise : mapping of str to float
-        Standard deviation of a channel's sample, in the channel's unit.
-
-    Examples
-    --------
-    >>> import femfit as ff
-    >>> record = ff.read_measurement("loop.csv")
-    >>> record.channels
-    ('current_A', 'distance_m', 'hall_V')
+    ``rows`` has every column of :data:`SETTINGS` and :data:`CHANNELS` as float64; a reading that is missing, or that a
+    check has set aside, is NaN. Rows of one run stand together in the order of measuring.
     """
 
-    rows: pd.DataFrame
-    given: tuple[str, ...]
-    declared_noise: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
-    source: str = "time series"
-    test_object: str = ""
-    notes: str = ""
+    kind: ClassVar[str] = "readings"
+    known_channels: ClassVar[tuple[str, ...]] = CHANNELS
+
+
+@dataclass(frozen=True, eq=False)
+class TimeSeries(_Measured):
+    """A recorded time series, read and checked.
+
+    ``rows`` has every column of :data:`SERIES_COLUMNS` as float64, and ``segment``: rows of one segment follow each
+    other on a clock that runs on without a gap. A reading that is missing, or that a check has set aside, is NaN.
+    """
 
     kind: ClassVar[str] = "samples"
     known_channels: ClassVar[tuple[str, ...]] = SERIES_CHANNELS
 
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """The recorded channels that the file has."""
-        return tuple(name for name in self.known_channels if name in self.given)
-
-    def __str__(self) -> str:
-        return "\n".join(measurement_lines(self))
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>{self.rows.to_html(max_rows=12)}"
-
 
 Measurement = BenchTable | TimeSeries
-
-
-def measurement_lines(data: Measurement) -> list[str]:
-    """Say what a measurement holds, one line a fact, what must be looked at first."""
-    rows = data.rows
-    runs = rows["run"].nunique()
-    lines = [f"{data.source}: {len(rows)} {data.kind} in {runs} run{'s' * (runs != 1)} of {listing(data.channels)}"]
-    placed = [name for name in ("distance_m", "current_A") if rows[name].notna().any()]
-    lines += [f"  {name} {rows[name].min():.4g} to {rows[name].max():.4g}" for name in placed]
-    lines += [f"  declared noise of {name}: {value:.3g}" for name, value in data.declared_noise.items()]
-    first = [f"check first: {one}" for one in data.findings if one.severity != "info"]
-    return [*first, *lines, *(f"note: {one}" for one in data.findings if one.severity == "info")]

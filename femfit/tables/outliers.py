@@ -34,23 +34,18 @@ _ROUNDS = 20
 
 
 def isolated_outliers(value: FloatArray, place: FloatArray, run: IntArray, floor: float = 0.0) -> BoolArray:
-    """Which readings contradict all of their neighbours.
+    """Find the readings that contradict all of their neighbours: at most 2 %, else none.
 
     Parameters
     ----------
     value : array, shape (n,)
-        Of one channel; better recorded minus predicted, where there is a model.
+        Readings of one channel minus a prediction.
     place : array, shape (n, k)
         Settings of each reading, scaled so that neighbours in each are about equally far.
     run : array of int, shape (n,)
         Only readings of one run are neighbours.
     floor : float
         Least standard deviation of a reading, in the channel's unit: its quantisation.
-
-    Returns
-    -------
-    array of bool, shape (n,)
-        At most 2 % of the readings; none where more deviate, since then it is no matter of single readings.
     """
     outlier = np.zeros(len(value), dtype=bool)
     for _ in range(_ROUNDS):

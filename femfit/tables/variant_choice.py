@@ -20,18 +20,13 @@ SHOWN = 6
 
 
 def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> SweepTable:
-    """The rows of one variant as a sweep table of their own.
+    """Return the rows of one variant as a sweep table of their own, with the variant's actuator.
 
     Parameters
     ----------
     where : mapping
         Values by the column of the parameter, or of ``variant``, text for a material; empty for a table without
         parameters.
-
-    Returns
-    -------
-    SweepTable
-        Without the parameters' columns; its manifest's ``actuator`` is the variant's.
 
     Raises
     ------

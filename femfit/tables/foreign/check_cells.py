@@ -11,18 +11,7 @@ LARGEST = 1e100
 
 
 def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[Finding]]:
-    """Part the rows that lack a current, distance or force from the others.
-
-    Parameters
-    ----------
-    points : DataFrame
-        From the long or matrix form.
-
-    Returns
-    -------
-    good : DataFrame
-        Rows with all three; an optional column with gaps is kept and reported.
-    """
+    """Part the rows that have current, distance and force from the others, which come second."""
     points = points.copy()
     for name in (quantity for quantity in QUANTITIES if quantity in points):
         points[name] = points[name].where(points[name].abs() < LARGEST)

@@ -12,18 +12,7 @@ _SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve,
 
 
 def snap_axis(values: FloatArray) -> FloatArray:
-    """Values with rounding differences removed.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Currents or distances.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Each value replaced by the first of its level, rounded to 12 significant digits.
-    """
+    """Replace each value by the first of its level, rounded to 12 digits: loops that add 0.1 ten times differ."""
     order = np.argsort(values, kind="stable")
     ordered = values[order]
     tolerance = _SAME_LEVEL * (np.ptp(values) or abs(float(values[0])) or 1.0)
@@ -35,15 +24,9 @@ def snap_axis(values: FloatArray) -> FloatArray:
 
 
 def tidy_grid(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
-    """Snap, merge and sort the rows.
+    """Snap, merge and sort the rows: by current, then distance, one row a point.
 
-    Returns
-    -------
-    points : DataFrame
-        Sorted by current, then distance, one row a point (mean of contradictory ones, which stop the import unless
-        accepted).
-    findings : list of Finding
-        ``duplicates``, ``order``, ``one-current``, ``one-distance``, ``holes``.
+    Contradictory rows of one point stop the import; where that is accepted, their mean is taken.
     """
     points = points.assign(
         current=snap_axis(points["current"].to_numpy(dtype=float)),
@@ -149,21 +132,14 @@ def _holes(points: pd.DataFrame, currents: FloatArray, distances: FloatArray) ->
 
 
 def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """The largest complete part of the grid, found by leaving out the worst current or distance in turn.
-
-    Parameters
-    ----------
-    quantities : list of str
-        Columns that shall be finite everywhere.
+    """Find the largest complete part of the grid, leaving out the worst current or distance in turn.
 
     Returns
     -------
-    distances : ndarray, shape (n,)
+    distances, currents : array, shape (n,) and (m,)
         Ascending.
-    currents : ndarray, shape (m,)
-        Ascending.
-    fields : list of ndarray, shape (n, m)
-        One a quantity.
+    fields : list of array, shape (n, m)
+        One a quantity, finite everywhere.
     """
     indexed = points.set_index(["distance", "current"])
     tables = [indexed[name].unstack() for name in quantities]  # noqa: PD010  # pivot_table would average

@@ -27,22 +27,15 @@ _SUBSTANTIAL = 0.01
 
 @dataclass(frozen=True)
 class NoiseEstimate:
-    """Noise of a force table.
+    """Noise of a force table: of each current's curve, and of the part at zero current, measured or extrapolated.
 
     Parameters
     ----------
-    curves : dict of float to Roughness
-        One a current that could be judged.
-    passive : Roughness or None
-        Of the part at zero current, measured or extrapolated.
-    passive_measured : bool
-        Whether the table holds zero current.
     falls : float
         Share of the steps where the passive part (or the force at the smallest current) goes against its trend.
-    common : float
-        Share of the noise's variance that is one pattern over the distances at every current.
-    growth : float
-        Largest over smallest amplitude of that pattern over the currents.
+    common, growth : float
+        Share of the noise's variance that is one pattern over the distances at every current, and the pattern's
+        largest over smallest amplitude over the currents.
     """
 
     curves: dict[float, Roughness]
@@ -54,13 +47,7 @@ class NoiseEstimate:
 
 
 def estimate_noise(points: pd.DataFrame, quantity: str = "force") -> NoiseEstimate:
-    """Measure the roughness of every force curve and of the current-free part.
-
-    Returns
-    -------
-    NoiseEstimate
-        Empty ``curves`` where there are fewer than nine distances.
-    """
+    """Measure the roughness of every force curve and of the current-free part; no curves below nine distances."""
     curves: dict[float, Roughness] = {}
     for current, group in points.groupby("current"):
         curve = measure_roughness(group["distance"].to_numpy(dtype=float), group[quantity].to_numpy(dtype=float))

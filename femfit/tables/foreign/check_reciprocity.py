@@ -28,38 +28,12 @@ FluxOf = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 def apparent(currents: FloatArray, column: FloatArray) -> FloatArray:
-    """Flux linkage from flux linkage / current.
-
-    Parameters
-    ----------
-    currents : ndarray, shape (m,)
-        A.
-    column : ndarray, shape (n, m)
-        H.
-
-    Returns
-    -------
-    ndarray, shape (n, m)
-        Wb.
-    """
+    """Return the flux linkage (Wb) of an apparent inductance, flux linkage / current, shape (n, m) in H."""
     return column * currents
 
 
 def differential(currents: FloatArray, column: FloatArray) -> FloatArray:
-    """Flux linkage, up to that at the first current, from its derivative by the current.
-
-    Parameters
-    ----------
-    currents : ndarray, shape (m,)
-        A, ascending.
-    column : ndarray, shape (n, m)
-        H.
-
-    Returns
-    -------
-    ndarray, shape (n, m)
-        Wb.
-    """
+    """Integrate d(flux linkage)/di, shape (n, m) in H, from the first of ascending currents: flux linkage in Wb."""
     integral: FloatArray = CubicSpline(currents, column, axis=1).antiderivative()(currents)
     return integral
 
@@ -67,15 +41,11 @@ def differential(currents: FloatArray, column: FloatArray) -> FloatArray:
 def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
     """Compare the force's work with the flux linkage's, and name what a disagreement means.
 
-    Parameters
-    ----------
-    points : DataFrame
-        Tidy rows with ``current``, ``distance``, ``force`` and ``flux_linkage``; other tables give no finding.
-
     Returns
     -------
     list of Finding
-        ``reciprocity``: info if it holds or cannot be judged, warning up to 10 %, error beyond.
+        ``reciprocity``: info if it holds or cannot be judged, warning up to 10 %, error beyond; none without a column
+        of flux linkages.
     """
     if "flux_linkage" not in points:
         return []
@@ -160,17 +130,10 @@ def _compare_reading(
 
 
 def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
-    """Flux linkage from an inductance column, only where reciprocity with the force proves it.
+    """Take the flux linkage from an inductance column, only where reciprocity with the force proves it.
 
     lambda = L i (apparent) or the integral of L di (differential) lacks the magnet's flux linkage at zero current; only
     without a magnet, or with L = lambda / i at every current, the flux linkage follows, and then it must be reciprocal.
-
-    Returns
-    -------
-    points : DataFrame
-        With ``flux_linkage`` if it follows; unchanged otherwise.
-    findings : list of Finding
-        ``inductance``: which it is, or why it is kept as inductance only.
     """
     if "inductance" not in points or "flux_linkage" in points:
         return points, []

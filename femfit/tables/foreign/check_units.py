@@ -23,11 +23,7 @@ _LARGEST_DISTANCE_AT_LEAST_M = 5e-5
 def check_units(points: pd.DataFrame) -> list[Finding]:
     """Compare the largest magnitude of each column with what an actuator can have.
 
-    Returns
-    -------
-    list of Finding
-        ``units`` (error for current and distance, on which all else depends, warning for the others) and ``distance``
-        (error: not all > 0).
+    Current and distance, on which all else depends, are errors; the others are warnings.
     """
     findings = []
     for quantity, column in QUANTITIES.items():

@@ -12,18 +12,10 @@ _UNITS = {"current": r"(?P<unit>[mu]?A|amps?)", "distance": r"(?P<unit>[mcu]?m|i
 
 
 def value_in_name(path: Path, quantity: str) -> float | None:
-    """Current (A) or distance (m) in a file's name.
+    """Read a current (A) or distance (m) from a file's name; ``p`` may stand for the decimal point.
 
-    Parameters
-    ----------
-    path : Path
-        Its stem is read; ``p`` may stand for the decimal point. A hyphen is a minus only where no letter or digit
-        precedes it.
-
-    Returns
-    -------
-    float or None
-        SI; None unless the name holds exactly one such number, with its unit or after the quantity's name.
+    A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
+    with its unit or after the quantity's name.
     """
     known = (*COLUMN_NAMES[QUANTITIES[quantity]], *(STEP_NAMES if quantity == "distance" else ()))
     with_unit = [

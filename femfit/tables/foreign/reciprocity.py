@@ -43,23 +43,14 @@ class LoopComparison:
 def compare_loops(
     distances: FloatArray, currents: FloatArray, force: FloatArray, flux_linkage: FloatArray
 ) -> LoopComparison:
-    """Compare both sides over rectangles of a grid.
+    """Compare both sides over rectangles of a grid; the factor is NaN where no rectangle holds any work.
 
     Parameters
     ----------
-    distances : ndarray, shape (n,)
-        m, ascending, n > 1.
-    currents : ndarray, shape (m,)
-        A, ascending, m > 1.
-    force : ndarray, shape (n, m)
-        N.
-    flux_linkage : ndarray, shape (n, m)
-        Wb.
-
-    Returns
-    -------
-    LoopComparison
-        Factor NaN where no rectangle holds any work.
+    distances, currents : array, shape (n,) and (m,)
+        m and A, ascending.
+    force, flux_linkage : array, shape (n, m)
+        N and Wb.
     """
     # From the first level on; the work of any rectangle is a double difference of these.
     force_side = CubicSpline(distances, force, axis=0).antiderivative()(distances)

@@ -14,13 +14,6 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     By Newton's third law all of them are one force. Where a smoother column differs by more than its own noise, the
     difference is an error of the chosen one that may vary too slowly with distance to show as roughness; it is added
     to ``force_error`` in squares. A column that differs by more than the force itself is another force.
-
-    Returns
-    -------
-    points : DataFrame
-        With a larger ``force_error`` where a smoother column differs.
-    findings : list of Finding
-        ``rival-force``: a warning if a smoother column differs, nothing otherwise.
     """
     names = [str(name) for name in points if str(name).startswith("other:")]
     if not names:

@@ -50,20 +50,7 @@ class Roughness:
 
 
 def measure_roughness(distances: FloatArray, force: FloatArray) -> Roughness | None:
-    """Noise of a force curve.
-
-    Parameters
-    ----------
-    distances : ndarray, shape (n,)
-        m, ascending, > 0.
-    force : ndarray, shape (n,)
-        N; any sign, may cross zero.
-
-    Returns
-    -------
-    Roughness or None
-        None for fewer than nine distances or a force that vanishes.
-    """
+    """Measure the noise of a force curve over ascending distances (m); None below nine of them or without force."""
     if len(distances) < MIN_DISTANCES or not np.any(force):
         return None
     x = np.log(distances)
@@ -78,20 +65,18 @@ def measure_roughness(distances: FloatArray, force: FloatArray) -> Roughness | N
 
 
 def contrast_field(distances: FloatArray, force: FloatArray, order: int) -> FloatArray:
-    """Contrasts of every current's curve over one common envelope, so that equal errors in newtons stay equal.
+    """Contrast every current's curve over one common envelope, so that equal errors in newtons stay equal.
 
     Parameters
     ----------
-    distances : ndarray, shape (n,)
-        m, ascending, > 0.
-    force : ndarray, shape (n, m)
-        N, not zero everywhere.
+    force : array, shape (n, m)
+        N at n ascending distances (m) and m currents, not zero everywhere.
     order : int
         Degree of the polynomials that are annihilated.
 
     Returns
     -------
-    ndarray, shape (n - order - 1, m)
+    array, shape (n - order - 1, m)
         Relative to the envelope of the median |F| over the currents.
     """
     x = np.log(distances)
