@@ -32,7 +32,9 @@ def import_table(
     accept: str | None = None,
     actuator: Path | None = None,
     json: Path | None = None,
-    **quantities: str,
+    **quantities: Annotated[
+        str, Parameter(help="The same by quantity: --force-column HEADER, --force-unit UNIT, --distance-unit mm, ...")
+    ],
 ) -> None:
     """Bring in a table of FEMM or another program: recognise, convert to SI, check, write as a sweep table.
 
