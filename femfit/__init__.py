@@ -29,6 +29,9 @@ _PLACES = {
     "export": "femfit.targets.targets:export",
     "import_table": "femfit.tables.foreign.read:import_table",
     # Why the bench disagrees
+    "add_effects": "femfit.identify.refit.add_effects:add_effects",
+    "compare": "femfit.identify.comparison.compare:compare",
+    "diagnose": "femfit.identify.decision.diagnose:diagnose",
     "integrate_coil": "femfit.integrate.integrate_coil:integrate_coil",
     "list_effects": "femfit.effects.catalogue:all_effects",
     "read_measurement": "femfit.tables.measurement_file:read_measurement",

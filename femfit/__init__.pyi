@@ -7,6 +7,9 @@ from femfit.effects.catalogue import all_effects as list_effects
 from femfit.field.sweep import run_sweep as run_sweep
 from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
+from femfit.identify.comparison.compare import compare as compare
+from femfit.identify.decision.diagnose import diagnose as diagnose
+from femfit.identify.refit.add_effects import add_effects as add_effects
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
@@ -30,6 +33,9 @@ __all__ = [
     "ImportedTable",
     "SweepTable",
     "TimeSeries",
+    "add_effects",
+    "compare",
+    "diagnose",
     "export",
     "fit_model",
     "import_table",

@@ -183,3 +183,12 @@ def test_too_few_readings_are_neither_a_pass_nor_a_crash(levitation_model, count
     assert comparison.findings[-1].code == diagnosis.findings[-1].code == "too-few-readings"
     with pytest.raises(TableError, match="too few"):
         add_effects(levitation_model, few, ["hall_offset"])
+
+
+def test_the_sidecar_declares_the_uncertainty_of_the_distance(levitation_model, tmp_path):
+    table = campaign(levitation_model, 33, distances=6, currents=5)
+    table.rows.drop(columns="mount").to_csv(tmp_path / "bench.csv", index=False)
+    (tmp_path / "bench.toml").write_text("[noise]\ndistance_mm = 0.6\n")
+    observations = compare(levitation_model, tmp_path / "bench.csv").observations
+    assert "unused-setting" not in {one.code for one in observations.findings}
+    np.testing.assert_allclose(observations.setting_columns[:, 0], 6e-4 * observations.distance_slope)

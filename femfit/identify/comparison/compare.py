@@ -178,6 +178,12 @@ def compare(
     ------
     TableError
         If no reading can be compared.
+
+    Examples
+    --------
+    >>> comparison = ff.compare(ff.read_model("model.json"), "bench.csv")
+    >>> comparison.verdict, comparison.where.channel
+    ('fails', 'voltage_V')
     """
     observations = placed(model, data)
     campaign = gather(observations, considered_effects())

@@ -59,6 +59,12 @@ def diagnose(
     ------
     TableError
         If no reading can be compared.
+
+    Examples
+    --------
+    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv", bootstrap=0)
+    >>> found.verdict, [one.name for one in found.missing]
+    ('named', ['coil_temperature', 'core_saturation'])
     """
     say = progress or (lambda _: None)
     say("Reading")
