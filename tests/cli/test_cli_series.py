@@ -46,7 +46,7 @@ def test_friction_in_the_plant_is_named_from_the_record_and_reported(files):
         "--report", files / "d.html",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert "Where: Measured force told by the motion" in done.stdout
+    assert "Where: Measured force that the motion shows" in done.stdout
     data = json.loads((files / "d.json").read_text())
     assert data["verdict"] in {"named", "form_insufficient"}
     assert "viscous_friction" in data["missing"][0]["class"]

@@ -1,7 +1,7 @@
 """Smooth patterns over a bench's settings: what structure a residual could have, whatever its cause.
 
 Per channel: Legendre polynomials in log distance and current up to a total degree, the same times the branch,
-temperatures, times and speeds with their first products. They are the alternatives of the lack-of-fit gate.
+temperatures, times and speeds with their first products. They are the alternatives of the lack-of-fit test.
 
 References
 ----------

@@ -1,7 +1,7 @@
 """Puts a misfit into one plain sentence: how large, of which sign, and in which part of the measured range.
 
 The part is the box of at most two thresholds that holds the largest share of the squared misfit beyond its share of the
-readings: a regression tree of depth two whose leaf is told.
+readings: a regression tree of depth two whose best leaf is described.
 
 References
 ----------
@@ -25,7 +25,7 @@ _SECOND_WORTH = 0.06
 """What a second threshold must add to that."""
 
 _OTHER_SIGN = 0.25
-"""Share of the squared misfit from which its other sign is told too."""
+"""Share of the squared misfit from which its other sign is described too."""
 
 _PLACES = {
     "distance_m": ("above {}", "below {}"),
@@ -97,7 +97,7 @@ def misfit_sentence(
     misfit, base : array, shape (n,)
         What is too much, and what it is relative to.
     values : mapping of str to array, shape (n,)
-        Columns that thresholds may be told of.
+        Columns that thresholds may be set on.
     branch : array, shape (n,), or None
         Where the misfit changes with it: +1 and -1.
     both : bool
@@ -107,16 +107,16 @@ def misfit_sentence(
     scope = everything if branch is None else _stronger_branch(branch, s)
     sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
     halves = _region(values, s, scope, sign)
-    text = f"{subject} is {_told(s, base, scope, halves, sign, channel)}"
+    text = f"{subject} is {_described(s, base, scope, halves, sign, channel)}"
     if branch is not None:
         text += _branch_clause(s, base, halves, branch, scope, channel)
     elif both:
         text += ", in both branches"
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
     if opposite > _OTHER_SIGN * np.sum(s[scope] ** 2):
-        text += f", and {_told(s, base, scope, _region(values, s, scope, -sign), -sign, channel)}"
-    told = {half.name for half in halves}
-    changing = [words for name, words in _CHANGES.items() if name in values and name not in told]
+        text += f", and {_described(s, base, scope, _region(values, s, scope, -sign), -sign, channel)}"
+    named = {half.name for half in halves}
+    changing = [words for name, words in _CHANGES.items() if name in values and name not in named]
     return text + (f", changing with {' and '.join(changing)}" if changing else "") + "."
 
 
@@ -145,6 +145,7 @@ def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, s
     share = (inside * weight) @ inside.T / weight.sum()
     score = share - (inside * scope) @ inside.T / scope.sum()
     score[share < 0.5] = -1.0
+    score = np.round(score, 9)  # equal up to rounding: the first
     single = int(np.argmax(np.diag(score)))
     same = np.array([[a.name == b.name for b in halves] for a in halves])
     pair = np.unravel_index(int(np.argmax(np.where(same, -1.0, score))), score.shape)
@@ -181,7 +182,9 @@ def _inside(halves: Sequence[_Half], count: int) -> BoolArray:
     return result
 
 
-def _told(s: FloatArray, base: FloatArray, scope: BoolArray, halves: Sequence[_Half], sign: float, channel: str) -> str:
+def _described(
+    s: FloatArray, base: FloatArray, scope: BoolArray, halves: Sequence[_Half], sign: float, channel: str
+) -> str:
     rows = scope & _inside(halves, len(s)) & (sign * s > 0.0)
     place = " and ".join(half.words() for half in halves) if halves else "everywhere"
     return f"{_size(s[rows], base[rows], channel)} {place}"

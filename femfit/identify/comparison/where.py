@@ -55,7 +55,7 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     covariates = _covariates(columns, patterns, worst, residual, smooth)
     here, read = observations.of(channel), observations.residual
     if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
-        # Where patterns cannot follow a large misfit, they err towards what a mount's error may be: told as it was read
+        # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
         smooth = structured_misfit(patterns, whitening.serial(patterns.columns), whitening.serial(read))
     return Where(channel, covariates, describe_region(observations, channel, covariates, smooth))
 

@@ -1,9 +1,10 @@
 """How far a name can be trusted: whether an effect that nobody has listed would bear it too.
 
-Whether a campaign tells an effect from one outside the catalogue cannot be tested with the catalogue's own effects as
-rivals. They serve as examples of what physics does to these readings: had one of them been the cause, as large as what
-was found, and not been listed, would the gate after naming have noticed? What adds the same to every reading of a
-channel has more causes than any list holds, so that a constant error of each channel is always among the examples.
+Whether a campaign distinguishes an effect from one outside the catalogue cannot be tested with the catalogue's own
+effects as rivals. They serve as examples of what physics does to these readings: had one of them been the cause, as
+large as what was found, and not been listed, would the test after naming have noticed? What adds the same to every
+reading of a channel has more causes than any list holds, so that a constant error of each channel is always among the
+examples.
 
 References
 ----------

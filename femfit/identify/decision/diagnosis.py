@@ -30,7 +30,7 @@ class NamedEffect:
     Parameters
     ----------
     members : tuple of str
-        The class: effects that these data cannot tell from it, itself first.
+        The class: effects that would give the same readings, itself first.
     explained_share : float
         Part of the structured misfit, above the noise, that all that is named explains on readings that it was not
         fitted to; 1 for all.
@@ -156,7 +156,7 @@ class Diagnosis:
 
     @property
     def explanations(self) -> "tuple[Refit, ...]":
-        """What was named, then each other explanation that the data do not tell from it."""
+        """What was named, then each other explanation that would give the same readings."""
         if self.decision is None or self.decision.chosen is None:
             return ()
         chosen = self.decision.chosen.fit

@@ -13,7 +13,7 @@ CHANNEL_WORDS = {
     "flux_linkage_Wb": "flux linkage",
     "hall_V": "Hall output",
     "voltage_V": "coil voltage",
-    "force_balance_N": "force told by the motion",
+    "force_balance_N": "force that the motion shows",
     "voltage_balance_V": "commanded voltage",
 }
 """Channels as they are called in sentences."""

@@ -84,9 +84,9 @@ def _between(condition: FloatArray | float) -> FloatArray | float:
 
 def _recurrence(kept: FloatArray, gained: FloatArray) -> FloatArray:
     """x_k = kept_k x_(k-1) + gained_k from x_(-1) = 0, by doubling."""
-    factor, total, reach = kept.copy(), gained.copy(), 1
-    while reach < len(total):
-        total[reach:] = total[reach:] + factor[reach:] * total[:-reach]
-        factor[reach:] = factor[reach:] * factor[:-reach]
-        reach *= 2
+    factor, total, span = kept.copy(), gained.copy(), 1
+    while span < len(total):
+        total[span:] = total[span:] + factor[span:] * total[:-span]
+        factor[span:] = factor[span:] * factor[:-span]
+        span *= 2
     return total

@@ -25,19 +25,19 @@ _FAR = 6.0
 """Standard deviations beyond which a difference is a spike."""
 
 _FREE = 0.2
-"""Of the two in which a difference varies, what patterns must leave for it to tell anything."""
+"""Of the two in which a difference varies, what patterns must leave for it to say anything."""
 
 _LEAST = 100
 _GRID = 1e-3
 """Steps of a converter are equal to this part of one."""
 
 
-def white_noise(rest: FloatArray, segment: IntArray) -> float:
+def white_noise(misfit: FloatArray, segment: IntArray) -> float:
     """Standard deviation of white noise on samples of something smooth.
 
     Parameters
     ----------
-    rest : array, shape (N,)
+    misfit : array, shape (N,)
         Samples less what a model says of them; NaN where missing.
     segment : array of int, shape (N,)
         Differences are taken within each.
@@ -47,9 +47,9 @@ def white_noise(rest: FloatArray, segment: IntArray) -> float:
     float
         From third differences of neighbours; NaN for fewer than a hundred.
     """
-    if len(rest) <= _ORDER:
+    if len(misfit) <= _ORDER:
         return float("nan")
-    differences = np.diff(rest, _ORDER)[segment[_ORDER:] == segment[:-_ORDER]]
+    differences = np.diff(misfit, _ORDER)[segment[_ORDER:] == segment[:-_ORDER]]
     differences = differences[np.isfinite(differences)]
     if len(differences) < _LEAST:
         return float("nan")
@@ -101,7 +101,7 @@ class SensorNoise:
     Parameters
     ----------
     white : float
-        Standard deviation of a sample; NaN where nothing tells it.
+        Standard deviation of a sample; NaN where it is unknown.
     values : array, shape (N,)
         The samples.
     """
@@ -152,12 +152,12 @@ def _largest_partial_sum(weights: sparse.csr_array) -> FloatArray:
     return result
 
 
-def successive_scatter(rest: FloatArray, follows: IntArray, removed: FloatArray) -> float:
+def successive_scatter(misfit: FloatArray, follows: IntArray, removed: FloatArray) -> float:
     """Standard deviation that successive windows show, whatever changes slowly under them.
 
     Parameters
     ----------
-    rest : array, shape (n,)
+    misfit : array, shape (n,)
         A misfit per window, smooth patterns removed.
     follows : array of int, shape (k,)
         Windows that follow the one before them.
@@ -174,5 +174,5 @@ def successive_scatter(rest: FloatArray, follows: IntArray, removed: FloatArray)
         return float("nan")
     variance = 2.0 - np.sum((removed[follows] - removed[follows - 1]) ** 2, axis=1)
     free = variance > _FREE
-    scaled = (rest[follows] - rest[follows - 1])[free] / np.sqrt(variance[free])
+    scaled = (misfit[follows] - misfit[follows - 1])[free] / np.sqrt(variance[free])
     return float(np.median(np.abs(scaled)) / _MEDIAN) if len(scaled) >= 12 else float("nan")

@@ -37,7 +37,7 @@ from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.measurement import TimeSeries
 
 _RESTLESS = 1.25
-"""Successive windows that scatter this many times more than the sensors' noise tells have another noise."""
+"""Successive windows that scatter this many times more than the sensors' noise makes have another noise."""
 
 _CHANCE = 3.5
 """Three standard deviations of a median of magnitudes, times the root of their number (Hampel, 1974)."""
@@ -181,7 +181,7 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
 
 
 def _with_scatter(observations: Observations) -> Observations:
-    """The noise of channels whose successive windows scatter more than their sensors' noise tells."""
+    """The noise of channels whose successive windows scatter more than their sensors' noise makes."""
     patterns, residual = smooth_patterns(observations), observations.residual
     noise, findings = dict(observations.declared_noise), []
     order, run = observations.column("order"), observations.column("run")

@@ -26,10 +26,10 @@ from femfit.identify.series.weights import Weights, Windows, window_weights
 _NODES = 12
 """Intervals between the nodes of a window."""
 
-_REACH = 1.0 / 6.0
+_SPAN = 1.0 / 6.0
 """Of a window: how far on each side of a node the samples stand to which its polynomial is fitted."""
 
-_SLOPE_REACH = 0.5
+_SLOPE_SPAN = 0.5
 """The same where its slope is asked for, which noise disturbs more."""
 
 _BEHIND = 0.8
@@ -39,7 +39,7 @@ _MIDDLE = 1.0 / 3.0
 """Of a window: what a sensor is averaged over."""
 
 _PLAY = 0.05
-"""Of the box's currents: a current that turns by less has not changed its branch."""
+"""Assumed: part of the validity domain's currents; a current that turns by less has not changed its branch."""
 
 _TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 
@@ -74,11 +74,11 @@ def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
             samples.segment,
             samples.usable,
             centre_s=time,
-            behind_s=reach * windows.length_s,
-            ahead_s=reach * windows.length_s,
+            behind_s=span * windows.length_s,
+            ahead_s=span * windows.length_s,
             degree=3,
         )[order]
-        for order, reach in enumerate((_REACH, _SLOPE_REACH))
+        for order, span in enumerate((_SPAN, _SLOPE_SPAN))
     ]
     own = Windows(windows.centre_s, np.arange(len(windows.centre_s)), windows.length_s)
     weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
