@@ -88,7 +88,7 @@ def test_one_state_lags_and_two_do_not(figures):
     assert figures["cs1-offset"].plateau_rms < 10e-6
 
 
-@pytest.fixture(scope="module", params=range(6))
+@pytest.fixture(scope="module", params=[0, 1, *(pytest.param(k, marks=pytest.mark.long) for k in range(2, 6))])
 def settled(request):
     """Fields by method on one of several records, and first and last second of what (17) compares."""
     wander, noise = np.random.default_rng(request.param).spawn(2)
