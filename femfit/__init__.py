@@ -39,6 +39,7 @@ _PLACES = {
     "add_effects": "femfit.identify.refit.add_effects:add_effects",
     "compare": "femfit.identify.comparison.compare:compare",
     "diagnose": "femfit.identify.decision.diagnose:diagnose",
+    "suggest": "femfit.identify.experiments.suggest:suggest",
     "integrate_coil": "femfit.integrate.integrate_coil:integrate_coil",
     "list_effects": "femfit.effects.catalogue:all_effects",
     "read_measurement": "femfit.tables.measurement_file:read_measurement",

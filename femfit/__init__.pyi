@@ -11,6 +11,7 @@ from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
 from femfit.identify.comparison.compare import compare as compare
 from femfit.identify.decision.diagnose import diagnose as diagnose
+from femfit.identify.experiments.suggest import suggest as suggest
 from femfit.identify.refit.add_effects import add_effects as add_effects
 from femfit.integrate.integrate_coil import CoilIntegral as CoilIntegral
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
@@ -58,6 +59,7 @@ __all__ = [
     "read_model",
     "read_sweep",
     "run_sweep",
+    "suggest",
     "write_model",
     "write_report",
 ]

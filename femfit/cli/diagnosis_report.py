@@ -29,23 +29,16 @@ def write_report(
     """
     from hashlib import sha256
 
-    from femfit.identify.decision.campaign import considered_effects
-    from femfit.identify.experiments.suggest import suggest_measurements
+    from femfit.identify.experiments.suggest import suggest
     from femfit.report.diagnosis_content import content_of
     from femfit.report.diagnosis_html import write_diagnosis_report
-    from femfit.tables.measurement import BenchTable
 
-    suggestions = []
-    if diagnosis.campaign is not None and len(diagnosis.explanations) > 1 and isinstance(measured, BenchTable):
-        say("Trying measurements")
-        suggestions = suggest_measurements(
-            diagnosis.model, measured, diagnosis.campaign.noise, diagnosis.explanations, considered_effects()
-        )
+    advice = suggest(diagnosis.model, measured, diagnosis, progress=say)
     say("Writing the report")
     content = content_of(
         measured,
         diagnosis,
-        suggestions=suggestions,
+        suggestions=advice.suggestions,
         added=added,
         hashes=tuple((file.name, sha256(file.read_bytes()).hexdigest()) for file in files),
     )

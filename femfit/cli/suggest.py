@@ -17,7 +17,7 @@ def suggest(
     table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
     json: Path | None = None,
 ) -> None:
-    """Advise the cheapest measurement that tells apart what the data leave together, or examine a plan.
+    """Advise the cheapest measurement that separates what the data leave together, or examine a plan.
 
     Parameters
     ----------
@@ -27,50 +27,27 @@ def suggest(
         Bench table, or record over time, that was diagnosed.
     plan : Path
         Planned bench table: settings, and a column (its cells may be empty) for each channel to be read. Says what such
-        a campaign could never tell apart.
+        a campaign could never separate.
     json : Path
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
     from femfit.core.outputs import RESULT, require_outputs
-    from femfit.identify.decision.campaign import considered_effects
-    from femfit.identify.decision.diagnose import diagnose
-    from femfit.identify.experiments.plan import examine_plan
-    from femfit.identify.experiments.suggest import suggest_measurements
-    from femfit.identify.experiments.suggest_text import isolating_lines, plan_lines, suggestion_lines
+    from femfit.identify.experiments.plan import PlanReport, examine_plan
+    from femfit.identify.experiments.suggest import Advice
+    from femfit.identify.experiments.suggest import suggest as advise
     from femfit.model.json_file import read_model
-    from femfit.tables.measurement import BenchTable
     from femfit.tables.measurement_file import read_bench_table, read_measurement
 
     require_outputs([model, data, plan], (json, RESULT))
     actuator = read_model(model)
-    if plan is not None and data is None:
-        report = examine_plan(
-            actuator,
-            read_bench_table(plan, planned=True, **table_options.keywords),
-            considered_effects(),
-        )
-        write_json(json, report.to_dict())
-        print("\n".join(plan_lines(report)))
-        return
-    if data is None or plan is not None:
-        raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
-    measured = read_measurement(data, **table_options.keywords)
+    result: Advice | PlanReport
     with status("Diagnosing") as say:
-        diagnosis = diagnose(actuator, measured, bootstrap=0, progress=say)
-        explanations = diagnosis.explanations
-        advice = []
-        if isinstance(measured, BenchTable) and diagnosis.campaign is not None and len(explanations) > 1:
-            say("Trying measurements")
-            noise = diagnosis.campaign.noise
-            advice = suggest_measurements(actuator, measured, noise, explanations, considered_effects())
-    names = [" + ".join(fit.names) for fit in explanations]
-    write_json(json, {"explanations": names, "suggestions": [one.to_dict() for one in advice]})
-    if names:
-        print(f"The data leave: {'; '.join(names)}.")
-    if diagnosis.campaign is None:
-        print(diagnosis.findings[-1])
-    elif isinstance(measured, BenchTable):
-        print("\n".join(suggestion_lines(advice, len(explanations))))
-    else:
-        print("\n".join(isolating_lines(explanations)))
+        if data is not None and plan is None:
+            result = advise(actuator, read_measurement(data, **table_options.keywords), progress=say)
+        elif plan is not None and data is None:
+            result = examine_plan(actuator, read_bench_table(plan, planned=True, **table_options.keywords))
+        else:
+            raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
+    write_json(json, result.to_dict())
+    print(result)

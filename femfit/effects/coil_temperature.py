@@ -74,7 +74,7 @@ COIL_TEMPERATURE = Effect(
         Calibration(
             {"warmer_K": 1.0, "warming_K": 2.0},
             15.0,
-            "Measure the winding's resistance by four wires at the start and at the end of a run.",
+            "Put a thermometer on the winding and read it at the start and at the end of a run.",
         ),
     ),
 )

@@ -33,14 +33,8 @@ CONSTANT_FORCE = Effect(
         Calibration(
             {"pull": 1e-3},
             30.0,
-            "Put a piece of brass of the same weight in the magnet's place and read the force.",
-            magnet=True,
-        ),
-        Calibration(
-            {"pull": 1e-3},
-            30.0,
-            "Switch the current off and read a spring balance that holds the body in its guide.",
-            magnet=False,
+            "Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
+            "balance.",
         ),
     ),
 )

@@ -25,7 +25,8 @@ DISTANCE_OFFSET = Effect(
         Calibration(
             {"offset_m": 1e-5},
             10.0,
-            "Rest the moving part on a gauge block of known height and compare the stage's reading.",
+            "Rest the moving part on a thin gauge block of known height and compare the stage's reading.",
+            also={"distance_scale": {"scale_error": 1e-3}},  # a block of 1 mm
         ),
     ),
 )

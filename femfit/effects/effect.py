@@ -91,15 +91,16 @@ class Calibration:
     cost : float
         In readings of the usual bench sweep: how many could be taken instead.
     instruction : str
-        What to do, as one plain sentence.
-    magnet : bool or None
-        Whether it can be done only where the drawing has a magnet (True), or only where it has none (False).
+        What to do, as one plain sentence that holds with and without a magnet in the drawing.
+    also : mapping of str to mapping of str to float
+        Other effects that show in the same reading: per effect, the change of the first parameter that is read with
+        each of that effect's parameters.
     """
 
     reads: Mapping[str, float]
     cost: float
     instruction: str
-    magnet: bool | None = None
+    also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

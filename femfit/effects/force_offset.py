@@ -2,7 +2,7 @@
 
 from femfit.effects.effect import Calibration, Effect, EffectParameter, in_channel
 
-_UNLOADED = "Take the electromagnet away and read the force sensor with nothing but the moving part on it."
+_UNLOADED = "Take everything off the force sensor, and read it."
 
 FORCE_OFFSET = Effect(
     name="force_offset",

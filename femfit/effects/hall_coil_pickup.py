@@ -77,7 +77,8 @@ HALL_COIL_PICKUP = Effect(
         Calibration(
             {"pickup_V": 2e-3},
             20.0,
-            "Take the moving part away and read the Hall voltage at the largest current of each sign.",
+            "Put the Hall element with its leads into a zero-gauss chamber and read it at the largest current of "
+            "each sign.",
         ),
     ),
 )

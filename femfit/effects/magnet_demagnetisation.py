@@ -55,9 +55,12 @@ MAGNET_DEMAGNETISATION = Effect(
     coenergy=_coenergy,
     calibrations=(
         Calibration(
-            {"loss": 0.01, "layer_m": 5e-5},
-            40.0,
-            "Take the magnet out and compare its field at both faces with that of a fresh one by a gaussmeter.",
+            {"layer_m": 5e-5}, 40.0, "Take the magnet out and compare its field at both faces by a gaussmeter."
+        ),
+        Calibration(
+            {"loss": 5e-3},
+            200.0,
+            "Have the magnet magnetised anew, and read its field by a gaussmeter before and after.",
         ),
     ),
 )

@@ -43,7 +43,8 @@ REMANENCE = Effect(
         Calibration(
             {"remanence_error": 0.01},
             40.0,
-            "Take the magnet out at 20 °C and read its field at both faces by a gaussmeter.",
+            "Take the magnet out at 20 °C and read its field on the axis by a gaussmeter.",
+            also={"magnet_demagnetisation": {"loss": -1.0}},
         ),
     ),
 )

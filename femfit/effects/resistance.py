@@ -22,5 +22,5 @@ RESISTANCE = Effect(
     experiment=_FOUR_WIRES,
     reference="IEC 60317-0-1 (2013), resistance of round wire",
     circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["resistance_error"]), voltage),
-    calibrations=(Calibration({"resistance_error": 2e-3}, 10.0, _FOUR_WIRES),),
+    calibrations=(Calibration({"resistance_error": 2e-3}, 10.0, _FOUR_WIRES, {"turns": {"turns_error": 1.0}}),),
 )

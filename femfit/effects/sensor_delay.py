@@ -71,7 +71,7 @@ SENSOR_DELAY = Effect(
         Calibration(
             {"delay_s": 5e-5},
             40.0,
-            "Hold the body, step the current and record current and Hall voltage with one oscilloscope.",
+            "Feed a step from a signal generator in the Hall element's place and record step and reading on one clock.",
         ),
     ),
 )

@@ -252,14 +252,19 @@ class ActuatorModel:
     def has_magnet(self) -> bool:
         """Whether the drawing has a magnet; without a drawing, whether force or flux remain without current.
 
-        Less than a thousandth of the largest force and flux linkage counts as the fit's own error.
+        Less than a thousandth of the largest force and flux linkage, or than the model misses its table by, counts as
+        the fit's own error.
         """
         if self.kind is not None:
             return self.kind.has_magnet
         return self.without_effects.share_without_current() >= NO_MAGNET
 
     def share_without_current(self) -> float:
-        """Larger of force and flux linkage without current, each over its largest in the validity domain."""
+        """Larger of force and flux linkage without current, each over its largest in the validity domain.
+
+        Zero for one that is smaller than the model's largest misfit; of the flux linkage three times its rms stands for
+        that.
+        """
         domain = self.validity
         d, i = np.meshgrid(
             np.linspace(domain.distance_min_m, domain.distance_max_m, 15),
@@ -269,9 +274,10 @@ class ActuatorModel:
         everywhere = self.magnetics.coenergy_derivatives(d, i, orders)
         idle = self.magnetics.coenergy_derivatives(d[0], np.zeros_like(d[0]), orders)
         largest = [float(np.abs(values).max()) for values in everywhere]
-        return max(
-            (float(np.abs(own).max()) / most for own, most in zip(idle, largest, strict=True) if most), default=0.0
-        )
+        misfit = self.misfit
+        errors = (misfit.force_max_N, 3.0 * (misfit.flux_linkage_rms_Wb or 0.0)) if misfit is not None else (0.0, 0.0)
+        remaining = [float(np.abs(values).max()) for values in idle]
+        return max((r / most for r, most, e in zip(remaining, largest, errors, strict=True) if r > e), default=0.0)
 
     @property
     def memory_names(self) -> tuple[str, ...]:

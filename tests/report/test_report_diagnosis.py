@@ -8,9 +8,8 @@ import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.experiments.suggest import Suggestion, suggest_measurements
+from femfit.identify.experiments.suggest import Suggestion, suggest
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit.add_effects import add_effects
 from femfit.report.diagnosis_content import content_of
@@ -33,9 +32,7 @@ HALL = hidden("hall_offset", offset_V=0.02)
 
 def page_of(model, table, added=(), **more):
     diagnosis = diagnose(model, table, bootstrap=0)
-    fits, advice = diagnosis.explanations, ()
-    if len(fits) > 1:
-        advice = suggest_measurements(model, table, diagnosis.campaign.noise, fits, considered_effects())
+    advice = suggest(model, table, diagnosis).suggestions
     result = add_effects(model, table, added) if added else None
     content = content_of(table, diagnosis, suggestions=advice, added=result, **more)
     return content, Page(render_diagnosis(content))

@@ -1,40 +1,43 @@
-"""The next measurement that separates what is still confounded, and what a planned campaign could never separate.
+"""The next measurement that separates what the data leave together.
 
-Two explanations differ at settings x by what the better fit of the one leaves of the other. Over the old and the new
-readings together that distance, in standard deviations, is the T-criterion of a discriminating design.
-
-References
-----------
-A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
+A measurement is tried as a further run beside the readings that are there: the readings that each explanation predicts
+at the old and the new settings are explained by each other one (:mod:`femfit.identify.experiments.separation`).
 """
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
+from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Effect
-from femfit.identify.experiments.experiments import Experiment, possible_experiments
+from femfit.effects.effect import Calibration
+from femfit.identify.decision.diagnose import diagnose as diagnosed
+from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.experiments.constants import COMPARED, SHOWN
+from femfit.identify.experiments.noise import noise_for
+from femfit.identify.experiments.possible import Experiment, possible_experiments
+from femfit.identify.experiments.separation import (
+    change_of,
+    needed_distance,
+    parameters_of,
+    starting_points,
+    unexplained,
+)
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.refit.refit import Refit
-from femfit.identify.refit.start import bounded_amplitudes
-from femfit.identify.signatures.columns import EffectColumns, effect_columns
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
-from femfit.tables.measurement import CHANNELS, BenchTable
-
-_SPLIT = 4.0
-"""Standard deviations between two explanations from which they count as separated."""
-
-_GUESSED_NOISE = 2e-3
-"""Of a channel that was never measured, over its largest reading."""
+from femfit.tables.measurement import CHANNELS, BenchTable, Measurement
+from femfit.tables.measurement_file import read_measurement
 
 
 @dataclass(frozen=True)
@@ -47,120 +50,201 @@ class Suggestion:
         In readings of the usual sweep.
     separates : tuple of (str, str, float)
         Pairs of explanations and their distance in standard deviations with it.
+    remains : tuple of (str, str)
+        Pairs that it leaves together.
+    experiment : Experiment or None
+        The settings to be measured, or the direct reading.
     """
 
     text: str
     cost: float
     separates: tuple[tuple[str, str, float], ...]
     remains: tuple[tuple[str, str], ...]
+    experiment: Experiment | None = field(default=None, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return asdict(self)
+        return {name: getattr(self, name) for name in ("text", "cost", "separates", "remains")}
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What to measure next; printed, it is what ``femfit suggest`` prints.
+
+    Parameters
+    ----------
+    explanations : tuple of str
+        What the data leave, the best first.
+    suggestions : tuple of Suggestion
+        The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be.
+    never : tuple of (str, str)
+        Pairs that no measurement that femfit knows would separate.
+    isolating : tuple of (str, str)
+        Per effect the measurement that isolates it, for records, to which no readings can be added on trial.
+    note : str
+        Why nothing is advised; empty where there is nothing to say.
+    """
+
+    explanations: tuple[str, ...]
+    suggestions: tuple[Suggestion, ...] = ()
+    never: tuple[tuple[str, str], ...] = ()
+    isolating: tuple[tuple[str, str], ...] = ()
+    note: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return vars(self) | {"suggestions": [one.to_dict() for one in self.suggestions]}
+
+    def __str__(self) -> str:
+        if self.note:
+            return self.note
+        lines = []
+        for k, one in enumerate(self.suggestions[:SHOWN]):
+            lines.append(f"{'Next' if k == 0 else 'Or'}: {one.text}")
+            lines.append(f"  This separates {_pairs([pair[:2] for pair in one.separates])}, and takes as long as about "
+                         f"{one.cost:.0f} readings.")  # fmt: skip
+            if one.remains:
+                lines.append(f"  It leaves open: {'; '.join(_listed(group, 'or') for group in _chained(one.remains))}.")
+        if self.never:
+            lines.append(f"No measurement that femfit knows separates {_pairs(self.never)}.")
+        lines += [f"{name}: {experiment}" for name, experiment in self.isolating]
+        return "\n".join([*lines, f"The data leave {_listed(self.explanations, 'or')}."])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+
+def suggest(
+    model: ActuatorModel,
+    data: Measurement | str | Path,
+    diagnosis: Diagnosis | None = None,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> Advice:
+    """Advise the cheapest measurements that separate what the data leave together.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With which the data were diagnosed.
+    data : BenchTable or TimeSeries, or a path
+        What was measured.
+    diagnosis : Diagnosis, optional
+        Of these data, where it was made already.
+
+    Raises
+    ------
+    TableError
+        If no reading can be compared.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> advice = ff.suggest(ff.read_model("model.json"), "bench.csv")
+    >>> len(advice.explanations) > 0
+    True
+    """
+    say = progress or (lambda _: None)
+    measured = read_measurement(data) if isinstance(data, str | Path) else data
+    found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
+    explanations = found.explanations[:COMPARED]
+    names = tuple(" + ".join(fit.names) for fit in explanations)
+    if found.campaign is None:
+        return Advice(names, note=str(found.findings[-1]))
+    if not explanations:
+        return Advice(names, note="There is nothing to separate: no effect is named, see femfit diagnose.")
+    if len(explanations) == 1:
+        return Advice(names, note=f"There is nothing to separate: the data leave {names[0]} alone.")
+    if not isinstance(measured, BenchTable):
+        effects = all_effects()
+        used = dict.fromkeys(name for fit in explanations for name in fit.names)
+        return Advice(names, isolating=tuple((name, effects[name].experiment) for name in used))
+    say("Trying measurements")
+    suggestions = suggest_measurements(model, plausible_table(model, measured), found.campaign.noise, explanations)
+    apart = {pair[:2] for one in suggestions for pair in one.separates}
+    return Advice(names, tuple(suggestions), tuple(p for p in combinations(names, 2) if p not in apart))
 
 
 def suggest_measurements(
-    model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit], effects: Sequence[Effect]
+    model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit]
 ) -> list[Suggestion]:
-    """Rank measurements by how cheaply they separate explanations that the data leave together.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Whose direct readings may be suggested.
-
-    Returns
-    -------
-    list of Suggestion
-        Those that separate at least one pair, the cheapest for each pair first: taken in turn until nothing remains
-        open, they are the greedy cover of all pairs at the least cost.
-    """
+    """Rank measurements by how cheaply they separate explanations that the data leave together."""
     observations = bench_observations(model, table)
     d, i = (observations.covariates[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
     available = tuple(predict_readings(model, d, i, Conditions(observations.nominal)))
-    named = {name for fit in explanations for name in fit.names}
-    direct = [effect for effect in effects if effect.name in named]
+    named = {added.effect.name: added.effect for fit in explanations for added in fit.effects}
+    direct = [named[name] for name in dict.fromkeys((*all_effects(), *named)) if name in named]
     result = []
     for experiment in possible_experiments(observations, available, direct):
-        distances = _distances(model, table, noise, explanations, experiment)
-        apart = tuple((a, b, round(s, 1)) for (a, b), s in distances.items() if s >= _SPLIT)
-        if apart:
-            together = tuple(pair for pair, s in distances.items() if s < _SPLIT)
-            result.append(Suggestion(experiment.text, experiment.cost, apart, together))
+        separates, remains = _tried(model, table, noise, explanations, experiment)
+        if separates:
+            result.append(Suggestion(experiment.text, experiment.cost, separates, remains, experiment))
     return sorted(result, key=lambda one: (one.cost / len(one.separates), one.cost))
 
 
-def _distances(
+def _tried(
     model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit], experiment: Experiment
-) -> dict[tuple[str, str], float]:
-    """Standard deviations between each two explanations once an experiment is added."""
-    joined = table if experiment.rows is None else _joined(table, experiment)
-    observations = bench_observations(model, joined)
-    whitening = Whitening(observations, noise_for(noise, observations), chains_of(observations))
-    signals, columns = [], []
-    for fit in explanations:
-        change = observations.predict(fit.effects) - observations.base
-        signals.append(whitening.full(change))
-        columns.append([_columns_at(observations, whitening, fit, k) for k in range(len(fit.effects))])
-    result = {}
-    for a, b in combinations(range(len(explanations)), 2):
-        direct = _direct(experiment, explanations[a], explanations[b])
-        apart = min(unlike(signals[a], columns[b]), unlike(signals[b], columns[a]))
-        key = (" + ".join(explanations[a].names), " + ".join(explanations[b].names))
-        result[key] = float(np.sqrt(apart**2 + direct**2))
-    return result
+) -> tuple[tuple[tuple[str, str, float], ...], tuple[tuple[str, str], ...]]:
+    """Pairs that an experiment separates, with their distance, and pairs that it leaves together."""
+    separates, remains = [], []
+    distance = _direct if experiment.rows is None else _joint(model, table, noise, experiment)
+    for a, b in combinations(explanations, 2):
+        pair = (" + ".join(a.names), " + ".join(b.names))
+        apart = distance(experiment, a, b)
+        if apart is None:
+            remains.append(pair)
+        else:
+            separates.append((*pair, round(apart, 1)))
+    return tuple(separates), tuple(remains)
 
 
-def _columns_at(
-    observations: Observations, whitening: Whitening, fit: Refit, k: int
-) -> tuple[EffectColumns, FloatArray]:
-    """The columns of one effect of an explanation at its fitted shape constants."""
-    added = fit.effects[k]
-    shape = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
-    variants = effect_columns(added.effect, observations)
-    nearest = min(variants, key=lambda one: sum(abs(one.shape[n] - shape[n]) for n in shape)) if variants else None
-    if nearest is None:
-        empty = EffectColumns(added.effect, (), shape, np.zeros((len(observations.value), 0)))
-        return empty, empty.columns
-    return nearest, whitening.full(nearest.columns)
-
-
-def unlike(signal: FloatArray, rival: Sequence[tuple[EffectColumns, FloatArray]]) -> float:
-    """Length of a whitened signal that other effects cannot make.
-
-    Parameters
-    ----------
-    signal : array, shape (M,)
-        Whitened.
-    rival : sequence of (EffectColumns, array)
-        The other effects with their whitened columns.
-    """
-    columns = np.concatenate([white for _, white in rival], axis=1)
-    if not columns.shape[1]:
-        return float(np.linalg.norm(signal))
-    bounds = np.concatenate([one.bounds for one, _ in rival if one.amplitudes], axis=1)
-    _, fall = bounded_amplitudes(signal, columns, bounds)
-    return float(np.sqrt(max(float(signal @ signal) - fall, 0.0)))
-
-
-def _direct(experiment: Experiment, a: Refit, b: Refit) -> float:
-    """Standard deviations by which a direct reading of an effect's parameters tells two explanations apart."""
+def _direct(experiment: Experiment, a: Refit, b: Refit) -> float | None:
+    """Distance by a direct reading of an effect's parameters; None where it is less than needed."""
     if experiment.calibration is None:
-        return 0.0
-    apart = [
-        (_parameter(a, experiment.effect, name) - _parameter(b, experiment.effect, name)) / u
-        for name, u in experiment.calibration.reads.items()
-    ]
-    return float(np.linalg.norm(apart))
+        return None
+    first, second = (_read(experiment.effect, experiment.calibration, fit) for fit in (a, b))
+    apart = float(np.linalg.norm((first - second) / np.array(list(experiment.calibration.reads.values()))))
+    return apart if apart >= needed_distance(0.0, 1) else None
 
 
-def _parameter(fit: Refit, effect: str, name: str) -> float:
-    """An amplitude of an effect in an explanation; zero, its null, where the explanation lacks the effect."""
-    return next((float(e.parameters[name]) for e in fit.effects if e.effect.name == effect), 0.0)
+def _read(effect: str, calibration: Calibration, fit: Refit) -> FloatArray:
+    """What a direct reading gives where an explanation is true."""
+    values = np.zeros(len(calibration.reads))
+    for added in fit.effects:
+        if added.effect.name == effect:
+            values += [added.parameters[name] for name in calibration.reads]
+        for name, change in calibration.also.get(added.effect.name, {}).items():
+            values[0] += change * added.parameters[name]
+    return values
 
 
-def _joined(table: BenchTable, experiment: Experiment) -> BenchTable:
-    """A table with an experiment as its last run; readings do not matter and are zero."""
+def _joint(
+    model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment
+) -> Callable[[Experiment, Refit, Refit], float | None]:
+    """The judge of a further run: the smaller of two distances, None where one of them is less than needed."""
+    observations = bench_observations(model, joined(table, experiment))
+    whitening = Whitening(observations, noise_for(noise, observations), chains_of(observations))
+
+    def distance(_: Experiment, a: Refit, b: Refit) -> float | None:
+        smallest = np.inf
+        for truth, rival in ((a, b), (b, a)):
+            change = change_of(observations, truth.effects)
+            explained = float(np.sum(whitening.full(change) ** 2))
+            more = parameters_of(truth.effects) - parameters_of(rival.effects)
+            needed = needed_distance(explained, len(change), more)
+            starts = starting_points([added.effect for added in rival.effects], observations, whitening, rival.effects)
+            seen = observations.with_values(observations.base + change)
+            apart = unexplained(seen, whitening, starts, needed)
+            if apart < needed:
+                return None
+            smallest = min(smallest, apart)
+        return smallest
+
+    return distance
+
+
+def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
+    """A table with an experiment as its last run, on a new mount; its readings do not matter and are zero."""
     more = experiment.rows if experiment.rows is not None else table.rows.iloc[:0]
     more = more.assign(run=float(table.rows["run"].max()) + 1.0, order=np.arange(len(more), dtype=float))
     more = more.assign(**{name: 0.0 if name in experiment.channels else np.nan for name in CHANNELS})
@@ -173,29 +257,27 @@ def _joined(table: BenchTable, experiment: Experiment) -> BenchTable:
     return replace(table, rows=rows[table.rows.columns], given=(*given, *varied))
 
 
-def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
-    """A noise model for the channels of other observations.
+def _pairs(pairs: Sequence[tuple[str, ...]]) -> str:
+    """Pairs in as few words as say them: ``a from b and c; d from e``."""
+    left, parts = list(pairs), []
+    while left:
+        names = [name for pair in left for name in pair]
+        name = max(dict.fromkeys(names), key=names.count)
+        partners = [a if b == name else b for a, b in left if name in {a, b}]
+        parts.append(f"{name} from {_listed(partners, 'and')}")
+        left = [pair for pair in left if name not in pair]
+    return "; ".join(parts)
 
-    Returns
-    -------
-    NoiseModel
-        A channel that was never measured gets 0.2 % of its largest reading.
-    """
-    known = {name: k for k, name in enumerate(noise.channels)}
-    picked = [known.get(name) for name in observations.channels]
-    largest = [float(np.abs(observations.base[observations.of(name)]).max()) for name in observations.channels]
 
-    def pick(values: FloatArray, missing: Sequence[float]) -> FloatArray:
-        return np.array([m if k is None else values[k] for k, m in zip(picked, missing, strict=True)])
+def _chained(pairs: Sequence[tuple[str, str]]) -> list[list[str]]:
+    """Names that pairs connect, group by group."""
+    groups: list[list[str]] = []
+    for pair in pairs:
+        met = [group for group in groups if set(group) & set(pair)]
+        groups = [group for group in groups if group not in met]
+        groups.append(list(dict.fromkeys([name for group in (*met, pair) for name in group])))
+    return groups
 
-    zeros = [0.0] * len(picked)
-    return replace(
-        noise,
-        channels=observations.channels,
-        sigma=pick(noise.sigma, [_GUESSED_NOISE * x for x in largest]),
-        rho=pick(noise.rho, zeros),
-        run=pick(noise.run, zeros),
-        repeats=pick(noise.repeats, zeros),
-        degrees_of_freedom=pick(noise.degrees_of_freedom, zeros),
-        test_run=pick(noise.test_run, zeros),
-    )
+
+def _listed(names: Sequence[str], word: str) -> str:
+    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

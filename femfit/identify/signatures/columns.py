@@ -86,14 +86,22 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
         dict(zip((p.name for p in constants), values, strict=True))
         for values in product(*(_trial_values(p) for p in constants))
     ]
-    result = []
-    for shape in grid:
-        pairs = [(p, _column(effect, p, shape, observations)) for p in effect.amplitudes]
-        seen = [(p, column) for p, column in pairs if np.any(column != 0.0)]
-        if seen:
-            amplitudes, columns = zip(*seen, strict=True)
-            result.append(EffectColumns(effect, tuple(amplitudes), shape, np.stack(columns, axis=1)))
-    return result
+    return [one for nonlinear in grid for one in _columns(effect, nonlinear, observations)]
+
+
+def columns_at(added: AddedEffect, observations: Observations) -> list[EffectColumns]:
+    """The columns of an effect at its own nonlinear parameters; empty where it changes none of these readings."""
+    nonlinear = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
+    return _columns(added.effect, nonlinear, observations)
+
+
+def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Observations) -> list[EffectColumns]:
+    pairs = [(p, _column(effect, p, nonlinear, observations)) for p in effect.amplitudes]
+    seen = [(p, column) for p, column in pairs if np.any(column != 0.0)]
+    if not seen:
+        return []
+    amplitudes, columns = zip(*seen, strict=True)
+    return [EffectColumns(effect, tuple(amplitudes), nonlinear, np.stack(columns, axis=1))]
 
 
 def _trial_values(p: EffectParameter) -> tuple[float, ...]:

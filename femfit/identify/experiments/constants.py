@@ -1,0 +1,39 @@
+"""The constants of what to measure next, each with its kind and source.
+
+*Derived* follows from something else, *conventional* is a usual level, *assumed* is an engineer's judgement with no
+calibration behind it.
+"""
+
+from scipy import stats
+
+ALMOST_SURELY = float(stats.norm.isf(0.05))
+"""Conventional: what is promised holds in 19 of 20 campaigns."""
+
+VISIBLE = 4.0
+"""Conventional: standard deviations from which a whole signal is seen, where nobody asks for its form."""
+
+GUESSED_NOISE = 2e-3
+"""Assumed: noise of a channel that was never measured and has none declared, over its largest reading in the validity
+domain."""
+
+LARGEST_BENDING = 0.5
+"""Assumed: what first-order columns at the trial values of the nonlinear parameters leave of a signal, a refit of these
+parameters may lower from up to this share."""
+
+SMALL = 3.0
+"""Conventional: a small effect in a plan, over the smallest that the plan would show."""
+
+NEAR_SHARE, DISTANCES, CURRENTS = 0.25, 24, 6
+"""Assumed: a usual sweep has so many distances and currents; most effects are largest in its nearest quarter."""
+
+HEATED_K = 30.0
+"""Assumed: what a heat gun does to a small part in a minute."""
+
+CHANNEL_COST, HEAT_COST = 60.0, 120.0
+"""Assumed: readings of a usual sweep that setting up a further sensor, or heating a part, takes the time of."""
+
+SHOWN = 8
+"""Conventional: measurements that are listed."""
+
+COMPARED = 6
+"""Assumed, for the time that it takes: explanations that are compared pair by pair, the best first."""

@@ -1,0 +1,58 @@
+"""The noise that a measurement will have which nobody has made yet: as estimated or declared, or as assumed."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.identify.experiments.constants import GUESSED_NOISE
+from femfit.identify.noise.constants import PRIOR_MOUNT_M, PRIOR_RUN
+from femfit.identify.noise.whitening import NoiseModel
+from femfit.identify.readings.observations import Observations
+
+
+def planned_noise(observations: Observations) -> NoiseModel:
+    """The noise model of a plan: declared noise, and the priors of mounts and runs that estimates start from."""
+    channels = observations.channels
+    declared = observations.declared_noise
+    sigma = np.array([declared.get(name, guess) for name, guess in zip(channels, _guessed(observations), strict=True)])
+    zeros, many = np.zeros(len(channels)), np.full(len(channels), np.inf)
+    source = {name: "declared" if name in observations.declared_noise else "assumed" for name in channels}
+    run = PRIOR_RUN * sigma
+    return NoiseModel(channels, sigma, zeros, PRIOR_MOUNT_M, run, many, many, source, PRIOR_MOUNT_M, run)
+
+
+def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
+    """An estimated noise model, with what is assumed for channels that were never measured."""
+    known = {name: k for k, name in enumerate(noise.channels)}
+    picked = [known.get(name) for name in observations.channels]
+    guessed = _guessed(observations)
+
+    def pick(values: FloatArray, missing: FloatArray) -> FloatArray:
+        return np.array([m if k is None else values[k] for k, m in zip(picked, missing, strict=True)])
+
+    zeros, run = np.zeros(len(picked)), PRIOR_RUN * guessed
+    return replace(
+        noise,
+        channels=observations.channels,
+        sigma=pick(noise.sigma, guessed),
+        rho=pick(noise.rho, zeros),
+        run=pick(noise.run, run),
+        repeats=pick(noise.repeats, zeros),
+        degrees_of_freedom=pick(noise.degrees_of_freedom, zeros),
+        mount_m=noise.mount_m or PRIOR_MOUNT_M,
+        test_mount_m=noise.test_mount_m or PRIOR_MOUNT_M,
+        test_run=pick(np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma), run),
+    )
+
+
+def _guessed(observations: Observations) -> FloatArray:
+    """Of each channel by its largest reading in the validity domain: here it may be zero everywhere."""
+    nominal = observations.nominal
+    largest = {
+        "force_N": nominal.force_N,
+        "flux_linkage_Wb": nominal.flux_linkage_Wb,
+        "hall_V": nominal.hall_swing_V,
+        "voltage_V": nominal.resistance_ohm * nominal.current_scale,
+    }
+    return np.array([GUESSED_NOISE * largest[name] for name in observations.channels])

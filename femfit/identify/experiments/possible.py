@@ -1,0 +1,143 @@
+"""Measurements that could be added to a campaign: rows of settings, or a direct reading of an effect's parameters.
+
+Every setting lies in the validity domain of the model: outside of it nothing is predicted, so nothing is promised.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.amount import rounded
+from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
+from femfit.effects.effect import Calibration, Effect
+from femfit.identify.experiments.constants import (
+    CHANNEL_COST,
+    CURRENTS,
+    DISTANCES,
+    HEAT_COST,
+    HEATED_K,
+    NEAR_SHARE,
+)
+from femfit.identify.readings.observations import Observations
+from femfit.tables.measurement import CHANNELS, SETTINGS
+
+_IN_WORDS = {
+    "force_N": "force",
+    "flux_linkage_Wb": "flux linkage",
+    "hall_V": "Hall voltage",
+    "voltage_V": "voltage across the winding",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A measurement that could be added.
+
+    Parameters
+    ----------
+    text : str
+        What to do, as one plain sentence.
+    cost : float
+        In readings of the usual sweep.
+    effect : str
+        Whose parameters are read directly; empty for a run.
+    """
+
+    text: str
+    cost: float
+    rows: pd.DataFrame | None = None
+    channels: tuple[str, ...] = ()
+    effect: str = ""
+    calibration: Calibration | None = None
+
+
+def possible_experiments(
+    observations: Observations, available: Sequence[str], effects: Sequence[Effect]
+) -> list[Experiment]:
+    """Measurements that would add something to a campaign, the cheapest first; equally dear ones as they stand here.
+
+    Parameters
+    ----------
+    available : sequence of str
+        Channels that the model can predict.
+    effects : sequence of Effect
+        Whose parameters may be read directly, in the catalogue's order.
+    """
+    nominal, measured = observations.nominal, observations.channels
+    current, branch = observations.covariates["current_A"], observations.covariates["branch"]
+    low, high = float(current.min()), float(current.max())
+    usual = _grid(nominal, low, high)
+    near = usual[usual["distance_m"] <= nominal.distance_min_m + NEAR_SHARE * nominal.travel_m]
+    result = [
+        _run("Measure the same range once more, on a new mount", usual, measured),
+        _run(f"Add {len(near)} points at {_range(near)} over the same currents", near, measured),
+    ]
+    if not ((branch > 0).any() and (branch < 0).any()):
+        result.append(_run("Measure with falling current as well", usual.assign(branch=-1.0), measured))
+    result += [
+        _run(text.format(count=len(more), where=_range(more)), more, measured)
+        for text, more in _other_currents(nominal, near, low, high)
+    ]
+    result += [
+        _run(
+            f"Read the {_IN_WORDS[name]} too, at {len(near)} points at {_range(near)}",
+            near,
+            (*measured, name),
+            CHANNEL_COST,
+        )
+        for name in CHANNELS
+        if name in available and name not in measured
+    ]
+    parts = {"magnet_temperature_C": "magnet", "coil_temperature_C": "winding"}
+    result += [
+        _run(
+            f"Heat the {part} by {HEATED_K:.0f} K, record its temperature ({name}) and add {len(near)} points",
+            near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K}),
+            measured,
+            HEAT_COST,
+        )
+        for name, part in parts.items()
+        if part != "magnet" or nominal.has_magnet
+    ]
+    result += [
+        Experiment(one.instruction, one.cost, effect=effect.name, calibration=one)
+        for effect in effects
+        for one in effect.calibrations
+    ]
+    return sorted(result, key=lambda experiment: experiment.cost)
+
+
+def _other_currents(nominal: Nominal, near: pd.DataFrame, low: float, high: float) -> list[tuple[str, pd.DataFrame]]:
+    """Currents of the other sign, and larger ones, as far as the validity domain has them."""
+    result = []
+    within = near["current_A"].between(-nominal.current_max_A, -nominal.current_min_A)
+    turned = near[within].assign(current_A=-near.loc[within, "current_A"])
+    if (low >= 0.0 or high <= 0.0) and (turned["current_A"] != 0.0).any():
+        result.append(("Reverse the current: {count} points at {where}", turned))
+    for bound, reached in ((nominal.current_max_A, high), (nominal.current_min_A, low)):
+        if abs(bound) > max(abs(low), abs(high)) / 0.95 and bound * reached >= 0.0:
+            larger = _grid(nominal, *sorted((0.7 * bound, bound)))
+            larger = larger[larger["distance_m"] <= near["distance_m"].max()]
+            result.append((f"Go up to {rounded(bound, 3)} A: {{count}} points at {{where}}", larger))
+    return result
+
+
+def _run(text: str, rows: pd.DataFrame, channels: tuple[str, ...], further_cost: float = 0.0) -> Experiment:
+    return Experiment(f"{text}.", len(rows) + further_cost, rows.reset_index(drop=True), channels)
+
+
+def _grid(nominal: Nominal, low: float, high: float) -> pd.DataFrame:
+    """Rising currents at every distance of a usual sweep."""
+    distances = np.linspace(nominal.distance_min_m, nominal.distance_max_m, DISTANCES)
+    points = [(d, i, 1.0) for d in distances for i in np.linspace(low, high, CURRENTS if high > low else 1)]
+    rows = pd.DataFrame(points, columns=["distance_m", "current_A", "branch"])
+    for name, missing in SETTINGS.items():
+        if name not in rows:
+            rows[name] = missing
+    return rows
+
+
+def _range(rows: pd.DataFrame) -> str:
+    return f"{rounded(1e3 * rows['distance_m'].min(), 3)} to {rounded(1e3 * rows['distance_m'].max(), 3)} mm"

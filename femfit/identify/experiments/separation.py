@@ -1,0 +1,117 @@
+"""How far apart two effects, or combinations of effects, are on given settings: one judge for advice and plans.
+
+What effects leave of readings is what their best refit leaves, within their bounds and with their nonlinear parameters
+free, in standard deviations of the noise. Readings of one explanation without noise, refitted by the other, give the
+distance between the two: the T-criterion of a discriminating design.
+
+References
+----------
+A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.effect import AddedEffect, Effect
+from femfit.identify.decision.constants import NONLINEAR_PRICE, TIE, TIE_SHARE
+from femfit.identify.decision.scoring import parameter_price
+from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING
+from femfit.identify.noise.whitening import Whitening
+from femfit.identify.readings.observations import Observations
+from femfit.identify.refit.refit import refit
+from femfit.identify.refit.start import Start, bounded_amplitudes
+from femfit.identify.signatures.columns import EffectColumns, columns_at, effect_columns
+
+_VARIANTS = 12
+"""Combinations of trial values of two effects' nonlinear parameters that are tried; more would take too long."""
+
+
+def needed_distance(explained: float, readings: int, more_parameters: float = 0.0) -> float:
+    """Distance from which a diagnosis leaves the wrong one of two explanations out, in 19 of 20 campaigns.
+
+    The weighted sums of squares differ by delta^2 with a standard deviation of 2 delta; they must differ by the tie of
+    the decision, and by what the right explanation pays for its further parameters.
+
+    Parameters
+    ----------
+    explained : float
+        What the right explanation takes off the weighted sum of squares.
+    """
+    tie = max(TIE, TIE_SHARE * explained) + max(more_parameters, 0.0) * parameter_price(np.zeros(readings))
+    return float(ALMOST_SURELY + np.sqrt(ALMOST_SURELY**2 + tie))
+
+
+def parameters_of(effects: Sequence[AddedEffect]) -> float:
+    """Number of parameters off their nulls, as the decision counts them."""
+    return sum(
+        NONLINEAR_PRICE if p.nonlinear else float(added.parameters[p.name] != p.null)
+        for added in effects
+        for p in added.effect.parameters
+    )
+
+
+def unexplained(
+    observations: Observations, whitening: Whitening, rivals: Sequence[Sequence[Start]], enough: float = np.inf
+) -> float:
+    """What effects leave of readings, in standard deviations: the best refit from several starting points.
+
+    Parameters
+    ----------
+    observations : Observations
+        With the readings to be explained in ``value``.
+    rivals : sequence of sequence of Start
+        Starting points: the same effects at different nonlinear parameters.
+    enough : float
+        A refit is not tried where the first order leaves less already, nor where it leaves so much of the readings'
+        change that no nonlinear parameter would make up for it.
+    """
+    target = whitening.full(observations.residual)
+    whole = float(target @ target)
+    best, chosen = whole, None
+    for starts in rivals:
+        columns = np.concatenate([one.whitened for one in starts], axis=1)
+        bounds = np.concatenate([one.columns.bounds for one in starts], axis=1)
+        amplitude, fall = bounded_amplitudes(target, columns, bounds)
+        if chosen is None or whole - fall < best:
+            best, chosen = whole - fall, (starts, amplitude)
+    if chosen is None or np.sqrt(max(best, 0.0)) < enough or best > LARGEST_BENDING**2 * whole:
+        return float(np.sqrt(max(best, 0.0)))
+    starts, amplitude = chosen
+    parts = np.split(amplitude, np.cumsum([one.count for one in starts])[:-1])
+    begun = [Start(one.columns, one.whitened, part) for one, part in zip(starts, parts, strict=True)]
+    return float(np.sqrt(min(refit(observations, whitening, begun).chi2, max(best, 0.0))))
+
+
+def starting_points(
+    effects: Sequence[Effect],
+    observations: Observations,
+    whitening: Whitening,
+    fitted: Sequence[AddedEffect] = (),
+) -> list[list[Start]]:
+    """Where refits of effects begin: at trial values of their nonlinear parameters, and where they were fitted before.
+
+    Returns
+    -------
+    list of list of Start
+        Empty where the effects change none of these readings.
+    """
+    variants: list[list[Start]] = []
+    for k, effect in enumerate(effects):
+        found = effect_columns(effect, observations)
+        if fitted:
+            found = [*columns_at(fitted[k], observations), *found]
+        if found:
+            variants.append([_start(one, whitening) for one in found])
+    return [list(starts) for starts, _ in zip(product(*variants), range(_VARIANTS), strict=False)] if variants else []
+
+
+def _start(one: EffectColumns, whitening: Whitening) -> Start:
+    return Start(one, whitening.full(one.columns), np.zeros(len(one.amplitudes)))
+
+
+def change_of(observations: Observations, effects: Sequence[AddedEffect]) -> FloatArray:
+    """What effects change of the predicted readings."""
+    return observations.predict(effects) - observations.base
