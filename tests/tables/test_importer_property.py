@@ -13,7 +13,7 @@ from femfit.tables.header import parse_header
 from femfit.tables.number_text import parse_number
 from femfit.tables.units import UNITS, unit_factor
 
-QUICK = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUICK = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 ACCEPT_ALL = ("cells", "contradictions", "one-current", "one-distance", "units", "reciprocity")
 
 VALID = "\n".join(

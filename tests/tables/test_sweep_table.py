@@ -76,7 +76,7 @@ def test_a_directory_without_a_table_says_how_to_make_one(tmp_path):
         read_sweep_table(tmp_path)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(content=st.binary(max_size=300), suffix=st.sampled_from([".csv", ".parquet"]))
 def test_random_bytes_give_a_table_error(tmp_path, content, suffix):
     path = tmp_path / f"sweep{suffix}"
@@ -85,7 +85,7 @@ def test_random_bytes_give_a_table_error(tmp_path, content, suffix):
         read_sweep_table(path)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_mutated_table_gives_finite_rows_or_a_table_error(tmp_path, data):
     text = bytearray(ROWS.to_csv(index=False).encode())
