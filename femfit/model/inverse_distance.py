@@ -8,6 +8,7 @@ References
 L. Comtet, Advanced Combinatorics (Reidel, 1974), section 3.3, for the Lah numbers.
 """
 
+from functools import cache
 from math import comb, factorial
 
 import numpy as np
@@ -25,9 +26,15 @@ def partial_derivatives(
 ) -> list[FloatArray]:
     """Partial derivatives, of orders (in d, in i), of a spline in (d_0 / (d + s), i) at flat arrays of d + s and i."""
     u = reference_distance / shifted_distance
-    wanted = dict.fromkeys((k, b) for a, b in orders for k in range(min(a, 1), a + 1))
-    inner = dict(zip(wanted, spline.derivatives(u, current, tuple(wanted)), strict=True))
+    wanted = _inner_orders(orders)
+    inner = dict(zip(wanted, spline.derivatives(u, current, wanted), strict=True))
     return [_in_distance(inner, u, shifted_distance, a, b) for a, b in orders]
+
+
+@cache
+def _inner_orders(orders: tuple[tuple[int, int], ...]) -> tuple[tuple[int, int], ...]:
+    """Orders (in u, in i) that the chain rule needs."""
+    return tuple(dict.fromkeys((k, b) for a, b in orders for k in range(min(a, 1), a + 1)))
 
 
 def _in_distance(
@@ -35,8 +42,9 @@ def _in_distance(
 ) -> FloatArray:
     if a == 0:
         return inner[0, b]
-    total = u * inner[1, b] if a == 1 else np.zeros_like(u)
-    if a > 1:
-        for k in range(1, a + 1):
-            total += comb(a - 1, k - 1) * (factorial(a) // factorial(k)) * u**k * inner[k, b]
+    if a == 1:
+        return (-1.0 / shifted) * (u * inner[1, b])
+    total = np.zeros_like(u)
+    for k in range(1, a + 1):
+        total += comb(a - 1, k - 1) * (factorial(a) // factorial(k)) * u**k * inner[k, b]
     return np.asarray((-1.0 / shifted) ** a * total)

@@ -16,15 +16,19 @@ class Reference:
     ----------
     distance, velocity, acceleration : array
         In m, m/s and m/s^2; shape (runs,) or scalar at one sample, (steps,) or (steps, runs) for all.
+    current : array or None
+        That holds a body which moves so, in A and of the same shape; worked out by the controller where None.
     """
 
     distance: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
+    current: FloatArray | None = None
 
     def at(self, k: int | IntArray) -> "Reference":
         """The reference at sample k, or of some runs at one sample."""
-        return Reference(self.distance[k], self.velocity[k], self.acceleration[k])
+        current = None if self.current is None else self.current[k]
+        return Reference(self.distance[k], self.velocity[k], self.acceleration[k], current)
 
 
 class Controller(ABC):

@@ -10,11 +10,11 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.filters.constants import FIRST_DEVIATION_M
 from femfit.filters.direct import hall_inverse
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.controller import SplitController
+from femfit.simulation.controller import Reference, SplitController
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName
 from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
 from femfit.simulation.observer import SplitObserver
-from femfit.simulation.operating_point import operating_point
+from femfit.simulation.operating_point import current_for_acceleration, operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.reference import reference_steps, stack_references
 from femfit.simulation.sensor import SensorErrors
@@ -93,7 +93,7 @@ def run_experiments(
     def each(values: Sequence[float]) -> FloatArray:
         return np.repeat(np.asarray(values, dtype=np.float64), runs)
 
-    paths = [reference_steps(e.targets_m, steps, model.sample_time_s, design.reference_rate_rad_s) for e in experiments]
+    paths = _paths(design, experiments, steps)
     scale = each([e.force_scale for e in experiments])
     loop = ClosedLoop(
         plant=Plant(with_force_scale(truth, scale) if np.any(scale != 1.0) else truth),
@@ -132,6 +132,17 @@ def run_experiments(
         recorded=recorded,
     )
     return tuple(result.part(slice(k * runs, (k + 1) * runs)) for k in range(len(experiments)))
+
+
+def _paths(design: LoopDesign, experiments: Sequence[Experiment], steps: int) -> list[Reference]:
+    """The reference of each experiment, with the current that a linear controller adds to its own."""
+    known: dict[tuple[float, ...], Reference] = {}
+    for e in experiments:
+        if e.targets_m not in known:
+            path = reference_steps(e.targets_m, steps, design.model.sample_time_s, design.reference_rate_rad_s)
+            current = current_for_acceleration(design.model, path.distance, path.acceleration)
+            known[e.targets_m] = replace(path, current=current)
+    return [known[e.targets_m] for e in experiments]
 
 
 def _rows(mask: Sequence[bool], runs: int) -> IntArray:

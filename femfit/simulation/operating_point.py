@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError
 from femfit.filters.theory import holding_current
 from femfit.model.actuator_model import ActuatorModel
@@ -145,28 +145,31 @@ def current_for_force(
     array, shape (...)
         In A.
     """
-    if near is not None:
-        current, converged = _newton(model, distance, force, near, _STEPS_FROM_NEAR)
-        if converged:
-            return current
-    current, _ = _newton(model, distance, force, np.full(np.shape(distance), np.inf), _NEWTON_STEPS)
-    return current
+    everywhere = np.full(np.shape(distance), np.inf)
+    if near is None:
+        return _newton(model, distance, force, everywhere, _NEWTON_STEPS)[0]
+    current, converged = _newton(model, distance, force, near, _STEPS_FROM_NEAR)
+    if converged.all():
+        return current
+    return np.where(converged, current, _newton(model, distance, force, everywhere, _NEWTON_STEPS)[0])
 
 
 def _newton(
     model: ActuatorModel, distance: FloatArray, force: FloatArray, start: FloatArray, steps: int
-) -> tuple[FloatArray, bool]:
+) -> tuple[FloatArray, BoolArray]:
+    """Currents, and which converged; each stops by itself, so that it does not depend on the others."""
     low, high = current_range(model)
     current = np.clip(start, low, high)
+    changing = np.ones(np.shape(distance), dtype=np.bool_)
     for _ in range(steps):
         slope_d, slope_di = model.magnetics.coenergy_derivatives(distance, current, ((1, 0), (1, 1)))
         slope = np.maximum(-slope_di, 1e-12 * np.abs(slope_d) / high + np.finfo(np.float64).tiny)
-        updated = np.clip(current - (-slope_d - force) / slope, low, high)
-        change = np.abs(updated - current)
+        updated = np.where(changing, np.clip(current - (-slope_d - force) / slope, low, high), current)
+        changing = np.abs(updated - current) > 1e-6 * high  # the next change would be its square
         current = updated
-        if not np.any(change > 1e-6 * high):  # the next change would be its square
-            return current, True
-    return current, False
+        if not changing.any():
+            break
+    return current, ~changing
 
 
 def current_for_acceleration(

@@ -64,8 +64,10 @@ class Pid(Controller):
         circuit = self.model.require_circuit()
         w1, w2, e1, e2 = memory[:, :4].T
         b0, b1, b2 = self.gains_V_m
-        r = np.atleast_1d(reference.distance)
-        current = current_for_acceleration(self.model, r, np.atleast_1d(reference.acceleration))
+        current = reference.current
+        if current is None:
+            r, a = np.atleast_1d(reference.distance), np.atleast_1d(reference.acceleration)
+            current = current_for_acceleration(self.model, r, a)
         needed = circuit.resistance_ohm * current
         error = reference.distance - estimate[:, 0]
         w = (1.0 + self.filter_pole) * w1 - self.filter_pole * w2 + b0 * error + b1 * e1 + b2 * e2

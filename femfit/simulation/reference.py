@@ -63,9 +63,10 @@ def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> 
     references : sequence of Reference
         Of the same length, each of shape (steps,).
     """
-    parts = (
-        np.stack([getattr(r, name) for r in references], axis=1) for name in ("distance", "velocity", "acceleration")
-    )
+    names = ["distance", "velocity", "acceleration"]
+    if all(r.current is not None for r in references):
+        names.append("current")
+    parts = (np.stack([getattr(r, name) for r in references], axis=1) for name in names)
     return Reference(*(np.repeat(part, counts, axis=1) for part in parts))
 
 
