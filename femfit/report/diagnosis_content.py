@@ -57,7 +57,7 @@ class DiagnosisContent:
 
 
 def content_of(
-    data: Measurement,
+    data: Measurement | None,
     diagnosis: Diagnosis,
     *,
     suggestions: Sequence[Suggestion] = (),
@@ -68,11 +68,13 @@ def content_of(
 
     Parameters
     ----------
+    data : BenchTable or TimeSeries, or None
+        What was measured, needed where something was added; otherwise for what it says of itself.
     hashes : tuple of (str, str)
         Files and their SHA-256.
     """
     observations, after = diagnosis.observations, None
-    if added is not None:
+    if added is not None and data is not None:
         after = placed(added.model, data).residual
     elif diagnosis.explanations:
         after = observations.value - observations.predict(diagnosis.explanations[0].effects)
@@ -83,8 +85,6 @@ def content_of(
         suggestions=suggestions,
         added=added,
         after=after,
-        source=data.source,
-        test_object=data.test_object,
-        notes=data.notes,
         hashes=hashes,
+        **({} if data is None else {"source": data.source, "test_object": data.test_object, "notes": data.notes}),
     )

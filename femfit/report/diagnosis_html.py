@@ -36,7 +36,7 @@ def write_diagnosis_report(content: DiagnosisContent, path: Path) -> Path:
 def render_diagnosis(content: DiagnosisContent) -> str:
     """The report as HTML text."""
     sections = [
-        curves_section(content),
+        curves_section(content.model, content.observations, content.effects_after, content.sigma),
         measured_section(content),
         misfit_section(content),
         explained_section(content),

@@ -1,17 +1,33 @@
 """The diagnosis report's first section: measured points on the model's curves."""
 
+from collections.abc import Mapping, Sequence
+
+from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.curves import measured_curves
 from femfit.identify.readings.amounts import CHANNEL_WORDS
+from femfit.identify.readings.observations import Observations
+from femfit.model.actuator_model import ActuatorModel
 from femfit.report.curves import curves_figure, worst_first
-from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.section import Picture, Section, text
 from femfit.report.style import svg_uri
 
 
-def curves_section(content: DiagnosisContent) -> Section:
-    """Each channel's readings on the model's curves before and after, the worst channel first."""
-    effects = content.effects_after
-    curves = measured_curves(content.model, content.observations, after=effects, noise=content.sigma)
+def curves_section(
+    model: ActuatorModel,
+    observations: Observations,
+    effects: Sequence[AddedEffect],
+    noise: Mapping[str, float],
+) -> Section:
+    """Each channel's readings on the model's curves before and after, the worst channel first.
+
+    Parameters
+    ----------
+    effects : sequence of AddedEffect
+        What was added to the model, or what a diagnosis names; none where nothing is.
+    noise : mapping of str to float
+        Standard deviation of one reading, of the channels in which it is known.
+    """
+    curves = measured_curves(model, observations, after=effects, noise=dict(noise))
     names = " and ".join(dict.fromkeys(one.effect.name for one in effects))
     blocks = []
     for one in worst_first(curves):

@@ -9,11 +9,14 @@ from femfit.core.errors import FemfitError
 from femfit.device.record import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
+from femfit.identify.comparison.compare import Comparison
+from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.report.actuator_report import draw_figures, render_report
+from femfit.report.comparison_pictures import render_comparison
 from femfit.report.content import ReportContent, picture_point, strongest_point
-from femfit.report.diagnosis_content import DiagnosisContent
+from femfit.report.diagnosis_content import DiagnosisContent, content_of
 from femfit.report.diagnosis_html import write_diagnosis_report
 from femfit.report.page import write_page
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
@@ -30,8 +33,9 @@ def write_report(result: Any, path: str | Path) -> Path:
 
     Parameters
     ----------
-    result : str, Path, ActuatorModel, SweepTable, FitResult, ReportContent or DiagnosisContent
-        A run directory or a model file; a model; a sweep; a fit; what was collected of a run or of a diagnosis.
+    result : str, Path, ActuatorModel, SweepTable, FitResult, Comparison, Diagnosis, ReportContent or DiagnosisContent
+        A run directory or a model file; a model; a sweep; a fit; a comparison; a diagnosis; what was collected of a run
+        or of a diagnosis.
     path : str or Path
         HTML file; its directory is made if absent.
 
@@ -42,6 +46,10 @@ def write_report(result: Any, path: str | Path) -> Path:
     RunDirectoryError
         If the file would not stay below 3 MB.
     """
+    if isinstance(result, Comparison):
+        return write_page(render_comparison(result), path)
+    if isinstance(result, Diagnosis):
+        result = content_of(None, result)
     if isinstance(result, DiagnosisContent):
         return write_diagnosis_report(result, Path(path))
     content = result if isinstance(result, ReportContent) else _content(result)
@@ -59,8 +67,8 @@ def _content(result: Any) -> ReportContent:
     if isinstance(result, SweepTable):
         return _table_content(result, None, ())
     raise FemfitError(
-        f"A report can be written on a run directory, a model, a sweep, a fit or a diagnosis; instead received "
-        f"{type(result).__name__}."
+        "A report can be written on a run directory, a model, a sweep, a fit, a comparison or a diagnosis; instead "
+        f"received {type(result).__name__}."
     )
 
 

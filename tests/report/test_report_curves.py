@@ -5,8 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import femfit
+from femfit.identify.comparison.compare import compare
 from femfit.identify.comparison.curves import MeasuredCurves
+from femfit.identify.decision.diagnose import diagnose
 from femfit.report.curves import curves_figure, worst_first
+from support.campaign import campaign
+from support.page import Page
 
 
 @pytest.fixture
@@ -55,3 +60,15 @@ def test_a_record_over_time_has_points_without_curves(curves):
 def test_the_channel_that_misses_by_most_of_its_noise_comes_first(curves):
     small = replace(curves, channel="hall_V", misfit_before=0.1 * curves.misfit_before)
     assert [one.channel for one in worst_first([small, curves])] == ["force_N", "hall_V"]
+
+
+def test_a_comparison_and_a_diagnosis_each_give_a_page(levitation_model, tmp_path):
+    table = campaign(levitation_model, 65, distances=7, currents=5)
+    comparison = compare(levitation_model, table)
+    page = Page(femfit.write_report(comparison, tmp_path / "comparison.html").read_text(encoding="utf-8"))
+    assert next(iter(page.images)).startswith("curves-")
+    assert str(comparison).splitlines()[0] in page.text
+    found = diagnose(levitation_model, table, bootstrap=0)
+    page = Page(femfit.write_report(found, tmp_path / "diagnosis.html").read_text(encoding="utf-8"))
+    assert next(iter(page.images)).startswith("curves-")
+    assert "measured" in page.ids

@@ -122,6 +122,7 @@ class Comparison:
     shape: ShapeMisfit | None
     maps: tuple[MisfitMap, ...]
     observations: Observations
+    model: ActuatorModel
     findings: tuple[Finding, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -209,6 +210,7 @@ def compare(
         shape=shape_misfit(model, reference, floor.get("force_N")),
         maps=misfit_maps(observations),
         observations=observations,
+        model=model,
         findings=(*observations.findings, *findings),
     )
 
