@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
@@ -16,6 +17,57 @@ from femfit.filters.unscented import UnscentedFilter
 from femfit.model.with_effects import with_effects
 
 RUNS, STEPS = 1000, 200
+
+
+def a_filterpy_step(order):
+    """One step of the peer's filter with a linear model and one measurement."""
+    points = MerweScaledSigmaPoints(order, alpha=1.0, beta=2.0, kappa=0.0)
+    peer = UnscentedKalmanFilter(dim_x=order, dim_z=1, dt=5e-4, hx=lambda x: x[:1], fx=lambda x, _dt: x, points=points)
+    peer.Q, peer.R = 1e-6 * np.eye(order), np.array([[1e-4]])
+    reading = np.zeros(1)
+
+    def step():
+        peer.predict()
+        peer.update(reading)
+
+    return step
+
+
+def a_femfit_step(model, order, runs):
+    """One step of our UKF with the model's co-energy and Hall field."""
+    current = holding_current(model, 0.022)
+    filter_ = UnscentedFilter(levitation_process(model, hall_bias=order == 4))
+    states = [filter_.start(np.array([0.022, 0.0, current]), runs=runs)]
+    reading = np.full(runs, float(model.sensor.voltage(np.asarray(0.022), np.asarray(current))))
+    voltage = model.circuit.resistance_ohm * current
+
+    def step():
+        states[0] = filter_.step(states[0], voltage, reading)
+
+    return step
+
+
+@pytest.mark.benchmark
+@pytest.mark.parametrize("order", [3, 4])
+def test_one_filter_and_a_thousand_beside_filterpy(levitation_model, order):
+    """CPU times of turns that alternate, so that what else the machine does meets all of them."""
+    steps = {
+        "filterpy": (a_filterpy_step(order), 20),
+        "one filter": (a_femfit_step(levitation_model, order, 1), 20),
+        "a thousand": (a_femfit_step(levitation_model, order, 1000), 2),
+    }
+    times = {name: [] for name in steps}
+    for _ in range(40):
+        for name, (step, count) in steps.items():
+            start = time.process_time()
+            for _ in range(count):
+                step()
+            times[name].append((time.process_time() - start) / count)
+    peer, alone, batch = (float(np.median(values)) for values in times.values())
+    print(
+        f"\n{order} states: filterpy {1e6 * peer:.0f} us a step, one filter {1e6 * alone:.0f} us ({alone / peer:.2f} "
+        f"of it), a thousand {1e3 * batch:.2f} ms ({1000 * peer / batch:.0f} times its rate)"
+    )
 
 
 @pytest.mark.benchmark
