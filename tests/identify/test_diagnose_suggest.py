@@ -165,7 +165,7 @@ def broken_promises(model, name, seed, most=None):
         return [], 0
     broken, tried = [], 0
     for one in [one for one in advice_of(model, table, diagnosis) if one.experiment.rows is not None][:most]:
-        for fit in diagnosis.explanations:
+        for fit in diagnosis.explanations[:most]:
             truth = " + ".join(fit.names)
             rivals = [b if a == truth else a for a, b, _ in one.separates if truth in {a, b}]
             if not rivals:
