@@ -12,37 +12,41 @@ _PLACES = {
     # Types
     "Actuator": "femfit.device.parts:Actuator",
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
+    "AddResult": "femfit.identify.refit.add_result:AddResult",
     "BenchTable": "femfit.tables.measurement:BenchTable",
     "CoilIntegral": "femfit.integrate.integrate_coil:CoilIntegral",
+    "Comparison": "femfit.identify.comparison.compare:Comparison",
+    "Diagnosis": "femfit.identify.decision.diagnosis:Diagnosis",
     "FemfitError": "femfit.core.errors:FemfitError",
     "Filter": "femfit.filters.filter:Filter",
-    "LoopSummary": "femfit.simulation.close_loop:LoopSummary",
     "FitResult": "femfit.fit.result:FitResult",
     "ImportedTable": "femfit.tables.foreign.read:ImportedTable",
+    "LoopSummary": "femfit.simulation.close_loop:LoopSummary",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
     "TimeSeries": "femfit.tables.measurement:TimeSeries",
     # From the drawing to a model
     "read_actuator": "femfit.device.load:read_actuator",
     "run_sweep": "femfit.field.sweep:run_sweep",
     "read_sweep": "femfit.tables.sweep_table:read_sweep_table",
+    "import_table": "femfit.tables.foreign.read:import_table",
     "fit_model": "femfit.fit.build:fit_model",
     "list_laws": "femfit.laws.catalogue:all_laws",
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",
-    "write_report": "femfit.report.write:write_report",
-    "export": "femfit.targets.targets:export",
-    "import_table": "femfit.tables.foreign.read:import_table",
-    # The filter and the loop
-    "close_loop": "femfit.simulation.close_loop:close_loop",
+    # Filters, the loop and the target
     "kalman_filter": "femfit.filters.kalman_filter:kalman_filter",
+    "close_loop": "femfit.simulation.close_loop:close_loop",
+    "export": "femfit.targets.targets:export",
     # Why the bench disagrees
-    "add_effects": "femfit.identify.refit.add_effects:add_effects",
+    "read_measurement": "femfit.tables.measurement_file:read_measurement",
     "compare": "femfit.identify.comparison.compare:compare",
     "diagnose": "femfit.identify.decision.diagnose:diagnose",
     "suggest": "femfit.identify.experiments.suggest:suggest",
-    "integrate_coil": "femfit.integrate.integrate_coil:integrate_coil",
+    "add_effects": "femfit.identify.refit.add_effects:add_effects",
     "list_effects": "femfit.effects.catalogue:all_effects",
-    "read_measurement": "femfit.tables.measurement_file:read_measurement",
+    "write_report": "femfit.report.write:write_report",
+    # Coil voltages
+    "integrate_coil": "femfit.integrate.integrate_coil:integrate_coil",
 }
 """Public name -> "module:name in it"; the one place to edit when something moves, with its line in the .pyi file."""
 

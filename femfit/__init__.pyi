@@ -9,10 +9,13 @@ from femfit.filters.filter import Filter as Filter
 from femfit.filters.kalman_filter import kalman_filter as kalman_filter
 from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
+from femfit.identify.comparison.compare import Comparison as Comparison
 from femfit.identify.comparison.compare import compare as compare
 from femfit.identify.decision.diagnose import diagnose as diagnose
+from femfit.identify.decision.diagnosis import Diagnosis as Diagnosis
 from femfit.identify.experiments.suggest import suggest as suggest
 from femfit.identify.refit.add_effects import add_effects as add_effects
+from femfit.identify.refit.add_result import AddResult as AddResult
 from femfit.integrate.integrate_coil import CoilIntegral as CoilIntegral
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.laws.catalogue import all_laws as list_laws
@@ -34,8 +37,11 @@ from femfit.targets.targets import export as export
 __all__ = [
     "Actuator",
     "ActuatorModel",
+    "AddResult",
     "BenchTable",
     "CoilIntegral",
+    "Comparison",
+    "Diagnosis",
     "FemfitError",
     "Filter",
     "FitResult",

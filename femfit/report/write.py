@@ -45,6 +45,12 @@ def write_report(result: Any, path: str | Path) -> Path:
         If there is no report on such a result.
     RunDirectoryError
         If the file would not stay below 3 MB.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ff.write_report("runs/rig", "rig.html").name
+    'rig.html'
     """
     if isinstance(result, Comparison):
         return write_page(render_comparison(result), path)

@@ -92,6 +92,13 @@ class BenchTable(_Measured):
 
     ``rows`` has every column of :data:`SETTINGS` and :data:`CHANNELS` as float64; a reading that is missing, or that a
     check has set aside, is NaN. Rows of one run stand together in the order of measuring.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> bench = ff.read_measurement("bench.csv")
+    >>> len(bench.rows), sorted(set(bench.rows["run"]))
+    (448, [1.0, 2.0, 3.0, 4.0])
     """
 
     kind: ClassVar[str] = "readings"
@@ -104,6 +111,13 @@ class TimeSeries(_Measured):
 
     ``rows`` has every column of :data:`SERIES_COLUMNS` as float64, and ``segment``: rows of one segment follow each
     other on a clock that runs on without a gap. A reading that is missing, or that a check has set aside, is NaN.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> record = ff.read_measurement("loop.csv")
+    >>> record.channels
+    ('current_A', 'distance_m', 'hall_V')
     """
 
     kind: ClassVar[str] = "samples"

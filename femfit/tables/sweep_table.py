@@ -94,6 +94,12 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     ------
     TableError
         If there is no such file, a required column is missing, empty or not numeric, or no row is usable.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> print(ff.read_sweep("runs/rig"))
+    50 points: 5 currents 0 to 1.4 A, 10 distances 15 to 45 mm
     """
     import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
     import pyarrow as pa  # noqa: PLC0415

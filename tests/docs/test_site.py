@@ -107,3 +107,11 @@ def test_pages_link_to_files_that_exist():
 
 def test_the_versions_of_the_documents_agree():
     assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == femfit.__version__
+
+
+def test_scripts_that_the_pages_name_exist():
+    for path in PAGES:
+        for name in re.findall(
+            r"(?:tests|notebooks|docs|geometry|data)/[\w./-]+\.(?:py|ipynb|toml|csv|md)", path.read_text()
+        ):
+            assert (ROOT / name).is_file(), f"{path.name} names {name}"

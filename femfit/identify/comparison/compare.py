@@ -110,6 +110,13 @@ class Comparison:
         Whether it is assumed rather than estimated, since there are few mounts.
     shape : ShapeMisfit or None
         Of a law: how far it is from its own reference, before any measurement.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> comparison = ff.compare(ff.read_model("model.json"), "bench.csv")
+    >>> [misfit.channel for misfit in comparison.channels]
+    ['force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V']
     """
 
     verdict: CompareVerdict

@@ -127,6 +127,13 @@ class Diagnosis:
         Whether the verdict is ``named``, without look-alikes and with every parameter in its plausible range.
     campaign, decision : Campaign and Decision, or None
         What the result rests on; None for ``compare_only``.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> found = ff.diagnose(ff.read_model("model.json"), "bench.csv", bootstrap=0)
+    >>> found.verdict
+    'named'
     """
 
     verdict: Verdict

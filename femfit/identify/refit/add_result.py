@@ -58,6 +58,14 @@ class AddResult:
         What is unusual of the fitted parameters, one sentence each.
     observations : Observations
         The readings beside the model without what was refitted.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> better = ff.add_effects(ff.read_model("model.json"), "bench.csv", "core_saturation", base="never")
+    >>> force = better.fall.channels[0]
+    >>> force.rms_after < force.rms_before
+    True
     """
 
     model: ActuatorModel
