@@ -85,7 +85,7 @@ def run(
         if ranked.ranking is not None:
             best = ranked.ranking.recommended
             verdict = "is recommended" if ranked.ranking.reached else "is the best and not good enough"
-            steps.say(f"{best.law.name} {verdict}, {100 * best.held_out_rms:.2f} % of the {ranked.ranking.of}")
+            steps.say(f"{best.law.name} {verdict}, {100 * best.error:.2f} % of the {ranked.ranking.of}")
         with steps.timed("export"):
             exported = _export(reference.model, directory / "estimator")
         steps.say(exported)

@@ -1,9 +1,10 @@
-"""Candidate laws ranked on rows that were not fitted.
+"""Candidate laws ranked by their error: on rows that were not fitted, or as written on all rows where that is larger.
 
 The folds are fixed: blocks of neighbouring distances between the outermost ones, all currents together, and single
 inner currents, all distances together. A law's shape parameters are found again without the rows left out; its
-coefficient functions are those that stage two chose. The recommendation is the cheapest law, in floating-point
-operations, whose held-out error stays within 0.5 % of the weight; of the rms force, where the moving part cannot hang
+coefficient functions are those that stage two chose. No row at the outermost distances is ever left out, and a
+saturating armature's force is largest there: so the error as written counts where it is larger. The recommendation is
+the cheapest law, in floating-point operations, whose error stays within 0.5 % of the weight; of the rms force, where the moving part cannot hang
 within the sweep, its mass is unknown or the forces are far above it (a holding magnet's are a thousand times its
 armature's weight).
 """
@@ -66,10 +67,15 @@ class Candidate:
     parameters: int
     failure: str = ""
 
+    @property
+    def error(self) -> float:
+        """What the law is ranked by: the larger of its errors on rows left out and, as written, on all rows."""
+        return max(self.held_out_rms, self.rms)
+
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Candidates, best on held-out rows first.
+    """Candidates, the smallest error first.
 
     Parameters
     ----------
@@ -98,8 +104,8 @@ class Ranking:
         circuit = any(c.misfit and c.misfit.flux_linkage_share is not None for c in self.candidates)
         lines = [
             (
-                f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the {self.of} "
-                "on points left out"
+                f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the {self.of}, "
+                "on points left out and as written"
             ),
             f"errors in % of the {self.of}{because}; as written, in % of each quantity's rms:",
             (
@@ -158,7 +164,7 @@ def in_percent(share: float) -> str:
 
 
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
-    """Fit every law, and rank them by their error on held-out rows.
+    """Fit every law, and rank them by :attr:`Candidate.error`.
 
     Raises
     ------
@@ -166,13 +172,13 @@ def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
         If no law could be fitted.
     """
     folds = ranking_folds(rows)
-    candidates = sorted((_candidate(law, rows, folds) for law in laws), key=lambda c: c.held_out_rms)
+    candidates = sorted((_candidate(law, rows, folds) for law in laws), key=lambda c: c.error)
     fitted = [c for c in candidates if c.fit is not None]
     if not fitted:
         if len(candidates) > 1 and len({c.failure for c in candidates}) == 1:
             raise FitError(f"No law could be fitted. {candidates[0].failure}")
         raise FitError("No law could be fitted. " + " ".join(f"{c.law.name}: {c.failure}" for c in candidates[:3]))
-    cost = {c.fit.operations: c for c in reversed(candidates) if c.fit and c.held_out_rms <= TARGET}
+    cost = {c.fit.operations: c for c in reversed(candidates) if c.fit and c.error <= TARGET}
     recommended = cost[min(cost)] if cost else fitted[0]
     return Ranking(tuple(candidates), recommended, bool(cost), rows.error_scale[1], _why_of(rows))
 

@@ -26,7 +26,7 @@ def ranking_figure(ranking: Ranking) -> "Figure":
     axes = figure.subplots()
     fitted = [c for c in ranking.candidates if c.fit is not None]
     x = np.array([c.fit.operations for c in fitted if c.fit is not None])
-    y = np.array([100.0 * c.held_out_rms for c in fitted])
+    y = np.array([100.0 * c.error for c in fitted])
     axes.semilogy(x, y, "o", color=BLUE, markersize=5)
     best = fitted.index(ranking.recommended)
     axes.semilogy(x[best], y[best], "o", color=VERMILION, markersize=9, fillstyle="none", markeredgewidth=1.8)
