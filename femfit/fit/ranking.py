@@ -4,9 +4,9 @@ The folds are fixed: blocks of neighbouring distances between the outermost ones
 inner currents, all distances together. A law's shape parameters are found again without the rows left out; its
 coefficient functions are those that stage two chose. No row at the outermost distances is ever left out, and a
 saturating armature's force is largest there: so the error as written counts where it is larger. The recommendation is
-the cheapest law, in floating-point operations, whose error stays within 0.5 % of the weight; of the rms force, where the moving part cannot hang
-within the sweep, its mass is unknown or the forces are far above it (a holding magnet's are a thousand times its
-armature's weight).
+the cheapest law, in floating-point operations, whose error stays within 0.5 % of the weight; of the rms force, where
+the moving part cannot hang within the sweep, its mass is unknown or the forces are far above it (a holding magnet's
+are a thousand times its armature's weight).
 """
 
 from collections.abc import Sequence
@@ -104,8 +104,8 @@ class Ranking:
         circuit = any(c.misfit and c.misfit.flux_linkage_share is not None for c in self.candidates)
         lines = [
             (
-                f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the {self.of}, "
-                "on points left out and as written"
+                f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the "
+                f"{self.of}, on points left out and as written"
             ),
             f"errors in % of the {self.of}{because}; as written, in % of each quantity's rms:",
             (
