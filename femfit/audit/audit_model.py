@@ -185,6 +185,7 @@ def _shares(misfit: Misfit, magnetics: Magnetics, d: FloatArray, i: FloatArray) 
     given = {
         "force": (misfit.force_share, misfit.force_rms_N, magnetics.force),
         "flux linkage": (misfit.flux_linkage_share, misfit.flux_linkage_rms_Wb, magnetics.flux_linkage),
+        "inductance": (misfit.inductance_share, misfit.inductance_rms_H, magnetics.inductance),
     }
     return {
         about: error / max(rms(quantity(d, i)), 1e-300) if share is None else share

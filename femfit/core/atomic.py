@@ -6,6 +6,7 @@ error in between leaves an earlier file of that name as it was.
 
 import errno
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -56,5 +57,16 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> None:
-    """Write JSON, whole or not at all; its directory is made."""
-    write_text(path, json.dumps(dict(data), indent=1) + "\n")
+    """Write strict JSON, whole or not at all; its directory is made, and what is no finite number is null."""
+    write_text(path, json.dumps(json_ready(data), indent=1, allow_nan=False) + "\n")
+
+
+def json_ready(value: Any) -> Any:
+    """Tuples as lists, and NaN and infinity, which JSON does not have, as null."""
+    if isinstance(value, Mapping):
+        return {key: json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -213,6 +213,11 @@ def integrate_coil(
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in columns else "ffa2")
     if coil_area_m2 is None and chosen not in FEED_FORWARD and model is None:
         raise TableError(f"{chosen} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
+    if chosen != "cs2-identified" and (lab is not None or field_model is not None):
+        raise TableError(
+            f"--lab and --field-model describe the field of a current for --method cs2-identified; {chosen} uses none. "
+            "Leave them out, or give that method."
+        )
     written = Path(field_model) if lab is not None and isinstance(field_model, str | Path) else None
     _require_free([record, lab, model, field_model if lab is None else None], output, written)
     coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2, coil_area_sigma_m2)

@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from femfit import __version__
 from femfit.identify.comparison.fall import ErrorFall
+from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.page import write_page
 from femfit.report.section import Block, DataTable, Page, Section, render_page, text
@@ -57,20 +58,11 @@ def render_diagnosis(content: DiagnosisContent) -> str:
 
 def _summary(content: DiagnosisContent) -> tuple[Markup, ...]:
     diagnosis = content.diagnosis
-    names = " and ".join(one.name for one in diagnosis.missing)
-    verdicts = {
-        "nothing_missing": "Nothing is missing; the model explains these data within their noise.",
-        "named": f"{names} is missing from the model; with it the misfit is within the noise.",
-        "form_insufficient": f"{names} is missing from the model and explains nearly all; its exact form is another.",
-        "unexplained": "Something is missing, and none of the catalogue's effects explains it.",
-        "compare_only": "The data can be compared with the model, but without a noise floor nothing can be named.",
-    }
-    said = [text("<strong>Verdict.</strong> {}", _plural(verdicts[diagnosis.verdict], len(names.split())))]
+    said = [text("<strong>Verdict.</strong> {}", verdict_sentence(diagnosis))]
     if diagnosis.where.channel:
         said.append(text("<strong>Where.</strong> {}", diagnosis.where.sentence))
-    members = [" and ".join(one.members) for one in diagnosis.missing if len(one.members) > 1]
-    if members:
-        said.append(text("<strong>But.</strong> These data do not tell {} apart.", "; nor ".join(members)))
+    if diagnosis.missing:
+        said.append(text("<strong>How certain.</strong> {}", certainty_sentence(diagnosis)))
     if content.suggestions:
         said.append(text("<strong>Next.</strong> {}", content.suggestions[0].text))
     if content.added is not None:
@@ -84,15 +76,6 @@ def _summary(content: DiagnosisContent) -> tuple[Markup, ...]:
 def _fall(fall: ErrorFall) -> str:
     """The fall of the error in the channel that was worst."""
     return str(max(fall.channels, key=lambda one: one.before_over_noise or 0.0))
-
-
-def _plural(sentence: str, words: int) -> str:
-    """A sentence about one effect as one about several."""
-    if words < 2:
-        return sentence
-    for one, several in ((" is missing from", " are missing from"), ("with it", "with them"), ("explains", "explain")):
-        sentence = sentence.replace(one, several)
-    return sentence.replace("its exact form", "their exact form")
 
 
 def _provenance(content: DiagnosisContent) -> Section:

@@ -7,11 +7,12 @@ from markupsafe import Markup
 
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import EffectParameter
+from femfit.effects.words import smallest_visible
 from femfit.identify.decision.diagnosis import NamedEffect
-from femfit.identify.decision.diagnosis_text import certainty_sentence
+from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.explained_figures import ranking_figure
-from femfit.report.numbers import NO_BREAK, NOTHING, formula_markup, plain, significant
+from femfit.report.numbers import NOTHING, formula_markup, plain, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
 from femfit.report.section_misfit import p_value
 from femfit.report.style import svg_uri
@@ -43,8 +44,8 @@ def explained_section(content: DiagnosisContent) -> Section | None:
                 "Share of the structured misfit that each effect of the catalogue explains by itself.",
                 Markup(
                     "How much of the misfit above the noise each effect explains by itself, re-mounts and run offsets "
-                    "taken out. An effect that imitates the true one reaches far, too: what decides is whether the "
-                    "misfit that is left is noise."
+                    "taken out. A similar effect also explains much: what decides is whether the misfit that "
+                    "is left is noise."
                 ),
             )
         )
@@ -53,32 +54,17 @@ def explained_section(content: DiagnosisContent) -> Section | None:
 
 
 def _verdict(content: DiagnosisContent) -> Markup:
+    """The sentences of the command, so that page and command cannot contradict each other."""
     diagnosis = content.diagnosis
-    names = Markup(" and ").join(text("<strong>{}</strong>", one.name) for one in diagnosis.missing)
     after = diagnosis.lack_of_fit_after
-    left = "" if after is None else text(" What is left passes the same test (p {}).", p_value(after.p_value))
-    sentences = {
-        "nothing_missing": Markup("Nothing is missing: the model explains these data within their noise."),
-        "named": text(
-            "{} {} it.{} {}",
-            names,
-            "explains" if len(diagnosis.missing) == 1 else "explain",
-            left,
-            certainty_sentence(diagnosis) if diagnosis.verdict == "named" else "",
-        ),
-        "form_insufficient": text(
-            "{} {} nearly all of it, but the exact form is another than the catalogue's: structure is left (p {}).",
-            names,
-            "explains" if len(diagnosis.missing) == 1 else "explain",
-            p_value(after.p_value) if after else NOTHING,
-        ),
-        "unexplained": Markup(
-            "<strong>Something is missing, and it is no effect of the catalogue, nor any two of them.</strong> The "
-            "best candidates below leave a misfit that is not noise, so that none of them is named."
-        ),
-    }
-    known = "" if diagnosis.clean is None else text(" Something is named in {}.", diagnosis.clean)
-    return text("{}{}", sentences.get(diagnosis.verdict, ""), known)
+    sentences = [verdict_sentence(diagnosis)]
+    if after is not None:
+        sentences.append(f"With what is named the lack of fit has p = {p_value(after.p_value)}.")
+    if diagnosis.missing:
+        sentences.append(certainty_sentence(diagnosis))
+    if diagnosis.clean is not None:
+        sentences.append(f"Something is named in {diagnosis.clean}.")
+    return text("{}", " ".join(sentences))
 
 
 def _named_table(one: NamedEffect, together: bool) -> DataTable:
@@ -90,12 +76,11 @@ def _named_table(one: NamedEffect, together: bool) -> DataTable:
         p = units.get(name)
         rows.append(
             (
-                name,
+                p.description if p else name,
                 significant(value, 4),
                 f"{significant(low, 3)} … {significant(high, 3)}" if np.isfinite(low) else _no_interval(value, p),
                 f"{plain(p.plausible[0])} … {plain(p.plausible[1])}" if p else NOTHING,
                 formula_markup(p.unit) if p else "",
-                p.description if p else "",
             )
         )
     doubt = "" if one.plausible else Markup(" <strong>Its size is unusual: check it by another measurement.</strong>")
@@ -103,12 +88,12 @@ def _named_table(one: NamedEffect, together: bool) -> DataTable:
         text(
             "{}. {} {} {} % of the misfit above the noise on runs left out.{}",
             one.name,
-            effect.symptom if effect else "",
+            f"{'; '.join(one.words)}." if one.words else effect.symptom if effect else "",
             "Together they explain" if together else "Explains",
             significant(100.0 * one.explained_share, 3),
             doubt,
         ),
-        ("parameter", "fitted", "95 % interval", "usual", "unit", "what it is"),
+        ("what it is", "fitted", "95 % interval", "usual", "unit"),
         tuple(rows),
     )
 
@@ -141,8 +126,7 @@ def alternatives_section(content: DiagnosisContent) -> Section | None:
         if len(one.members) > 1
     ]
     if diagnosis.missing and not blocks:
-        names = " and ".join(one.name for one in diagnosis.missing)
-        blocks.append(text("No other effect of the catalogue explains these data as well as {}.", names))
+        blocks.append(text("{}", certainty_sentence(diagnosis)))
     if not diagnosis.missing:
         blocks.append(
             Markup("An effect that is smaller than the magnitude below would not have shown, and may be there.")
@@ -156,25 +140,17 @@ def alternatives_section(content: DiagnosisContent) -> Section | None:
 
 
 def _detectable(content: DiagnosisContent) -> DataTable:
-    effects = all_effects()
-    rows = []
-    for name, amplitudes in content.diagnosis.detectable.items():
-        units = {p.name: p.unit for p in effects[name].parameters} if name in effects else {}
-        sizes = Markup(", ").join(
-            text("{} {}{}", key, significant(value, 2), _unit(units.get(key, "")))
-            for key, value in amplitudes.items()
-            if np.isfinite(value)
-        )
-        rows.append((name, sizes or NOTHING))
+    effects, nominal = all_effects(), content.diagnosis.observations.nominal
+    rows = [
+        (name, smallest_visible(effects[name], amplitudes, nominal) or NOTHING)
+        for name, amplitudes in content.diagnosis.detectable.items()
+        if name in effects
+    ]
     return DataTable(
-        Markup("Smallest magnitude of each effect that these settings and this noise show nine times in ten"),
-        ("effect", "magnitude"),
+        Markup("Smallest size of each effect that these settings and this noise show nine times in ten"),
+        ("effect", "size"),
         tuple(rows),
     )
-
-
-def _unit(unit: str) -> Markup:
-    return NO_BREAK + formula_markup(unit) if unit else Markup("")
 
 
 def next_section(content: DiagnosisContent) -> Section | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from femfit.core import atomic
 from femfit.core.arrays import FloatArray
+from femfit.core.atomic import json_ready
 from femfit.filters.consistency import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
@@ -18,7 +19,7 @@ from femfit.simulation.design import ControllerName, LoopDesign, ObserverName, d
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.loop import LoopResult
 from femfit.simulation.outcome import LoopOutcome
-from femfit.simulation.study_text import design_data, design_lines, json_ready, um
+from femfit.simulation.study_text import design_data, design_lines, um
 from femfit.simulation.why_lost import why_lost
 
 SERIES_COLUMNS = (

@@ -1,10 +1,10 @@
 """A study of the closed loop as lines of text, the answer first, and as data for JSON."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from femfit.core.atomic import json_ready
 from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.fault import FaultRow
@@ -115,17 +115,6 @@ def design_data(design: LoopDesign) -> dict[str, Any]:
             for p in design.points
         ],
     }
-
-
-def json_ready(value: Any) -> Any:
-    """Tuples to lists, and what is no finite number to null."""
-    if isinstance(value, Mapping):
-        return {key: json_ready(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_ready(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def um(metres: float) -> str:

@@ -90,7 +90,7 @@ def test_a_model_is_compared_with_the_table_beside_it(fitted):
     directory, model = fitted
     audit = audit_model(directory / "model.json")
     assert not {one.code for one in audit.findings if one.severity == "wrong"} & {"misfit", "stated_misfit"}
-    assert {one.about for one in audit.findings if one.code == "misfit"} == {"force", "flux linkage"}
+    assert {one.about for one in audit.findings if one.code == "misfit"} == {"force", "flux linkage", "inductance"}
     base = model.magnetics
     weaker = replace(base, spline=replace(base.spline, coefficients=0.8 * base.spline.coefficients))
     write_model(replace(model, magnetics=weaker), directory / "weaker.json")

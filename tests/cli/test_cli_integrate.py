@@ -222,6 +222,7 @@ def test_currents_beyond_the_model_are_said(held_magnet, tmp_path):
         (("--method", "cs2-identified", "--coil-area", AREA), "give --lab RECORD"),
         (("--method", "cs2", "--coil-area", AREA), "--current-to-field"),
         (("--method", "ffa1"), "--zero-reading-s"),
+        (("--method", "ffa2", "--lab", "lab.csv", "--field-model", "f.json"), "uses none"),
     ],
 )
 def test_what_is_missing_or_impossible_exits_1_with_the_remedy(options, message, record, tmp_path):

@@ -65,3 +65,14 @@ def test_a_full_disk_names_the_target_and_keeps_the_earlier_file(tmp_path, kept)
 def test_a_directory_in_the_way_is_named_before_anything_is_written(tmp_path):
     with pytest.raises(IsADirectoryError), replacing(tmp_path):
         pytest.fail("nothing may be written")
+
+
+def test_json_that_is_written_is_strict(tmp_path):
+    """A share that was not computed is NaN in Python and null in JSON, which browsers and strict parsers read."""
+    write_json(tmp_path / "result.json", {"share": float("nan"), "sizes": (1.0, float("inf")), "name": "a"})
+
+    def refuse(constant):
+        pytest.fail(f"{constant} is no JSON")
+
+    text = (tmp_path / "result.json").read_text()
+    assert json.loads(text, parse_constant=refuse) == {"share": None, "sizes": [1.0, None], "name": "a"}

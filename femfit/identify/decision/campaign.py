@@ -7,7 +7,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
-from femfit.effects.catalogue import all_effects
+from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
 from femfit.identify.noise.components import estimate_noise
@@ -79,7 +79,9 @@ TOO_FEW = Finding(
 
 
 def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:
-    """The catalogue without some effects."""
+    """The catalogue without some effects; a name that it does not have is an error."""
+    for name in exclude:
+        effect_by_name(name)
     return [effect for name, effect in all_effects().items() if name not in exclude]
 
 

@@ -26,7 +26,7 @@ LARGEST_CORRELATION = 0.95
 """Assumed: readings that follow each other more closely are not noise."""
 
 CORRELATION_PRICE = 0.5
-"""Derived: half of Akaike's price, in the restricted likelihood's units, of the correlation as a parameter."""
+"""Assumed: a quarter of Akaike's price of 2 for a parameter, so that one that repeats show is rarely dropped."""
 
 TEST_LEVEL = 2.5e-4
 """Derived: one tail of the decision's level, 0.01, over some twenty effects; there a test's normal quantile is replaced
