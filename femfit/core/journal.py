@@ -139,7 +139,7 @@ class Journal:
         self._file.seek(0)
         for line in self._file.read().splitlines(keepends=True):
             entry = _parse(line)
-            if entry is None or not (first or {"key", "result"} <= entry.keys()):
+            if entry is None or not (first or _is_item(entry)):
                 break
             if not first:
                 self.finished[entry["key"]] = entry["result"]
@@ -151,6 +151,12 @@ class Journal:
 def _kept(directory: Path, configuration_hash: str) -> Path:
     """Where the journal of another configuration waits."""
     return directory / f"journal-{re.sub(r'[^0-9a-f]', '', configuration_hash)[:12] or 'unknown'}.jsonl"
+
+
+def _is_item(entry: Mapping[str, Any]) -> bool:
+    """Whether a line is a finished item: what is damaged is dropped with all behind it, and worked out again."""
+    result = entry.get("result")
+    return isinstance(entry.get("key"), str) and isinstance(result, dict) and isinstance(result.get("status"), str)
 
 
 def _parse(line: bytes) -> dict[str, Any] | None:

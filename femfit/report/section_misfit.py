@@ -3,6 +3,7 @@
 import numpy as np
 from markupsafe import Markup
 
+from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.measured_figures import covariate_figure, residual_maps_figure
@@ -67,7 +68,7 @@ def _argument(content: DiagnosisContent) -> Markup:
         p_value(gate.p_value),
     )
     if diagnosis.verdict == "nothing_missing":
-        return text("Nowhere. {} What is left is within the noise.", test)
+        return text("{} {}", verdict_sentence(diagnosis), test)
     return text("<strong>{}</strong> {}", diagnosis.where.sentence, test)
 
 

@@ -71,3 +71,16 @@ def test_a_journal_cut_anywhere_gives_back_its_whole_lines(tmp_path):
             for key in list(RESULTS)[whole:]:
                 journal.record(key, RESULTS[key])
         assert (tmp_path / JOURNAL_NAME).read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    "damage", ['{"result": {"status": "ok"}}', '{"key": "1", "result": {}}', '{"key": "1", "result": 5}', "[]"]
+)
+def test_a_damaged_line_is_dropped_with_what_follows_it(damage, tmp_path):
+    with Journal(tmp_path, HEADER) as journal:
+        for key in ("0", "1", "2"):
+            journal.record(key, RESULTS[key])
+    lines = (tmp_path / JOURNAL_NAME).read_text().splitlines()
+    (tmp_path / JOURNAL_NAME).write_text("\n".join([*lines[:2], damage, *lines[3:]]) + "\n")
+    with Journal(tmp_path, HEADER) as again:
+        assert again.finished == {"0": RESULTS["0"]}

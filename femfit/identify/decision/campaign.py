@@ -48,6 +48,18 @@ class Campaign:
         return float(np.sum((tolerance / sigma) ** 2))
 
     @property
+    def misfit_as_recorded(self) -> float:
+        """Squared length of the misfit over the noise of a reading, less what noise and the mounts' freedom make of it.
+
+        It compares with :attr:`known_misfit`. The whitened residual does not: what a body that is put back may be off
+        by takes the steepest part of a misfit out of it, and nothing out of the model's own.
+        """
+        observations, sigma = self.observations, self.noise.sigma[self.observations.channel]
+        put_back = observations.distance_slope * self.noise.mount_m / sigma
+        freedom = len(sigma) + float(np.sum(put_back**2))
+        return max(float(np.sum((observations.residual / sigma) ** 2)) - freedom, 0.0)
+
+    @property
     def whitened_residual(self) -> FloatArray:
         """Recorded minus predicted with the noise whitened, shape (M,)."""
         return self.whitening.full(self.observations.residual)

@@ -51,5 +51,5 @@ def judge_model(campaign: Campaign) -> ModelTest:
     p_value = min(1.0, 2.0 * min(patterns.p_value, smallest))
     if p_value > LEVEL:
         return ModelTest("fits", patterns, p_value, excess, scores, starts)
-    own = excess < OWN_MISFIT * campaign.known_misfit
+    own = max(excess, campaign.misfit_as_recorded) < OWN_MISFIT * campaign.known_misfit
     return ModelTest("own_misfit" if own else "fails", patterns, p_value, excess, scores, starts)
