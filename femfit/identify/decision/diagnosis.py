@@ -182,6 +182,7 @@ class Diagnosis:
             "missing": missing,
             "ranking": [vars(one) for one in self.ranking],
             "where": vars(self.where),
+            "rms": {one.channel: one.rms_before for one in self.error_fall.channels},
             "error_fall": self.error_fall.to_dict(),
             "clean_campaigns": self.clean and {**vars(self.clean), "bound": self.clean.bound},
             "lack_of_fit_before": self.lack_of_fit_before and vars(self.lack_of_fit_before),

@@ -101,6 +101,11 @@ def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, 
         first, before, gap = chains.first[here], position[chains.before[here]], chains.gap[here]
         if np.count_nonzero(~first) < LEAST_REPEATS:
             continue
+        if (
+            np.count_nonzero(~first) < LEAST_REPEATS_AGAINST_DECLARED
+            and noise.source.get(noise.channels[c]) == "declared"
+        ):
+            continue  # so few readings show a misfit's own course, not how a declared noise follows itself
         sd = np.sqrt(noise.sigma[c] ** 2 + np.sum(observations.setting_columns[here] ** 2, axis=1))
         columns = design[here] / sd[:, None]
         columns = orthonormal_basis(columns[:, np.any(columns != 0.0, axis=0)])
