@@ -1,9 +1,6 @@
 """Numbers of a bench as people say them: ``18 mm``, ``0.42 mN``, ``27 °C``."""
 
 import math
-from collections.abc import Mapping
-
-from femfit.effects.effect import Effect
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 _UNITS = {"m": "m", "A": "A", "N": "N", "Wb": "Wb", "V": "V", "T": "T", "ohm": "ohm", "H": "H", "kg": "kg"}
@@ -72,36 +69,3 @@ def times(ratio: float) -> str:
     if ratio < 100.0:
         return f"{ratio:.2f}"
     return f"{ratio:.0f}" if ratio < 1e6 else f"{ratio:.1e}"
-
-
-def magnitudes(effect: Effect | None, amplitudes: Mapping[str, float]) -> str:
-    """Smallest magnitudes that data show.
-
-    Parameters
-    ----------
-    effect : Effect or None
-        None for one outside the catalogue, of whose units nothing is said.
-    amplitudes : mapping of str to float
-        Infinite where the amplitude's bounds end before.
-
-    Returns
-    -------
-    str
-        Those within the bounds, with units, or that there is none.
-    """
-    finite = ((key, value) for key, value in amplitudes.items() if value < float("inf"))
-    return ", ".join(f"{key} {value:.2g}{unit_of(effect, key)}" for key, value in finite) or "none within its bounds"
-
-
-def unit_of(effect: Effect | None, parameter: str) -> str:
-    """The unit of an effect's parameter, to be put behind a value.
-
-    Returns
-    -------
-    str
-        `` V``, `` of force_N`` (a part of that quantity's largest value in the model's range), or empty.
-    """
-    for p in effect.parameters if effect else ():
-        if p.name == parameter and (p.unit or p.scale):
-            return f" {p.unit}" if p.unit else f" of {p.scale}"
-    return ""
