@@ -52,10 +52,6 @@ class AuditFinding:
     ----------
     severity : str
         ``holds``: recomputed and right; ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic.
-    about : str
-        What was checked.
-    sentence : str
-        One plain sentence with both numbers.
     stated, recomputed : float or None
         The number as given and as it follows, in the unit that the sentence names.
     """
@@ -99,8 +95,6 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
 
     Parameters
     ----------
-    model : ActuatorModel, str or Path
-        With its effects, as it runs; or its file.
     table : str, Path or None
         The sweep table that it was fitted to. None takes the one in the model file's directory, if its distances and
         currents are the model's.

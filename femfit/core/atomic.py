@@ -21,11 +21,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
     The file has the target's suffix, because many writers choose their format by it. A symbolic link stays one: the
     file that it points to is replaced. A device such as ``/dev/stdout`` is written to directly.
 
-    Raises
-    ------
-    OSError
-        If the directory or the file cannot be written; its ``filename`` is the target's.
-
     Examples
     --------
     >>> with replacing("runs/table.csv") as partial:  # doctest: +SKIP

@@ -21,17 +21,7 @@ Item = TypeVar("Item", bound=Named)
 
 @dataclass(frozen=True)
 class EntryCatalogue(Generic[Item]):
-    """Built-in items, and how those of other packages are checked.
-
-    Parameters
-    ----------
-    title : str
-        What it is called in messages.
-    built_in : sequence
-        Of femfit; their names cannot be taken.
-    unlisted : sequence
-        Found by their name, but not listed.
-    """
+    """Built-in items, and how those of other packages are checked."""
 
     kind: type[Item]
     title: str
@@ -45,11 +35,6 @@ class EntryCatalogue(Generic[Item]):
         -------
         dict
             In the catalogue's order; a name of femfit's own cannot be taken by another package.
-
-        Raises
-        ------
-        ModelFileError
-            If an installed package's item cannot be loaded.
         """
         items = {item.name: item for item in self.built_in}
         for entry in entries:
@@ -61,15 +46,8 @@ class EntryCatalogue(Generic[Item]):
 
         Parameters
         ----------
-        name : str
-            As in the model file, and as the entry point is called; case counts.
         entries : callable
             Gives those of the catalogue's group; called only for a name that is not built in.
-
-        Raises
-        ------
-        ModelFileError
-            If none has this name, or its package cannot be loaded.
         """
         for item in (*self.built_in, *self.unlisted):
             if item.name == name:

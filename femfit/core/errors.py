@@ -43,8 +43,6 @@ class ActuatorFileError(FemfitError, ValueError):
 
     Parameters
     ----------
-    source : str
-        File or text that was read.
     problems : sequence of str
         One line a problem: key path, what was given, what is needed.
     """

@@ -25,13 +25,7 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 @dataclass(frozen=True)
 class JournalHeader:
-    """What a journal belongs to.
-
-    Parameters
-    ----------
-    configuration_hash : str
-        Of everything that the results depend on.
-    """
+    """What a journal belongs to."""
 
     configuration_hash: str
 
@@ -41,11 +35,6 @@ class Journal:
 
     A journal of another configuration, an edited drawing's say, is kept under a name of its own and taken up again when
     that configuration comes back; ``replaced`` says that there was one.
-
-    Raises
-    ------
-    RunDirectoryError
-        If another process writes the directory's journal.
     """
 
     def __init__(self, directory: Path, header: JournalHeader) -> None:
@@ -71,13 +60,7 @@ class Journal:
         return max(len(self.finished) - len(self._waiting), 0)
 
     def record(self, key: str, result: Mapping[str, Any]) -> None:
-        """Append a finished item and wait until it is on disk, unless that is full.
-
-        Parameters
-        ----------
-        key : str
-            Of the item; unique in the run.
-        """
+        """Append a finished item and wait until it is on disk, unless that is full."""
         self.finished[key] = result
         self._write_line({"key": key, "result": result})
 

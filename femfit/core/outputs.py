@@ -47,11 +47,6 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
         What the command reads; None stands for an option that was not given.
     outputs : (Path or None, str or None)
         What it writes and of which kind, one of this module's; None is the kind of the file's suffix.
-
-    Raises
-    ------
-    OutputError
-        With what is there instead.
     """
     read = {path.resolve(): path for path in inputs if path is not None}
     written: dict[Path, Path] = {}

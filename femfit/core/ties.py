@@ -10,26 +10,14 @@ ROUNDING = 1e-6
 
 
 def first_best(values: Sequence[float], least: float = 0.0) -> int:
-    """Index of the first value that equals the largest up to rounding.
-
-    Parameters
-    ----------
-    least : float
-        Differences below this are rounding as well, whatever the values.
-    """
+    """Index of the first value that equals the largest up to rounding."""
     largest = max(values)
     slack = max(ROUNDING * abs(largest), least)
     return next(k for k, value in enumerate(values) if value >= largest - slack)
 
 
 def ranked(items: Sequence[Item], value: Callable[[Item], float], least: float = 0.0) -> list[Item]:
-    """Items with the largest value first; those that are equal up to rounding stay in the order given.
-
-    Parameters
-    ----------
-    least : float
-        As in :func:`first_best`.
-    """
+    """Items with the largest value first; those that are equal up to rounding stay in the order given."""
     left, result = list(items), []
     while left:
         result.append(left.pop(first_best([value(item) for item in left], least)))

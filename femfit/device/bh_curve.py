@@ -22,13 +22,7 @@ tenth of the last B, as between the usual end of a data sheet's curve (10 kA/m) 
 
 
 class BHCurve:
-    """H(B), to be evaluated at arrays of B >= 0 in T.
-
-    Parameters
-    ----------
-    field_A_per_m : sequence of float
-        Ascending from 0; checked by :func:`femfit.device.bh_table.curve_problems`.
-    """
+    """H(B), to be evaluated at arrays of B >= 0 in T."""
 
     def __init__(self, flux_density_T: tuple[float, ...], field_A_per_m: tuple[float, ...]) -> None:
         b, h = np.asarray(flux_density_T, dtype=np.float64), np.asarray(field_A_per_m, dtype=np.float64)

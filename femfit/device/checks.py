@@ -24,8 +24,6 @@ class DrawnPart:
 
     Parameters
     ----------
-    polygon : Polygon
-        In mm.
     material : Material or None
         None for the winding and where the file's material is wrong.
     """

@@ -43,13 +43,7 @@ def grid_points(values: Sequence[Sequence[Value]], problems: list[str]) -> Point
 
 
 def list_points(names: Sequence[str], values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
-    """The first values together, the second ones together, and so on.
-
-    Returns
-    -------
-    tuple of tuple of float or str
-        Empty if the lists differ in length.
-    """
+    """The first values together, the second ones together, and so on."""
     if len({len(column) for column in values}) > 1:
         lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(names, values, strict=True))
         problems.append(
@@ -62,13 +56,6 @@ def list_points(names: Sequence[str], values: Sequence[Sequence[Value]], problem
 
 def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int, seed: int) -> Points:
     """Samples of which each of equally many slices of every range holds one.
-
-    Parameters
-    ----------
-    ranges : sequence of SampledEntry or sequence of str
-        Of each parameter; names have equal shares.
-    seed : int
-        The same seed gives the same samples.
 
     Returns
     -------

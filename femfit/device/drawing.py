@@ -44,13 +44,7 @@ class Drawing:
 
 
 def read_drawing(data: Mapping[str, Any], directory: Path, problems: list[str]) -> Drawing:
-    """Draw what can be drawn of a file.
-
-    Parameters
-    ----------
-    directory : Path
-        That names of further files are relative to.
-    """
+    """Draw what can be drawn of a file."""
     materials = _materials(table_at(data, "materials"), directory, problems)
     fixed = _regions(data, "electromagnet", materials, problems)
     moving = _regions(data, "moving", materials, problems)
@@ -66,13 +60,7 @@ def read_drawing(data: Mapping[str, Any], directory: Path, problems: list[str]) 
 
 
 def table_at(data: Mapping[str, Any], *keys: str) -> dict[str, Any]:
-    """The table at a key path, empty if there is none.
-
-    Returns
-    -------
-    dict
-        A wrong type counts as none; the table above reports it.
-    """
+    """The table at a key path, empty if there is none."""
     found: Any = data
     for key in keys:
         found = found.get(key) if isinstance(found, dict) else None

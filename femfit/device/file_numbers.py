@@ -42,13 +42,7 @@ def numbers_of(data: Mapping[str, Any]) -> dict[str, Location]:
 
 
 def material_keys(data: Mapping[str, Any]) -> dict[str, Location]:
-    """Where the regions of a file name their materials.
-
-    Returns
-    -------
-    dict
-        Locations by key path, as ``moving.regions.plunger.material``.
-    """
+    """Where the regions of a file name their materials."""
     places = ((body, "regions", name, "material") for body in BODIES for name in table_at(data, body, "regions"))
     return {joined("", *place): place for place in places}
 
@@ -59,15 +53,7 @@ def known_materials(data: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def with_value(data: dict[str, Any], location: Location, value: float | str) -> None:
-    """Set a number of a file, or the name of a material, in place.
-
-    Parameters
-    ----------
-    data : dict
-        The file's tables, a copy of one's own.
-    location : tuple
-        From :func:`numbers_of` or :func:`material_keys`.
-    """
+    """Set a number of a file, or the name of a material, in place."""
     first, name = location[:2]
     if first == "materials" and name not in table_at(data, "materials"):
         data.setdefault("materials", {})[name] = _library_table(str(name))
@@ -78,13 +64,7 @@ def with_value(data: dict[str, Any], location: Location, value: float | str) -> 
 
 
 def nearest_numbers(path: str, data: Mapping[str, Any]) -> list[str]:
-    """The key paths closest to one that does not exist, closest first.
-
-    Returns
-    -------
-    list of str
-        At most four; those that the path is the beginning of come first.
-    """
+    """The key paths closest to one that does not exist, closest first."""
     known = [*numbers_of(data), *material_keys(data)]
     inside = [name for name in known if path and name.startswith((f"{path}.", f"{path}["))]
     return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], known, n=4, cutoff=0.4)]))[:4]

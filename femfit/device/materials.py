@@ -20,8 +20,6 @@ class LibraryMaterial:
 
     Parameters
     ----------
-    material : Material
-        Values at about 20 degC.
     reference : str
         Where the values come from, and what they leave out.
     """

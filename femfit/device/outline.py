@@ -55,15 +55,8 @@ def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
 
     Parameters
     ----------
-    polygon : Polygon
-        In mm.
     start, stop : float
         Shifts in mm.
-
-    Returns
-    -------
-    Polygon
-        Of both end positions and of each edge's track.
     """
     corners = list(polygon.exterior.coords)
     tracks = [

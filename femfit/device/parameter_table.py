@@ -41,11 +41,6 @@ Values = tuple[float, ...] | tuple[str, ...] | SampledEntry
 def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign | None:
     """Read what a file sweeps beside its axes.
 
-    Parameters
-    ----------
-    problems : list of str
-        Appended to, but for problems of ``[sweep]`` itself, which its own entry reports.
-
     Returns
     -------
     ParameterDesign or None

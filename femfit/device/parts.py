@@ -19,8 +19,6 @@ class LinearMaterial:
 
     Parameters
     ----------
-    relative_permeability : float
-        mu_r; the recoil permeability of a magnet.
     remanence_T : float
         B_r along +z (negative: magnetised along -z); zero for everything but magnets.
     remanence_coefficient_per_K : float
@@ -156,13 +154,7 @@ class HallElement:
 
 @dataclass(frozen=True)
 class Supply:
-    """The driver's range and the controller's clock.
-
-    Parameters
-    ----------
-    sample_time_s : float
-        Period of the controller and filter.
-    """
+    """The driver's range and the controller's clock."""
 
     voltage_min_V: float
     voltage_max_V: float

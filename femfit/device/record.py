@@ -12,13 +12,7 @@ from femfit.device.schema import NAME_PATTERN
 
 
 def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
-    """Build the actuator again that ``dataclasses.asdict`` made a record of.
-
-    Raises
-    ------
-    ActuatorFileError
-        If the record is not one of this version.
-    """
+    """Build the actuator again that ``dataclasses.asdict`` made a record of."""
     try:
         actuator = TypeAdapter(Actuator).validate_python(dict(record))
     except ValidationError as error:

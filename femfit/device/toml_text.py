@@ -9,13 +9,7 @@ from femfit.device.schema import SCHEMA_VERSION
 
 
 def read_text(path: Path) -> str:
-    """The text of an actuator file.
-
-    Raises
-    ------
-    ActuatorFileError
-        If the file cannot be read.
-    """
+    """The text of an actuator file."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
@@ -27,18 +21,7 @@ def read_text(path: Path) -> str:
 
 
 def parse(text: str, source: str) -> dict[str, Any]:
-    """The tables of TOML text.
-
-    Returns
-    -------
-    dict
-        Of a schema that this version knows; nothing else is checked.
-
-    Raises
-    ------
-    ActuatorFileError
-        If it is no TOML, or of a newer schema.
-    """
+    """The tables of TOML text."""
     try:
         data = tomllib.loads(text)
     except RecursionError as error:

@@ -57,11 +57,6 @@ def read_variants(path: str | Path) -> VariantSweep:
     -------
     VariantSweep
         A variant that cannot be built, as one whose parts overlap, is one with its problem.
-
-    Raises
-    ------
-    ActuatorFileError
-        If the file has any problem, a parameter changes nothing, or no variant can be built.
     """
     path = Path(path)
     return variants_from_toml(read_text(path), str(path), path.parent)

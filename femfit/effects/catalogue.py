@@ -112,18 +112,7 @@ def all_effects() -> dict[str, Effect]:
 
 
 def effect_by_name(name: str) -> Effect:
-    """Look up an effect; only the package that gives it is loaded.
-
-    Parameters
-    ----------
-    name : str
-        As in the model file, and as the entry point is called; case counts.
-
-    Raises
-    ------
-    ModelFileError
-        If no effect has this name, or its package cannot be loaded.
-    """
+    """Look up an effect; only the package that gives it is loaded."""
     return _CATALOGUE.find(_EARLIER_NAMES.get(name, name), lambda: entry_points(group=GROUP))
 
 

@@ -129,11 +129,6 @@ def known_or(value: FloatArray | float, points: FloatArray, otherwise: FloatArra
     ----------
     points : array, shape (n,)
         Points.
-
-    Returns
-    -------
-    array, shape (n,)
-        Without NaN.
     """
     recorded = like(value, points)
     return np.where(np.isnan(recorded), otherwise, recorded)

@@ -159,8 +159,6 @@ class Effect:
         As typed by users and written to model files.
     symptom : str
         One plain sentence: what one sees on the bench.
-    acts_on : tuple of str
-        Of ``bench``, ``magnetics``, ``force``, ``circuit``, ``motion``, ``sensor``.
     parameters : tuple of EffectParameter
         Amplitudes of the family's shapes, then shape constants.
     needs : tuple of str

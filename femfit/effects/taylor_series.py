@@ -47,13 +47,6 @@ class TaylorSeries:
     def derivative(self, in_distance: int, in_current: int, in_hall: int = 0) -> FloatArray:
         """A partial derivative at the points.
 
-        Parameters
-        ----------
-        in_distance, in_current : int
-            Order in d and in i.
-        in_hall : {0, 1}
-            Order in h: 1 for the field at the Hall element.
-
         Returns
         -------
         array, shape (n,)

@@ -21,19 +21,7 @@ from femfit.field.settings import SolverSettings
 
 
 def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: SolverSettings) -> Mesh:
-    """Mesh the actuator with its moving part at a distance.
-
-    Returns
-    -------
-    ngsolve.Mesh
-        Materials: ``fixed:NAME``, ``coil``, ``moving:NAME``, ``halo`` (between moving part and layer), ``layer``,
-        ``air``; boundary ``outer``.
-
-    Raises
-    ------
-    FieldSolverError
-        If Netgen cannot mesh it.
-    """
+    """Mesh the actuator with its moving part at a distance."""
     try:
         shape = _draw(actuator, distance, layout, settings)
         raw = OCCGeometry(shape, dim=2).GenerateMesh(maxh=layout.outer_radius / 3.0, grading=settings.grading)

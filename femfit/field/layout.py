@@ -47,13 +47,7 @@ class Layout:
 
 
 def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
-    """Measure an actuator over its sweep.
-
-    Parameters
-    ----------
-    settings : SolverSettings
-        For the size of the domain.
-    """
+    """Measure an actuator over its sweep."""
     mover, fixed = mover_outline(actuator), _fixed_parts(actuator)
     still = shapely.union_all(fixed)
     distances = (min(actuator.sweep.distances_m), max(actuator.sweep.distances_m))
@@ -85,8 +79,6 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     ----------
     group : tuple of float
         Distances that share the mesh, in m, ascending.
-    settings : SolverSettings
-        ``stretch_limit`` bounds the ratio of the stretched gaps.
     """
     mover = mover_outline(actuator)
     near, far = group[0], group[-1]
@@ -119,18 +111,7 @@ def _offset_scale(mover: shapely.Polygon, clearance: float) -> float:
 
 
 def mover_outline(actuator: Actuator) -> shapely.Polygon:
-    """Outline of the whole moving part at distance zero.
-
-    Returns
-    -------
-    shapely.Polygon
-        In m.
-
-    Raises
-    ------
-    FieldSolverError
-        If its regions do not form one connected body without holes off the axis.
-    """
+    """Outline of the whole moving part at distance zero."""
     outline = shapely.union_all([shapely.Polygon(region.vertices_m) for region in actuator.moving.regions])
     if outline.geom_type != "Polygon":
         raise FieldSolverError(
@@ -147,16 +128,6 @@ def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon,
     fixed parts is wrapped in offsets of h / 5 and 3 h / 5. So a narrow gap makes the layer, and the elements in it,
     thin at the gap alone. No step reaches below the lowest offset, down to which the layer has to move as one where the
     mesh is stretched.
-
-    Parameters
-    ----------
-    layout : Layout
-        Of the distances that the mesh serves.
-
-    Returns
-    -------
-    (shapely.Polygon, shapely.Polygon)
-        In m.
     """
     mover = mover_outline(actuator)
     outlines = [_grown(mover, offset) for offset in (layout.inner_offset, layout.outer_offset)]
@@ -187,13 +158,6 @@ def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: Solve
     ----------
     distances : tuple of float
         Ascending, in m.
-    settings : SolverSettings
-        ``stretch_limit`` bounds the ratio of the stretched gaps in a group.
-
-    Returns
-    -------
-    list of tuple of float
-        Single distances where the drawing cannot be stretched.
     """
     if not layout.stretchable:
         return [(d,) for d in distances]

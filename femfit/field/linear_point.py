@@ -61,18 +61,7 @@ class LinearActuator:
         return int(self._system.space.ndof)
 
     def solve(self, distance: float) -> DistanceSolution:
-        """Solve at a distance.
-
-        Parameters
-        ----------
-        distance : float
-            In m; within the group that the mesh was made for.
-
-        Returns
-        -------
-        DistanceSolution
-            Coefficients of force, flux linkage, co-energy and Hall field.
-        """
+        """Solve at a distance."""
         with self._moving.at(distance):
             fine = self._system.evaluate()
             reaction, work = self._others.evaluate()

@@ -23,13 +23,7 @@ from femfit.field.weak_form import AIR, assemble_loads, flux_density, linear_mat
 
 @dataclass(frozen=True)
 class FieldPair:
-    """A field that is linear in (1, i).
-
-    Parameters
-    ----------
-    magnets, coil : ngsolve.GridFunction
-        Of the magnets, and of 1 A.
-    """
+    """A field that is linear in (1, i)."""
 
     magnets: GridFunction
     coil: GridFunction

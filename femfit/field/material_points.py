@@ -33,13 +33,7 @@ TINY_FLUX_DENSITY = 1e-12
 
 
 class MaterialPoints:
-    """Points and laws of an actuator's parts on one mesh and space.
-
-    Parameters
-    ----------
-    named : mapping of str to Material
-        By region name; from :func:`femfit.field.weak_form.materials`.
-    """
+    """Points and laws of an actuator's parts on one mesh and space."""
 
     def __init__(self, space: H1, named: Mapping[str, Material]) -> None:
         self.space = space

@@ -25,11 +25,6 @@ def stretch(mesh: Mesh, layout: Layout, layer_heights: tuple[float, float], shif
         Lowest and highest z of the moving part's layer at the reference distance, in m.
     shift : float
         Along z, in m.
-
-    Returns
-    -------
-    ngsolve.GridFunction
-        For ``mesh.SetDeformation``; affine on every element, so straight edges stay straight.
     """
     displacement = GridFunction(VectorH1(mesh, order=1))
     along_z = displacement.components[1].vec.FV().NumPy()
@@ -38,13 +33,7 @@ def stretch(mesh: Mesh, layout: Layout, layer_heights: tuple[float, float], shif
 
 
 def stretch_share(mesh: Mesh, layout: Layout, layer_heights: tuple[float, float]) -> GridFunction:
-    """Share of the moving part's shift that each place of the mesh makes: 1 at the part, 0 at the fixed ones.
-
-    Parameters
-    ----------
-    mesh : ngsolve.Mesh
-        Made at a reference distance and, here, not stretched.
-    """
+    """Share of the moving part's shift that each place of the mesh makes: 1 at the part, 0 at the fixed ones."""
     share = GridFunction(H1(mesh, order=1))
     points = np.array([vertex.point for vertex in mesh.vertices])
     share.vec.FV().NumPy()[:] = _profile(points, layout, layer_heights)

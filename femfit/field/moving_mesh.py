@@ -18,11 +18,6 @@ class MovingMesh:
     ----------
     group : tuple of float
         Distances that share the mesh, in m, ascending.
-
-    Attributes
-    ----------
-    reaction_weight, work_weight : ngsolve.GridFunction
-        For :class:`femfit.field.other_forces.OtherForces`.
     """
 
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:

@@ -78,8 +78,6 @@ class NewtonResult:
         The last state.
     residual : float
         The last correction relative to the solution, in the energy's norm.
-    converged : bool
-        Whether the residual is below the tolerance.
     """
 
     state: FloatArray
@@ -103,8 +101,6 @@ def minimise(
     ----------
     start : array, shape (unknowns,)
         First state.
-    contraction : float
-        0 renews the derivative in every iteration: Newton's own method.
     """
     state, here, history = start, problem.evaluate(start, current), list[float]()
     stale = not problem.ready

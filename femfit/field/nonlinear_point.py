@@ -95,13 +95,7 @@ class NonlinearActuator:
         return points
 
     def field(self, distance: float, current: float) -> PointField:
-        """The field at a point, with the mesh left stretched to it.
-
-        Raises
-        ------
-        FieldSolverError
-            If the iteration did not converge.
-        """
+        """The field at a point, with the mesh left stretched to it."""
         (point,) = self.solve(distance, (current,))
         if point.solution is None:
             raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {current:g} A: {point.status}.")

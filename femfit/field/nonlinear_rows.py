@@ -61,10 +61,6 @@ class NonlinearPoint:
 
     Parameters
     ----------
-    residual : float
-        The last correction relative to the solution.
-    status : str
-        ``ok``, or why there is no solution.
     solution : PointSolution or None
         None if the iteration did not converge.
     """

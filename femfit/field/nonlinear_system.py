@@ -54,11 +54,6 @@ class NonlinearSystem:
         ----------
         state : array, shape (unknowns,)
             Any.
-
-        Returns
-        -------
-        Expansion
-            With the secant reluctivity in the square.
         """
         h, stored = self.points.respond(self.points.flux_density(state))
         of_air = self._stiffness @ state

@@ -30,15 +30,6 @@ def prepare(
     ----------
     group : tuple of float
         Distances that share the mesh, in m, ascending.
-    settings : SolverSettings
-        Order and element sizes, or the tolerance to meet.
-    choice : LevelChoice, optional
-        How it is met, where the search was made before.
-
-    Returns
-    -------
-    LinearActuator, NonlinearActuator or ToleranceProblem
-        The last if there is a tolerance; else the second if any part saturates.
     """
     saturates = any(isinstance(material, NonlinearMaterial) for material in materials(actuator).values())
 

@@ -26,13 +26,7 @@ from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, flux_density
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer of air with a body on its inner side.
-
-    Parameters
-    ----------
-    inner, outer : str
-        Patterns of the regions on either side.
-    """
+    """A layer of air with a body on its inner side."""
 
     region: str
     inner: str
@@ -48,13 +42,7 @@ force on the moving one."""
 
 
 def weight(mesh: Mesh, layer: Layer = AROUND_MOVER) -> GridFunction:
-    """The weight g: 1 up to the layer's inner outline, 0 from its outer outline on, harmonic between.
-
-    Parameters
-    ----------
-    layer : Layer
-        Where it falls from 1 to 0; also 0 on the domain's boundary.
-    """
+    """The weight g: 1 up to the layer's inner outline, 0 from its outer outline on, harmonic between."""
     space = H1(mesh, order=2)
     g = GridFunction(space)
     inner = _dofs(space, mesh.Materials(layer.inner))

@@ -33,21 +33,7 @@ TIMEOUT = 30.0
 
 
 def solve_on_cluster(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task], scheduler: str) -> None:
-    """Solve tasks on a Dask cluster.
-
-    Parameters
-    ----------
-    solve : callable
-        Picklable by name, for workers that have the same femfit.
-    done : callable
-        Called here with each task and its result, as they come.
-
-    Raises
-    ------
-    ClusterError
-        If Dask is not installed, the scheduler does not answer or has no workers, a worker has another version of
-        femfit or of the field solver, or the connection is lost.
-    """
+    """Solve tasks on a Dask cluster."""
     with _dask_quiet(), _client(scheduler) as client:
         from distributed import KilledWorker  # noqa: PLC0415  an extra, like all of Dask
 
@@ -77,18 +63,7 @@ def versions() -> dict[str, str]:
 
 
 def solve_if_same(solve: Solve[Task], needed: dict[str, str], task: Task) -> Result:
-    """Solve on a worker whose versions are those of the one who asks.
-
-    Parameters
-    ----------
-    solve : callable
-        Takes a task and returns its result.
-
-    Raises
-    ------
-    ClusterError
-        If the versions differ.
-    """
+    """Solve on a worker whose versions are those of the one who asks."""
     here = versions()
     if here != needed:
         given = ", ".join(f"{name} {here[name]}" for name in needed)

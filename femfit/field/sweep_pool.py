@@ -31,8 +31,6 @@ def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Tas
 
     Parameters
     ----------
-    solve : callable
-        Picklable; takes a task and returns its result.
     done : callable
         Called here with each task and its result, as they come, and returns what follows; the result is :data:`DIED`
         where the task's own process died.
@@ -51,15 +49,7 @@ def solve_in_processes(tasks: Sequence[Task], solve: Solve[Task], done: Done[Tas
 
 
 def solve_here(tasks: Sequence[Task], solve: Solve[Task], done: Done[Task]) -> None:
-    """Solve tasks in this process.
-
-    Parameters
-    ----------
-    solve : callable
-        Takes a task and returns its result.
-    done : callable
-        Called with each task and its result.
-    """
+    """Solve tasks in this process."""
     waiting = deque(tasks)
     while waiting:
         task = waiting.popleft()
@@ -94,14 +84,6 @@ def work_off(
         Tasks to do; taken from the left.
     out : dict
         Tasks handed out by their future; filled and emptied here, so that the caller sees them after an error.
-    solve : callable
-        Takes a task and returns its result.
-    done : callable
-        Called with each task and its result; returns what follows.
-    limit : int
-        Of tasks handed out at a time.
-    lost : tuple of type
-        Exceptions that say that the task's workers died; its result is :data:`DIED` then.
     """
     try:
         while waiting or out:

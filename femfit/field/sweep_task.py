@@ -25,8 +25,6 @@ class MeshGroup:
 
     Parameters
     ----------
-    settings : SolverSettings
-        Order and element sizes, or the tolerance.
     distances : tuple of float
         That share the mesh, in m, ascending.
     choice : LevelChoice or None
@@ -104,13 +102,7 @@ class LevelTask:
         return {"choice": problem.choice.as_json() if isinstance(problem, ToleranceProblem) else None}
 
     def distances(self, tasks: Sequence[DistanceTask], result: dict[str, Any]) -> list[DistanceTask]:
-        """The group's distances, as the result says that they are to be solved.
-
-        Returns
-        -------
-        list of DistanceTask
-            On the level, or each on its own mesh.
-        """
+        """The group's distances, as the result says that they are to be solved."""
         if result["choice"] is None:
             return [replace(task, mesh=self.mesh.of(task.distance)) for task in tasks]
         mesh = replace(self.mesh, choice=LevelChoice.from_json(result["choice"]))

@@ -54,14 +54,10 @@ def meet_tolerance(
 
     Parameters
     ----------
-    build : callable
-        Prepares the group on a level.
     group : tuple of float
         Distances that share a mesh, in m, ascending.
     currents : tuple of float
         To check, in A, ascending.
-    settings : SolverSettings
-        With the tolerance; its domain and groups are kept.
 
     Returns
     -------
@@ -94,13 +90,7 @@ def meet_tolerance(
 def at_level(
     build: Callable[[SolverSettings], LevelProblem], choice: LevelChoice, settings: SolverSettings
 ) -> ToleranceProblem:
-    """What :func:`meet_tolerance` gave, without the search.
-
-    Parameters
-    ----------
-    build : callable
-        Prepares the group on a level.
-    """
+    """What :func:`meet_tolerance` gave, without the search."""
     level = refinement_levels(settings)[choice.level]
     return ToleranceProblem(build(level), level, choice)
 
@@ -112,23 +102,12 @@ def shares_checks(group: tuple[float, ...]) -> bool:
     ----------
     group : tuple of float
         Distances that share a mesh, in m.
-
-    Returns
-    -------
-    bool
-        False where every distance is compared with the level below.
     """
     return len(group) > OWN_MESH_LIMIT
 
 
 def refinement_levels(settings: SolverSettings) -> list[SolverSettings]:
-    """The levels, the coarsest first.
-
-    Parameters
-    ----------
-    settings : SolverSettings
-        With the tolerance; its domain and groups are kept.
-    """
+    """The levels, the coarsest first."""
     return [
         replace(settings, order=FIRST_ORDER + k, corner_fraction=corner, tolerance=None)
         for k, corner in enumerate(CORNERS)

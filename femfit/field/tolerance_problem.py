@@ -42,8 +42,6 @@ class LevelChoice:
 
     Parameters
     ----------
-    currents_A : tuple of float
-        Where the error was measured, ascending.
     force_errors : tuple of float
         Of the force at these currents, relative to :func:`scale`, the safety factor included.
     """
@@ -113,11 +111,6 @@ def scale(values: Sequence[float], currents: Sequence[float]) -> FloatArray:
 
     Where the coil's force cancels the magnet's, the sum is no measure of what was computed. A force that vanishes by
     symmetry leaves the solver's last digits, which are no measure of anything.
-
-    Parameters
-    ----------
-    values : sequence of float
-        Force or flux linkage at the currents.
 
     Returns
     -------

@@ -31,43 +31,20 @@ RADIAL_WEIGHT_ORDER = 3  # r^3 at most multiplies the polynomials; added to the 
 
 
 def flux_density(w: Any) -> Any:
-    """(B_r, B_z) of w.
-
-    Parameters
-    ----------
-    w : ngsolve.CoefficientFunction
-        Trial function, test function or solution.
-    """
+    """(B_r, B_z) of w."""
     r = ng.x
     slope = grad(w)
     return CF((-r * slope[1], 2.0 * w + r * slope[0]))
 
 
 def materials(actuator: Actuator) -> dict[str, Material]:
-    """Material of each of the mesh's region names that is not air.
-
-    Returns
-    -------
-    dict
-        By region name, ``fixed:NAME`` or ``moving:NAME``.
-    """
+    """Material of each of the mesh's region names that is not air."""
     named = {f"fixed:{region.name}": region.material for region in actuator.fixed}
     return named | {f"moving:{region.name}": region.material for region in actuator.moving.regions}
 
 
 def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
-    """The same for an actuator without saturating parts.
-
-    Returns
-    -------
-    dict
-        By region name, ``fixed:NAME`` or ``moving:NAME``.
-
-    Raises
-    ------
-    FieldSolverError
-        If a material saturates: its field is no superposition.
-    """
+    """The same for an actuator without saturating parts."""
     linear: dict[str, LinearMaterial] = {}
     for name, material in materials(actuator).items():
         if isinstance(material, NonlinearMaterial):
@@ -82,8 +59,6 @@ class Loads:
 
     Parameters
     ----------
-    own_magnets : ngsolve.LinearForm
-        Of the moving part's remanence alone.
     coil : ngsolve.LinearForm
         Of 1 A; its product with a solution is that solution's flux linkage.
     """
@@ -104,10 +79,6 @@ def stiffness(
         nu in m/H.
     outer_radius : float or None
         R in m of the open boundary; None leaves the boundary out.
-    regions : str
-        Pattern of the regions' names; all by default.
-    condense : bool
-        Whether inner unknowns are condensed and one triangle is stored.
     """
     w, v = space.TnT()
     r = ng.x
@@ -121,18 +92,7 @@ def stiffness(
 
 
 def assemble_loads(space: H1, actuator: Actuator) -> Loads:
-    """The right-hand sides of all sources.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        For turns, winding section and remanence.
-
-    Returns
-    -------
-    Loads
-        Assembled on the mesh as it stands.
-    """
+    """The right-hand sides of all sources."""
     v = space.TestFunction()
     r = ng.x
     named = linear_materials(actuator)

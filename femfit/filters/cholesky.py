@@ -28,8 +28,6 @@ def cholesky(matrices: FloatArray) -> tuple[FloatArray, BoolArray]:
     -------
     factor : array, shape (runs, n, n)
         NaN where the matrix is not positive definite.
-    definite : array of bool, shape (runs,)
-        Which succeeded.
 
     References
     ----------
@@ -96,8 +94,6 @@ def rank_one_change(factor: FloatArray, vector: FloatArray, sign: float) -> tupl
     -------
     factor : array, shape (runs, n, n)
         NaN where the result is not positive definite.
-    definite : array of bool, shape (runs,)
-        Which succeeded.
 
     References
     ----------

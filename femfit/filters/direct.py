@@ -54,11 +54,6 @@ class HallInverse:
             no number.
         clipped : array of bool, shape (n,)
             Which were outside, or no number.
-
-        Raises
-        ------
-        FilterError
-            If the iteration does not converge for a reading inside of the range.
         """
         volts, current = np.broadcast_arrays(np.asarray(hall_voltage, float), np.asarray(current, float))
         box, sensor = self.model.validity, self.model.require_sensor()
@@ -108,13 +103,7 @@ class HallInverse:
 
 
 def hall_inverse(model: ActuatorModel) -> HallInverse:
-    """Prepare the inversion.
-
-    Raises
-    ------
-    FilterError
-        If the Hall voltage does not change monotonically with the distance over the box's currents.
-    """
+    """Prepare the inversion."""
     box, sensor = model.validity, model.require_sensor()
     distances = np.linspace(box.distance_min_m, box.distance_max_m, TABLE_POINTS)
     for current in (box.current_min_A, box.current_max_A):
@@ -138,11 +127,6 @@ def hall_distance(model: ActuatorModel, hall_voltage: FloatArray, current: Float
     ----------
     hall_voltage, current : array, shape (n,)
         As in :meth:`HallInverse.distance`.
-
-    Returns
-    -------
-    distance, clipped : array, shape (n,)
-        As there.
     """
     return hall_inverse(model).distance(hall_voltage, current)
 

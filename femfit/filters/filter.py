@@ -34,8 +34,6 @@ class Moments:
         Covariance P and lower L with L L^T = P.
     definite : array of bool, shape (runs,)
         Where P is positive definite.
-    points : array, shape (n, 2n + 1, runs), or None
-        Sigma points to keep.
     """
 
     mean: FloatArray

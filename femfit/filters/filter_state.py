@@ -62,13 +62,7 @@ class FilterState:
         return tuple(FilterOutcome(int(code)) for code in self.outcome)
 
     def require_running(self) -> None:
-        """Refuse to go on with a diverged run.
-
-        Raises
-        ------
-        FilterError
-            Naming the first diverged run and what to do.
-        """
+        """Refuse to go on with a diverged run."""
         if np.any(self.diverged):
             run = int(np.flatnonzero(self.diverged)[0])
             outcome = FilterOutcome(int(self.outcome[run]))

@@ -70,10 +70,6 @@ def levitation_process(
     ----------
     hall_bias : bool
         Add the Hall bias in V as the last state.
-    measurement : {'hall_voltage', 'distance'}
-        What z is: volts, or metres from :class:`femfit.filters.direct.HallInverse`.
-    integrator : {'euler', 'rk4'}
-        One step a sample: explicit Euler as in the paper, or classical Runge-Kutta.
     noise : FilterNoise or None
         Derived by :func:`default_noise` where None.
     distance : float or None
@@ -83,14 +79,6 @@ def levitation_process(
     -------
     FilterProcess
         With 3 or 4 states and analytic Jacobians; with more, and central differences, where effects have states.
-
-    Raises
-    ------
-    MissingPartError
-        If the model lacks circuit, motion, sensor or inductance.
-    FilterError
-        If the Hall bias is asked for together with the distance as measurement, or the coil is too fast for the
-        sample time.
     """
     model.require_dynamics()
     sensor = model.require_sensor()
@@ -139,11 +127,6 @@ def require_slow_coil(model: ActuatorModel, distance: float, integrator: Integra
     ----------
     distance : float
         Where the inductance is taken, in m.
-
-    Raises
-    ------
-    FilterError
-        If the sample time is longer than the largest stable step.
     """
     circuit, box = model.require_circuit(), model.validity
     currents = np.linspace(box.current_min_A, box.current_max_A, 5)

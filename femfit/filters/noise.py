@@ -41,10 +41,6 @@ class FilterNoise:
     ----------
     acceleration_density : float
         q in m^2/s^3.
-    voltage_V : float
-        Error of the winding's voltage, one sample.
-    hall_V : float
-        Error of one Hall sample, quantisation included.
     bias_density : float
         Hall bias in V / sqrt(s).
     """
@@ -72,17 +68,10 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
 
     Parameters
     ----------
-    model : ActuatorModel
-        With circuit, motion and sensor; its recorded misfit gives the force error.
     distance : float or None
         Operating point in m; the reference's first step, or the middle of the box, where None.
     noise_V : float or None
         White noise of the Hall voltage in V; the sensor's own where None.
-
-    Returns
-    -------
-    FilterNoise
-        For :func:`femfit.filters.levitation.levitation_process`.
     """
     circuit, motion = model.require_circuit(), model.require_motion()
     pole = unstable_pole(model, operating_distance(model) if distance is None else distance)
@@ -115,8 +104,6 @@ def process_covariance(model: ActuatorModel, noise: FilterNoise, distance: float
     ----------
     distance : float
         Where the inductance is taken, in m.
-    hall_bias : bool
-        Whether the last state is there.
 
     Returns
     -------

@@ -102,13 +102,7 @@ class FilterProcess:
         return [(int(k), float(self.lower[k]), float(self.upper[k])) for k in bounded]
 
     def require_start_covariance(self) -> FloatArray:
-        """The covariance of a first estimate.
-
-        Raises
-        ------
-        FilterError
-            If the process has none.
-        """
+        """The covariance of a first estimate."""
         if self.start_covariance is None:
             raise FilterError("This process has no covariance for a first estimate; give start(mean, covariance).")
         return self.start_covariance

@@ -35,11 +35,6 @@ class SigmaPointFilter(Filter):
     redraw : bool
         Draw new sigma points from the predicted moments for the update (they then contain Q), or reuse the propagated
         ones.
-
-    Raises
-    ------
-    FilterError
-        If the points would not spread.
     """
 
     alpha: float = 1.0
@@ -89,8 +84,6 @@ class SigmaPointFilter(Filter):
 
         Returns
         -------
-        mean, variance : array, shape (runs,)
-            Of the measurement.
         cross : array, shape (n, runs)
             Covariance of state and measurement.
         """
@@ -120,11 +113,6 @@ def sigma_points(mean: FloatArray, factor: FloatArray, spread: float) -> FloatAr
         Means.
     factor : array, shape (runs, n, n)
         Lower Cholesky factors L.
-
-    Returns
-    -------
-    array, shape (n, 2n + 1, runs)
-        The centre first.
     """
     runs, order = mean.shape
     points = np.empty((order, 2 * order + 1, runs), dtype=mean.dtype)
@@ -137,11 +125,6 @@ def sigma_points(mean: FloatArray, factor: FloatArray, spread: float) -> FloatAr
 
 def deviations(values: FloatArray, weight: float) -> tuple[FloatArray, FloatArray]:
     """delta_i = Y_i - Y_0 and their weighted sum s.
-
-    Parameters
-    ----------
-    values : array, shape (..., 2n + 1, runs)
-        Y, the centre first.
 
     Returns
     -------

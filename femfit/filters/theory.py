@@ -21,18 +21,7 @@ from femfit.model.actuator_model import ActuatorModel
 
 
 def holding_current(model: ActuatorModel, distance: float) -> float:
-    """Current at which the force equals the weight.
-
-    Parameters
-    ----------
-    distance : float
-        In m, within the validity box.
-
-    Raises
-    ------
-    DomainError
-        If no current of the validity box holds the body there.
-    """
+    """Current at which the force equals the weight."""
     motion, box = model.require_motion(), model.validity
     model.validity.require(np.asarray(distance), np.asarray(box.current_min_A))
     weight = motion.mass_kg * motion.gravity_m_s2
@@ -57,13 +46,7 @@ def _force(model: ActuatorModel, distance: float, current: float) -> float:
 
 
 def unstable_pole(model: ActuatorModel, distance: float) -> float:
-    """Unstable pole lambda = sqrt(-(dF/dd) / m) where the body is held.
-
-    Raises
-    ------
-    DomainError
-        If the body cannot be held there, or the force does not fall with the distance (no unstable pole).
-    """
+    """Unstable pole lambda = sqrt(-(dF/dd) / m) where the body is held."""
     current = holding_current(model, distance)
     gradient = float(model.magnetics.force_gradient(np.asarray(distance), np.asarray(current)))
     if gradient >= 0.0:
@@ -75,18 +58,7 @@ def unstable_pole(model: ActuatorModel, distance: float) -> float:
 
 
 def noise_ratio_bound(model: ActuatorModel, distance: float) -> float:
-    """Best ratio of direct to filtered distance noise, 1 / sqrt(2 lambda t_s).
-
-    Parameters
-    ----------
-    model : ActuatorModel
-        With motion; its sample time is t_s.
-
-    Returns
-    -------
-    float
-        For white measurement noise and no process noise.
-    """
+    """Best ratio of direct to filtered distance noise, 1 / sqrt(2 lambda t_s)."""
     return float(1.0 / np.sqrt(2.0 * unstable_pole(model, distance) * model.sample_time_s))
 
 

@@ -78,15 +78,6 @@ def solve_bounded_qp(
         Data and their standard deviations (> 0), in the same unit.
     lower, upper : array, shape (k,), or None
         Bounds; infinite entries bound nothing.
-    names : sequence of str or None
-        Names of the coefficients for messages.
-
-    Raises
-    ------
-    InfeasibleFitError
-        If bounds and inequalities exclude every solution.
-    FitError
-        If the data do not determine the coefficients, or the solution is not proven optimal.
     """
     labels = [f"x{k + 1}" for k in range(matrix.shape[1])] if names is None else list(names)
     problem = scaled_qp(matrix, y, sigma, lower, upper, inequalities, labels)

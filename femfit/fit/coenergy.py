@@ -44,8 +44,6 @@ class CoenergyFit:
     held_out : float
         Rms error of the chosen basis on held-out rows, the larger of force (relative to itself) and flux linkage
         (relative to its change over the distance).
-    active : tuple of str
-        Where they act: one sentence a place.
     """
 
     magnetics: CoenergySpline
@@ -68,16 +66,6 @@ def fit_coenergy(
     open_inductance_H : float
         Inductance at the largest distance of a sweep without flux linkage, which the force leaves open; not used where
         flux linkage is given.
-
-    Returns
-    -------
-    CoenergyFit
-        The smallest basis that predicts held-out rows well enough.
-
-    Raises
-    ------
-    FitError
-        If the rows do not determine a co-energy.
     """
     names = tuple(obeyed_shapes(rows) if constraints is None else constraints)
     unknown = [name for name in names if name not in SHAPES]

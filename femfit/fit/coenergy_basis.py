@@ -18,8 +18,6 @@ class CoenergyBasis:
     ----------
     reference_distance_m, distance_shift_m : float
         d_0 and s of u = d_0 / (d + s).
-    current_degree : int
-        Polynomial degree in the current.
     """
 
     reference_distance_m: float

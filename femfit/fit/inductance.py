@@ -39,8 +39,6 @@ class InductanceFit:
 
     Parameters
     ----------
-    model : ActuatorModel
-        To write with :func:`femfit.model.json_file.write_model`.
     rms_H, max_H : float
         Root mean square and largest of model minus table.
     notes : tuple of str
@@ -99,16 +97,8 @@ def fit_inductance(
 
     Parameters
     ----------
-    table : InductanceTable
-        Apparent inductances, weighted as flux linkages: a small current determines its inductance badly.
     supply_V : (float, float) or None
         The driver's lowest and highest voltage, for the circuit.
-
-    Raises
-    ------
-    FitError
-        If there are fewer distances than the law has numbers, its shape is not found, or the inductance does not fall
-        with the distance.
     """
     if law in {"coenergy", "all"}:
         raise FitError(

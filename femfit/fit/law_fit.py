@@ -55,8 +55,6 @@ class LawFit:
 
     Parameters
     ----------
-    shape : mapping of str to float
-        Its nonlinear parameters.
     shape_interval : mapping of str to (float, float)
         Their 95 % block-jackknife intervals.
     terms : tuple of (str, int)
@@ -106,13 +104,6 @@ def fit_law(
     ----------
     bounds : CoefficientBounds or None
         On every c_k(i); None for the law's own.
-    functions : sequence of str or None
-        Coefficient functions to take without choosing.
-
-    Raises
-    ------
-    FitError
-        If there are too few currents, or the functions do not fit the law.
     """
     if functions is not None and (len(functions) != len(law.basis) or not set(functions) <= set(FUNCTIONS)):
         raise FitError(

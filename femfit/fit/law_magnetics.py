@@ -11,13 +11,7 @@ from femfit.model.magnetics import Coefficient, LawMagnetics
 
 
 def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None) -> LawMagnetics:
-    """The law with the coefficients of the fit to all rows, and inductance and flux linkage at the farthest distance.
-
-    Parameters
-    ----------
-    inductance_H : float or None
-        Inductance at the farthest distance, for rows without flux linkage.
-    """
+    """The law with the coefficients of the fit to all rows, its inductance and flux linkage at the farthest point."""
     sides = fit.limits.active_sides(fit.joint)
     coefficients = []
     for n, (basis, power) in enumerate(fit.terms):

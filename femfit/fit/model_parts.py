@@ -18,8 +18,6 @@ class ModelParts:
 
     Parameters
     ----------
-    circuit : Circuit or None
-        Needs resistance, supply and an inductance.
     sensor : HallSensor or None
         Needs a Hall field in the table, and the element.
     notes : tuple of str

@@ -164,13 +164,7 @@ def in_percent(share: float) -> str:
 
 
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
-    """Fit every law, and rank them by :attr:`Candidate.error`.
-
-    Raises
-    ------
-    FitError
-        If no law could be fitted.
-    """
+    """Fit every law, and rank them by :attr:`Candidate.error`."""
     folds = ranking_folds(rows)
     candidates = sorted((_candidate(law, rows, folds) for law in laws), key=lambda c: c.error)
     fitted = [c for c in candidates if c.fit is not None]

@@ -110,13 +110,7 @@ def rms(values: FloatArray) -> float:
 
 
 def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float) -> FitRows:
-    """Check a sweep table and give its rows.
-
-    Raises
-    ------
-    TableError
-        If a value is missing or not a number, or there are too few rows or distances.
-    """
+    """Check a sweep table and give its rows."""
     rows = table.valid_rows()
     if rows.empty:
         raise TableError(

@@ -28,8 +28,6 @@ class Inequalities:
         G.
     right : array, shape (m,)
         h.
-    labels : tuple of str
-        What each row demands, in words.
     """
 
     matrix: FloatArray
@@ -49,8 +47,6 @@ class ScaledQP:
         q.
     lower, upper : array, shape (k,)
         Bounds of z.
-    inequalities : Inequalities or None
-        On z, rows of length one.
     column_scale : array, shape (k,)
         Norms of the columns of A / sigma.
     """

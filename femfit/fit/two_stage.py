@@ -50,18 +50,10 @@ class CoefficientFunction:
 
     Parameters
     ----------
-    name : str
-        One of :data:`femfit.fit.law_columns.FUNCTIONS`.
-    values : array
-        One a power of the function.
-    residual_sum : float
-        J_3, sum of squares over the currents.
     held_out : mapping of str to float
         Root mean square error at the current left out, for every function that was tried.
     active : tuple of str
         Bounds that the function stands on, in words.
-    active_sides : tuple of str
-        For each value ``lower``, ``upper`` or empty.
     """
 
     name: str
@@ -118,15 +110,8 @@ def fit_coefficient_function(
         c at each current.
     bounds : CoefficientBounds or None
         Of c, one column; None for none.
-    name : str or None
-        A function of :data:`FUNCTIONS` to take without choosing.
     negligible : float
         Held-out error, in the coefficient's unit, that does not matter.
-
-    Raises
-    ------
-    InfeasibleFitError
-        If no function satisfies the bounds.
 
     References
     ----------

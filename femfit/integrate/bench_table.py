@@ -94,8 +94,6 @@ def make_bench_table(
         The bench table, .csv; its sidecar .toml with noise and notes is written beside it.
     resistance_ohm : float
         Of the excitation winding, where the voltage is its own: R i is taken off.
-    turns_ratio : float
-        Turns of the excitation winding over those of the sensing coil.
     method : str
         ``plateaus`` (offset voltage from each settled plateau, linear between), ``ffa1`` (from each run's first
         plateau), or ``trapezoid`` (none: drifts).
@@ -103,13 +101,6 @@ def make_bench_table(
         Seconds left out after each change; movements from sample to sample that still belong to a plateau.
     model, initial_flux_Wb : path or model, float
         Flux linkage on each run's first plateau, as the model has it or as it is known; 0 where neither is given.
-
-    Raises
-    ------
-    TableError
-        If the record lacks a column, a run has fewer than two plateaus, or both first values are given.
-    OutputError
-        If the record, the model, or a file of another kind would be replaced.
     """
     record = Path(record)
     output = None if output is None else Path(output)

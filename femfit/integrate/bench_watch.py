@@ -24,8 +24,6 @@ def watch_run(
         Of a run, in s, and V as the converter read it.
     induced, current : array, shape (n,)
         The voltage without R i, V, and the current, A.
-    found : PlateauFlux
-        Its plateaus. A converter repeats itself there without being at its limit.
     """
     between = voltage.copy()
     for first, last in zip(found.first, found.last, strict=True):

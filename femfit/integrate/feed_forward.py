@@ -30,10 +30,6 @@ class FeedForwardState:
         B in T and its accumulated noise variance.
     elapsed : float
         Integrated time in s.
-    window : Window
-        Samples since the last offset estimate.
-    rule : RuleState
-        Offset, and what its rule remembers.
     """
 
     last: LastSample

@@ -69,11 +69,6 @@ def leading_unknown(field: float, readings: FloatArray) -> int:
         Its state; NaN before the first reading.
     readings : array, shape (n,)
         Of its reference, NaN where there is none.
-
-    Returns
-    -------
-    int
-        0 for a filter that has a field.
     """
     if not np.isnan(field):
         return 0

@@ -117,11 +117,6 @@ class FieldModel:
 def precycled(terms: FieldTerms) -> MagnetState:
     """The state of a magnet that was cycled to its largest current and rests at zero.
 
-    Parameters
-    ----------
-    terms : FieldTerms
-        With the radii.
-
     Returns
     -------
     MagnetState
@@ -214,13 +209,9 @@ def field_model_of_sweep(
     ----------
     curve : callable
         Field in T at the sensor (or flux linkage in Wb of the winding) of currents in A, the moving part held.
-    current_min, current_max : float
-        Between which the model holds, A.
     rms : float
         What the model is believed to be off by, in the curve's unit: remanence and eddy currents of the real magnet
         included.
-    degree : int
-        Of the polynomial; a linear material needs 1.
     """
     terms = FieldTerms(current_max, degree)
     nodes = np.polynomial.chebyshev.chebpts1(4 * (degree + 1))
@@ -245,13 +236,7 @@ def write_field_model(model: FieldModel, path: Path) -> None:
 
 
 def read_field_model(path: Path) -> FieldModel:
-    """Read a field model.
-
-    Raises
-    ------
-    ModelFileError
-        If the file is missing, holds anything else, or a number that no field model has.
-    """
+    """Read a field model."""
     try:
         return _parsed(json.loads(path.read_text(encoding="utf-8"), parse_constant=_refused))
     except (OSError, KeyError, TypeError, ValueError, RecursionError) as error:

@@ -62,20 +62,8 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
 
     Parameters
     ----------
-    runs : sequence of LabRun
-        At least one, with ramps up and down; smaller amplitudes teach the minor loops.
     terms : FieldTerms or None
         The usual ones for the largest current of the runs where None.
-
-    Returns
-    -------
-    FieldModel
-        With its error on stretches of the runs that it was not fitted to.
-
-    Raises
-    ------
-    FitError
-        If there is no run, a value is not finite, or the runs do not move the current.
     """
     if not runs:
         raise FitError("A field model needs at least one lab run; instead received none.")

@@ -52,18 +52,7 @@ class Increments:
 def increments(
     last: LastSample, block: CoilBlock, coil: SensingCoil, noise: Noise, sample_time: float
 ) -> tuple[LastSample, Increments]:
-    """Trapezoids of a block, with the trapezoid that joins it to the block before.
-
-    Parameters
-    ----------
-    block : CoilBlock
-        At least one sample, finite voltages.
-
-    Returns
-    -------
-    last, increments : LastSample, Increments
-        For the next block, and of this one.
-    """
+    """Trapezoids of a block, with the trapezoid that joins it to the block before."""
     first = np.isnan(last.time)
     time = np.concatenate([[block.time[0] if first else last.time], block.time])
     voltage = np.concatenate([[block.voltage[0] if first else last.voltage], block.voltage])

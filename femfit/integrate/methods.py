@@ -47,14 +47,10 @@ class IntegrationOptions:
         B_0; None is 0 for feed-forward methods, and the reference's first reading for filters.
     zero_reading : float or None
         Length of ffa1's zero reading at the record's begin, s.
-    settling : float
-        Of ffa2 after each ramp, s.
     still_A : float
         Of ffa2: a current that moves by less in a second is on a plateau.
     current_to_field : float or None
         g of cs2 in A/T.
-    systematics : Systematics
-        As given; 0 where nothing is known.
     noise : Noise or None
         White noise of the samples; None evaluates it from the record's first block.
     """
@@ -77,18 +73,7 @@ class IntegrationOptions:
 
 
 def make_integrator(options: IntegrationOptions, first: CoilBlock) -> AnyIntegrator:
-    """The integrator of a method.
-
-    Parameters
-    ----------
-    first : CoilBlock
-        The record's first block: its sample time and its noise.
-
-    Raises
-    ------
-    TableError
-        If the block is too short, or it or the options lack what the method needs.
-    """
+    """The integrator of a method."""
     if options.method == "cs2-identified" and options.field_model is None:
         raise TableError("cs2-identified needs a field model: give --field-model, or --lab with a Hall probe's record.")
     dt = sample_time(first)
@@ -125,13 +110,7 @@ def _current_to_field(options: IntegrationOptions) -> float:
 
 
 def sample_time(block: CoilBlock) -> float:
-    """Nominal sample time, the median difference.
-
-    Raises
-    ------
-    TableError
-        If the block is shorter.
-    """
+    """Nominal sample time, the median difference."""
     if len(block) < 3:
         raise TableError(f"A record needs at least 3 samples; instead received {len(block)}.")
     return float(np.median(np.diff(block.time)))

@@ -38,8 +38,6 @@ class Pending:
     ----------
     elapsed, integral, variance : float
         Time in s, coil's field increment in T and its noise variance in T^2.
-    readings : int
-        Samples with a reading of the reference.
     raw, predicted, at, noise : float
         Sums over these: reading (T or A), predicted field (T), elapsed time (s), variance (T^2).
     """

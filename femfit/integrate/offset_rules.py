@@ -79,12 +79,8 @@ class RuleState:
     ----------
     hold : bool
         Whether the field is held, because the record is still in its zero reading.
-    samples : int
-        Samples of the zero reading so far.
     still : float
         Seconds since the last ramp, or of the zero reading.
-    level : float
-        Mid current of the window before, A.
     """
 
     offset: float = 0.0
@@ -159,8 +155,6 @@ class PlateauMean:
 
     Parameters
     ----------
-    settling : float
-        Seconds to wait after a ramp.
     still_A : float
         A window whose current moves by less is on a plateau.
     still_V : float

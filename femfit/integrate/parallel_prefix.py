@@ -99,8 +99,6 @@ def riccati_recursion(w: FloatArray, j: FloatArray, start: float) -> tuple[Float
         Variances of the prediction's increments, folded; neutral fill 0.
     j : array, shape (length, count)
         Information 1 / sigma_q^2 of each measurement, 0 where there is none; neutral fill 0.
-    start : float
-        Posterior variance before the first sample.
 
     Returns
     -------

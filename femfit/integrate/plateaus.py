@@ -88,11 +88,6 @@ def plateau_flux(
         Induced voltage dlambda/dt plus offset in V: u - R i of an excitation winding, u of a sensing coil.
     current, distance : array, shape (n,)
         In A and m; they tell the plateaus.
-
-    Raises
-    ------
-    TableError
-        If the clock does not rise, a cell is missing, a plateau creeps, or there are fewer than two.
     """
     if not all(np.isfinite(column).all() for column in (time, voltage, current, distance)):
         raise TableError("A bench record must have a time, voltage, current and distance in each row; fill or cut it.")

@@ -21,13 +21,7 @@ from femfit.tables.coil_record import open_coil_record
 
 
 def identified_field(lab: str | Path, coil_area_m2: float) -> FieldModel:
-    """Identify the field of a current from a record with a Hall probe, of a magnet that was cycled before.
-
-    Raises
-    ------
-    TableError
-        If the record lacks a column.
-    """
+    """Identify the field of a current from a record with a Hall probe, of a magnet that was cycled before."""
     record = open_coil_record(Path(lab))
     if not {"hall_T", "current_A"} <= set(record.columns):
         raise TableError(f"A lab record needs hall_T and current_A; {record.path} has {', '.join(record.columns)}.")
@@ -60,13 +54,6 @@ def swept_field(
     -------
     model, currents : FieldModel, (float, float)
         And between which currents it holds, A.
-
-    Raises
-    ------
-    DomainError
-        If the model does not reach the distance, or no current above zero.
-    MissingPartError
-        If the field is meant and the model has no Hall element.
     """
     sensor, domain = model.sensor, model.validity
     if sensor is None and not of_flux:

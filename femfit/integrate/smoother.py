@@ -34,13 +34,7 @@ def smooth(integrator: KalmanIntegrator | OffsetFilter, record: CoilBlock) -> Fi
 
 
 def smooth_blocks(integrator: AnyIntegrator, blocks: Iterable[CoilBlock]) -> Iterator[tuple[CoilBlock, FieldBlock]]:
-    """Smooth a record that comes in blocks, as one block.
-
-    Raises
-    ------
-    TableError
-        If the integrator is no Kalman filter.
-    """
+    """Smooth a record that comes in blocks, as one block."""
     if isinstance(integrator, FeedForwardIntegrator):
         raise TableError("Only a Kalman filter can be smoothed; choose cs1, cs2, cs1-offset or cs2-identified.")
     record = joined_record(blocks)

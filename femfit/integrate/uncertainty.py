@@ -76,8 +76,6 @@ class Systematics:
 
     Parameters
     ----------
-    coil_gain : float
-        Relative: area and converter gain together.
     reference_gain : float
         Relative: Hall sensitivity, or current transducer with current-to-field ratio.
     reference_offset_T : float
@@ -134,8 +132,6 @@ def increment_variance(noise: Noise, coil: SensingCoil, voltage: FloatArray, dt:
 
     Parameters
     ----------
-    voltage : array, shape (n + 1,)
-        v_0 .. v_n.
     dt : array, shape (n,)
         Between them, s.
     """

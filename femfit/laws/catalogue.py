@@ -61,16 +61,5 @@ def all_laws() -> dict[str, ForceLaw]:
 
 
 def law_by_name(name: str) -> ForceLaw:
-    """Look up a law; only the package that gives it is loaded.
-
-    Parameters
-    ----------
-    name : str
-        As in the model file, and as the entry point is called; case counts.
-
-    Raises
-    ------
-    ModelFileError
-        If no law has this name, or its package cannot be loaded.
-    """
+    """Look up a law; only the package that gives it is loaded."""
     return _CATALOGUE.find(name, lambda: entry_points(group=GROUP))

@@ -39,8 +39,6 @@ class ForceLaw:
         Unit of each column's coefficient at current power zero; each power of current divides by A.
     columns : callable
         (d of shape (n,), shape parameters) -> phi of shape (n, k), in 1/coefficient unit times N.
-    gradient_columns : callable
-        The same for d phi / dd.
     potential_columns : callable
         The same for Phi(d), the integral of phi from d to infinity.
     column_operations : int

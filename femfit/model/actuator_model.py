@@ -43,17 +43,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class HallSensor:
-    """The Hall element: field, linear output, converter.
-
-    Parameters
-    ----------
-    output_min_V, output_max_V : float
-        Range of the output and converter.
-    adc_bits : int
-        Resolution over that range; 0 for none.
-    noise_V : float
-        Standard deviation of one sample's white noise.
-    """
+    """The Hall element: field, linear output, converter."""
 
     field: HallField
     sensitivity_V_per_T: float
@@ -94,13 +84,7 @@ class ValidityBox:
         )
 
     def require(self, distance: FloatArray, current: FloatArray) -> None:
-        """Refuse points outside of the domain.
-
-        Raises
-        ------
-        DomainError
-            If any point lies outside or is not a number.
-        """
+        """Refuse points outside of the domain."""
         inside = self.contains(distance, current)
         if not np.all(inside):
             d, i = np.broadcast_arrays(np.asarray(distance), np.asarray(current))

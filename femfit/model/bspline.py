@@ -69,8 +69,6 @@ class TensorSpline:
     ----------
     x_knots, y_knots : array
         Clamped knot vectors (``degree + 1`` equal knots at both ends).
-    x_degree, y_degree : int
-        Polynomial degrees.
     coefficients : array, shape (len(x_knots) - x_degree - 1, len(y_knots) - y_degree - 1)
         C.
     """

@@ -41,15 +41,7 @@ class _Plan:
 
 @dataclass(frozen=True, eq=False)
 class CellPolynomials:
-    """A piecewise polynomial.
-
-    Parameters
-    ----------
-    x_breaks, y_breaks : array
-        Edges of the cells, ascending.
-    polynomials : array, shape (cells in x times cells in y, x_degree + 1, y_degree + 1)
-        P, the cells in y running faster.
-    """
+    """A piecewise polynomial."""
 
     x_breaks: FloatArray
     y_breaks: FloatArray

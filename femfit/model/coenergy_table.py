@@ -50,12 +50,8 @@ class _Cells:
     ----------
     distance, current : array, shape (n + 1,) and (m + 1,)
         Edges in m and A.
-    starts : (array of shape (n + 2,), array of shape (m + 2,))
-        d_0 and i_0.
     polynomials : array, shape (n + 2, m + 2, 1 or 2, 6, 6)
         P, of W' and of the Hall field.
-    good : array, shape (n + 2, m + 2)
-        Where the polynomials meet the tolerance.
     """
 
     distance: FloatArray
@@ -83,8 +79,6 @@ class CoenergyTable:
     ----------
     exact : callable
         The co-energy under effects that depend on distance and current alone.
-    nominal : Nominal
-        Of the base model, for its domain.
     hall : bool
         Whether the field at the Hall element is asked for.
     """

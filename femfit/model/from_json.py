@@ -23,18 +23,7 @@ from femfit.model.with_effects import with_effects
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:
-    """Build a model from JSON data.
-
-    Parameters
-    ----------
-    data : mapping
-        As written by :func:`model_to_dict`.
-
-    Raises
-    ------
-    ModelFileError
-        If the schema is newer than this femfit knows, or a key is missing, unknown or of the wrong kind.
-    """
+    """Build a model from JSON data."""
     version = data.get("schema") if isinstance(data, Mapping) else None
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
         raise ModelFileError(f"{source} must be a femfit model file with a key 'schema' of 1 or more; it has none.")

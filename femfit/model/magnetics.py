@@ -168,10 +168,6 @@ class LawMagnetics(Magnetics):
 
     Parameters
     ----------
-    shape : mapping of str to float
-        The law's nonlinear parameters.
-    constant_inductance_H, constant_flux_linkage_Wb : float
-        L_ref and flux_linkage_ref.
     reference_distance_m : float or None
         d_ref; None for infinity, as in models of earlier versions.
     """

@@ -37,8 +37,6 @@ def predict_readings(
         Its base and its effects count; it is evaluated outside of its validity domain as well.
     distance, current : array, shape (n,)
         As recorded, in m and A.
-    effects : iterable of AddedEffect or None
-        In place of the model's own.
 
     Returns
     -------

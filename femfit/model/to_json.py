@@ -14,13 +14,7 @@ SCHEMA_VERSION = 1
 
 
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
-    """The model as JSON-ready data.
-
-    Returns
-    -------
-    dict
-        Floats keep all their digits; infinite bounds become null.
-    """
+    """The model as JSON-ready data."""
     base, sensor = model.without_effects, None
     if base.sensor is not None:
         sensor = {key: value for key, value in vars(base.sensor).items() if key != "field"}

@@ -20,13 +20,7 @@ from femfit.model.magnetics import Magnetics
 
 
 def nominal_of(model: ActuatorModel) -> Nominal:
-    """Facts of a base model by which effects scale their parameters.
-
-    Returns
-    -------
-    Nominal
-        Largest force and flux linkage over 15 x 15 points of the validity domain.
-    """
+    """Facts of a base model by which effects scale their parameters."""
     base = model.without_effects
     domain, nan = base.validity, float("nan")
     d, i = np.meshgrid(
@@ -137,18 +131,7 @@ class EffectHallField(HallField):
 
 
 def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> ActuatorModel:
-    """A model with effects in place of those that it has.
-
-    Parameters
-    ----------
-    effects : iterable of AddedEffect
-        In the order of adding; empty for the base itself.
-
-    Returns
-    -------
-    ActuatorModel
-        Magnetics, circuit, motion and sensor as the effects change them at the model's temperatures.
-    """
+    """A model with effects in place of those that it has."""
     effects, base = tuple(effects), model.without_effects
     if not effects:
         return base

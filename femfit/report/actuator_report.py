@@ -46,13 +46,7 @@ SMALL = 1e-3
 def draw_figures(
     content: ReportContent, draw: Draw = draw_off_screen, drawn: Mapping[str, str] | None = None
 ) -> dict[str, str]:
-    """Draw what a report shows, as data URIs by name; the cut-away is drawn beside the other pictures.
-
-    Parameters
-    ----------
-    drawn : mapping of str to str, or None
-        Pictures of an earlier, unfinished report, which are kept.
-    """
+    """Draw what a report shows, as data URIs by name; the cut-away is drawn beside the other pictures."""
     pictures = dict(drawn or {})
     actuator, sample = content.actuator, content.field
     with ThreadPoolExecutor(1) as background:

@@ -25,8 +25,6 @@ class ReportContent:
     ----------
     model : ActuatorModel
         That the report describes; with a fit to all laws, the co-energy rather than the recommended law.
-    actuator : Actuator or None
-        The drawing.
     fit : FitResult or None
         With a ranking of the laws, the notes and the sensor's characteristic.
     no_study : str

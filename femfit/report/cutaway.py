@@ -197,11 +197,6 @@ def cropped(image: Any) -> Any:
     ----------
     image : array of uint8, shape (rows, columns, 3)
         On white.
-
-    Returns
-    -------
-    array
-        A part of it, with a few pixels of margin.
     """
     drawn = (image < 250).any(axis=2)
     rows, columns = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))

@@ -19,18 +19,7 @@ from femfit.report.section_misfit import misfit_section
 
 
 def write_diagnosis_report(content: DiagnosisContent, path: Path) -> Path:
-    """Write the report of a diagnosis.
-
-    Parameters
-    ----------
-    path : Path
-        Of the HTML file; its directory is made if absent.
-
-    Raises
-    ------
-    RunDirectoryError
-        If the file would not stay below 3 MB.
-    """
+    """Write the report of a diagnosis."""
     return write_page(render_diagnosis(content), path)
 
 

@@ -24,11 +24,6 @@ def ranking_figure(
 ) -> "Figure":
     """Share of the structured misfit that each effect explains by itself.
 
-    Parameters
-    ----------
-    members : sequence of str
-        What the data cannot tell from it.
-
     Returns
     -------
     Figure
@@ -66,8 +61,6 @@ def waterfall_figure(steps: Sequence[tuple[str, dict[str, float]]], floor: dict[
     ----------
     steps : sequence of (str, dict of str to float)
         What was added, and the error per channel with it and everything before; the first is the model as it was.
-    floor : dict of str to float
-        Noise of a single reading per channel.
 
     Returns
     -------

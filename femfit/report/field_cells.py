@@ -60,13 +60,7 @@ class FieldCells:
 
 
 def field_cells(point: SolvedPoint, subdivisions: int = SUBDIVISIONS) -> FieldCells:
-    """Evaluate a field on a lattice of points in each element.
-
-    Parameters
-    ----------
-    subdivisions : int
-        Of each side of an element.
-    """
+    """Evaluate a field on a lattice of points in each element."""
     import ngsolve as ng
 
     from femfit.field.weak_form import flux_density, materials
@@ -131,11 +125,6 @@ def write_vtu(point: SolvedPoint, cells: FieldCells, path: Path) -> None:
     Of points: ``A_phi`` (Wb/m), ``flux`` (2 pi r A_phi in Wb, whose contours are the flux lines), ``B`` (T, vector),
     ``B_magnitude``, ``H`` (A/m, vector), ``mu_r``. Of cells: ``region``, the place of its name in the field data
     ``regions``. Field data also: ``distance_m``, ``current_A``, ``force_N``.
-
-    Parameters
-    ----------
-    point : SolvedPoint
-        For what is written beside the field.
     """
     import pyvista
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter

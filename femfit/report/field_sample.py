@@ -48,13 +48,7 @@ class SolvedPoint:
 def solve_point(
     actuator: Actuator, distance: float, current: float, settings: SolverSettings | None = None
 ) -> SolvedPoint:
-    """Solve at one point.
-
-    Parameters
-    ----------
-    settings : SolverSettings, optional
-        As those of the sweep; the actuator's own otherwise.
-    """
+    """Solve at one point."""
     from femfit.field.layout import layout_of
     from femfit.field.problem import prepare
 
@@ -109,29 +103,12 @@ class FieldSample:
 def sample_field(
     actuator: Actuator, distance: float, current: float, settings: SolverSettings | None = None
 ) -> FieldSample:
-    """Solve at one point and sample the field.
-
-    Parameters
-    ----------
-    settings : SolverSettings, optional
-        As those of the sweep; the defaults otherwise.
-
-    Returns
-    -------
-    FieldSample
-        On the parts and the air around them.
-    """
+    """Solve at one point and sample the field."""
     return sample_of(solve_point(actuator, distance, current, settings))
 
 
 def sample_of(point: SolvedPoint) -> FieldSample:
-    """Sample a field that is solved.
-
-    Returns
-    -------
-    FieldSample
-        On the parts and the air around them.
-    """
+    """Sample a field that is solved."""
     from femfit.field.weak_form import flux_density
 
     radius, height = _window(point.actuator, point.distance_m)

@@ -174,13 +174,7 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
 
 
 def changes_sign(grid: SweepGrid) -> bool:
-    """Whether the force both attracts and repels, so that logarithms would hide a part of it.
-
-    Returns
-    -------
-    bool
-        True where the one is at least a twentieth of the other.
-    """
+    """Whether the force both attracts and repels, so that logarithms would hide a part of it."""
     low, high = float(grid.force.min()), float(grid.force.max())
     return min(-low, high) > 0.05 * max(-low, high)
 

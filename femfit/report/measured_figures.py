@@ -28,13 +28,7 @@ BINS = 12
 
 @styled
 def settings_figure(observations: Observations) -> "Figure":
-    """Where and when readings were taken.
-
-    Returns
-    -------
-    Figure
-        Settings by run; temperatures over the campaign where they were recorded.
-    """
+    """Where and when readings were taken."""
     rows = observations.covariates
     warm = [n for n in ("coil_temperature_C", "magnet_temperature_C") if np.isfinite(rows[n].to_numpy()).any()]
     figure = new_figure(3.0)
@@ -72,15 +66,6 @@ def residual_maps_figure(
     ----------
     rows : sequence of (str, array of shape (M,))
         Title and residual of each row of maps, in the readings' units; all rows share a channel's colours.
-    scale : dict of str to float
-        What a channel's residual is divided by.
-    sigma : bool
-        Whether that is its noise, so that the colours count standard deviations.
-
-    Returns
-    -------
-    Figure
-        Averages over the readings of each cell.
     """
     names = observations.channels
     figure = new_figure(0.5 + 1.9 * len(rows), width=min(WIDTH, 1.4 + 2.2 * len(names)))
@@ -148,11 +133,6 @@ def covariate_figure(
     ----------
     residual, after : array, shape (M,)
         Before and after, over the channel's noise; None where nothing was added.
-
-    Returns
-    -------
-    Figure
-        A panel a column; means with twice their standard error.
     """
     figure = new_figure(2.7, width=min(WIDTH, 2.8 + 2.5 * len(names)))
     panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]

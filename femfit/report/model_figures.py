@@ -57,8 +57,6 @@ def place_labels(
     ----------
     x, y : array, shape (n,)
         Points.
-    bold : int
-        Index of the point that is written bold.
     """
     points = points_per_pixel * axes.transData.transform(np.column_stack([x, y]))
     taken = [(px - 3.0, py - 3.0, px + 3.0, py + 3.0) for px, py in points]

@@ -25,13 +25,6 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
     ----------
     value : float or None
         In the unit; None becomes ``unknown``.
-    unit : str
-        That takes a prefix: ``N``, ``T``, ``H``, ``m``, ...
-
-    Returns
-    -------
-    str
-        For example ``8.34 mN``, with a space that does not break.
     """
     if value is None or not math.isfinite(value):
         return "unknown"
@@ -44,24 +37,12 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
 
 
 def noise_words(noise_V: float) -> str:
-    """A sensor's noise as one says it.
-
-    Parameters
-    ----------
-    noise_V : float
-        Standard deviation, V; 0 where the drawing does not tell it.
-    """
+    """A sensor's noise as one says it."""
     return f"noise of {quantity(noise_V, 'V')} rms" if noise_V else "its noise not known"
 
 
 def percent(fraction: float | None, digits: int = 2) -> str:
-    """A fraction in per cent.
-
-    Parameters
-    ----------
-    fraction : float or None
-        1 is 100 %.
-    """
+    """A fraction in per cent."""
     if fraction is None or not math.isfinite(fraction):
         return "unknown"
     return f"{significant(100.0 * fraction, digits)}{NO_BREAK}%"

@@ -74,13 +74,7 @@ def _environment() -> "Environment":
 
 
 def write_page(text: str, path: str | Path) -> Path:
-    """Write a page, completely or not at all; its directory is made if absent.
-
-    Raises
-    ------
-    RunDirectoryError
-        If the page would not stay below 3 MB.
-    """
+    """Write a page, completely or not at all; its directory is made if absent."""
     encoded = text.encode()
     if len(encoded) > LARGEST_BYTES:
         raise RunDirectoryError(

@@ -82,36 +82,17 @@ def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatA
         Ascending from 0, in m.
     values : array, shape (m, n)
         On the half section.
-
-    Returns
-    -------
-    x : array, shape (2 n - 1,)
-        In m.
-    values : array, shape (m, 2 n - 1)
-        On the full section.
     """
     return np.concatenate([-radius[:0:-1], radius]), np.concatenate([values[:, :0:-1], values], axis=1)
 
 
 def standing_corners(actuator: Actuator) -> FloatArray:
-    """Corners (r, z) of core and winding in m, shape (n, 2).
-
-    Returns
-    -------
-    array, shape (n, 2)
-        In m.
-    """
+    """Corners (r, z) of core and winding in m, shape (n, 2)."""
     outlines = [region.vertices_m for region in actuator.fixed]
     return np.concatenate([np.asarray(vertices) for vertices in (*outlines, actuator.coil.vertices_m)])
 
 
 def moving_corners(actuator: Actuator, distance: float) -> FloatArray:
-    """Corners (r, z) of the moving part at a distance in m, shape (n, 2).
-
-    Returns
-    -------
-    array, shape (n, 2)
-        In m.
-    """
+    """Corners (r, z) of the moving part at a distance in m, shape (n, 2)."""
     corners = np.concatenate([np.asarray(region.vertices_m) for region in actuator.moving.regions])
     return np.asarray(corners + np.array([0.0, distance]))

@@ -40,8 +40,6 @@ class Feed:
         ``cold`` or ``warm`` at the supply's voltage, ``reversed`` at its other end, ``rated`` or ``idle``.
     drawn_A : float
         The current within the model's validity domain that forces are taken at.
-    power_W : float
-        Heat in the winding at its temperature.
     density_A_mm2 : float or None
         In the wire; None where its diameter is not known.
     force_near_N, force_far_N : float

@@ -33,8 +33,6 @@ class DataTable:
 
     Parameters
     ----------
-    header : tuple of str or Markup
-        One a column; empty for none.
     rows : tuple of tuple of str or Markup
         Cells; the first of each row is its head.
     """
@@ -49,13 +47,7 @@ Block = Markup | Picture | DataTable
 
 @dataclass(frozen=True)
 class Section:
-    """A section.
-
-    Parameters
-    ----------
-    blocks : tuple of Markup, Picture or DataTable
-        In order; a Markup is a paragraph.
-    """
+    """A section."""
 
     name: str
     title: str

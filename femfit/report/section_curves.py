@@ -24,8 +24,6 @@ def curves_section(
     ----------
     effects : sequence of AddedEffect
         What was added to the model, or what a diagnosis names; none where nothing is.
-    noise : mapping of str to float
-        Standard deviation of one reading, of the channels in which it is known.
     """
     curves = measured_curves(model, observations, after=effects, noise=dict(noise))
     names = " and ".join(dict.fromkeys(one.effect.name for one in effects))

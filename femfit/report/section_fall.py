@@ -20,11 +20,6 @@ from femfit.report.style import svg_uri
 def fall_section(content: DiagnosisContent) -> Section | None:
     """Error before, after and the noise floor per channel, with maps of what is left.
 
-    Parameters
-    ----------
-    content : DiagnosisContent
-        With what was added, or what the diagnosis names.
-
     Returns
     -------
     Section or None

@@ -72,13 +72,7 @@ def words(figure: str, key: str, **values: object) -> str:
 
 
 def style(**more: Any) -> AbstractContextManager[None]:
-    """A context with :data:`SETTINGS`, that leaves matplotlib's own settings as they were.
-
-    Parameters
-    ----------
-    **more : Any
-        Further settings, their dots written as double underscores.
-    """
+    """A context with :data:`SETTINGS`, that leaves matplotlib's own settings as they were."""
     import matplotlib as mpl
 
     settings: Any = SETTINGS | {name.replace("__", "."): value for name, value in more.items()}
@@ -97,13 +91,7 @@ def styled(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
 
 
 def new_figure(height: float, width: float = WIDTH) -> "Figure":
-    """An empty figure, without any state of pyplot.
-
-    Returns
-    -------
-    Figure
-        With a layout that keeps labels apart.
-    """
+    """An empty figure, without any state of pyplot."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
@@ -118,13 +106,7 @@ def ordered_colours(count: int) -> list[tuple[float, float, float, float]]:
 
 
 def svg_uri(figure: "Figure", name: str) -> str:
-    """A figure as the data URI of an SVG image; lines and text stay lines, rasterised artists become PNG inside.
-
-    Parameters
-    ----------
-    name : str
-        Seeds the identifiers inside, so that the same figure gives the same bytes.
-    """
+    """A figure as the data URI of an SVG image; lines and text stay lines, rasterised artists become PNG inside."""
     buffer = io.BytesIO()
     with style(svg__hashsalt=name):
         figure.savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})

@@ -63,18 +63,7 @@ class Backstepping(Controller):
 
 
 def design_backstepping(model: ActuatorModel, points: Sequence[OperatingPoint]) -> Backstepping:
-    """Gains from the model's poles, for the fastest unstable pole and the slowest coil among the points.
-
-    Parameters
-    ----------
-    points : sequence of OperatingPoint
-        Over the range of the reference.
-
-    Returns
-    -------
-    Backstepping
-        With the triple pole of the module's equations.
-    """
+    """Gains from the model's poles, for the fastest unstable pole and the slowest coil among the points."""
     unstable = max(point.mechanical_pole_rad_s for point in points)
     slowest = min(points, key=lambda point: point.coil_pole_rad_s)
     usable = usable_coil_pole(slowest, model.sample_time_s)

@@ -96,17 +96,7 @@ class LoopDesign:
         distance_deviation_m: float = FIRST_DEVIATION_M,
         velocity_cutoff_rad_s: float = np.inf,
     ) -> Observer[Any]:
-        """The observer of this name: a filter for the Hall voltage, or the direct measurement.
-
-        Parameters
-        ----------
-        name : str
-            One of :data:`OBSERVERS`; a trailing 4 adds the Hall bias as a state.
-        distance_deviation_m : float
-            Standard deviation of the first belief's distance, for a filter.
-        velocity_cutoff_rad_s : float
-            Of the direct measurement's derivative; infinite: raw.
-        """
+        """The observer of this name: a filter for the Hall voltage, or the direct measurement."""
         if name == "direct":
             return DirectObserver(self.model, hall_inverse(self.model), velocity_cutoff_rad_s)
         filter_ = kalman_filter(
@@ -127,14 +117,6 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
     ----------
     noise_V : float or None
         White noise of a Hall sample; None: the model's own, or a part of the output's range where it has none.
-
-    Raises
-    ------
-    MissingPartError
-        If the model has no circuit, motion or sensor.
-    DomainError
-        If the body cannot be held at the reference distances, or hangs there without being unstable, or the Hall
-        element is saturated there.
     """
     model.require_motion()
     sensor = model.require_sensor()

@@ -30,10 +30,6 @@ class Experiment:
         ``exact``, alone in its batch: the controller knows the true state.
     targets_m : tuple of float
         Reference distances in turn; one for a hold.
-    force_scale : float
-        Of the plant against the model.
-    offset_V, drift_V_per_s, drift_V_per_sqrt_s, stuck_after_s, dropout_probability : float
-        Of the Hall sensor, as in :class:`femfit.simulation.sensor.SensorErrors`.
     noise_V : float or None
         Of the Hall sensor; None: the design's.
     start_error_m : float
@@ -81,11 +77,6 @@ def run_experiments(
         Runs of the whole batch whose series are kept; None: all.
     plant : ActuatorModel or None
         What truly moves and is truly sensed, where that is another model than the design's.
-
-    Raises
-    ------
-    DomainError
-        If the plant cannot hold its body at a reference distance.
     """
     model = design.model
     truth = model if plant is None else replace(plant, sample_time_s=model.sample_time_s)

@@ -26,12 +26,8 @@ class ClosedLoop:
 
     Parameters
     ----------
-    errors : SensorErrors
-        What is wrong with the sensor.
     observer : Observer or None
         None: the controller knows the exact state.
-    controller : Controller
-        From estimate and reference to a voltage.
     """
 
     plant: Plant
@@ -48,8 +44,6 @@ class TimeSeries:
 
     Parameters
     ----------
-    voltage_V : array
-        Command held until the next sample.
     normalised_innovation_squared : array
         NaN where the observer has none.
     """
@@ -74,8 +68,6 @@ class WindowStatistics:
     ----------
     estimate_rms_m : array
         sqrt(mean((true - estimated distance)^2)), the paper's RMS.
-    tracking_rms_m, tracking_bias_m : array
-        The same of (true distance - reference).
     normalised_innovation_squared : array
         Mean; 1 is expected of a true filter.
     """
@@ -151,8 +143,6 @@ def run_loop(
         the observer settles before the loop is closed.
     recorded : int or None
         Number of runs whose series are kept; None: all.
-    windows : tuple of slice
-        Of samples, over which statistics of all runs are summed.
     """
     model = loop.plant.model
     runs, steps = len(start), len(loop.reference.distance)

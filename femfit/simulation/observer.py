@@ -41,8 +41,6 @@ class Observer(ABC, Generic[Memory]):
             Held since the sample before, in V.
         reading : array, shape (runs,)
             Hall voltage in V.
-        first : bool
-            True at the first sample, before which no time has passed.
         """
 
     @abstractmethod

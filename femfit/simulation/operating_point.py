@@ -55,13 +55,7 @@ class OperatingPoint:
 
 
 def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
-    """The point of rest at a distance.
-
-    Raises
-    ------
-    DomainError
-        If the distance lies outside of the model or no voltage of the driver holds the body there.
-    """
+    """The point of rest at a distance."""
     circuit, motion = model.require_circuit(), model.require_motion()
     current = holding_current(model, distance)
     if not circuit.voltage_min_V <= circuit.resistance_ohm * current <= circuit.voltage_max_V:
@@ -139,11 +133,6 @@ def current_for_force(
         In N.
     near : array, shape (...), or None
         Currents close to the solution, from which a few steps are tried first.
-
-    Returns
-    -------
-    array, shape (...)
-        In A.
     """
     everywhere = np.full(np.shape(distance), np.inf)
     if near is None:
@@ -185,11 +174,6 @@ def current_for_acceleration(
         Along growing distance, in m/s^2.
     near : array, shape (...), or None
         Currents close to the solution.
-
-    Returns
-    -------
-    array, shape (...)
-        In A.
     """
     motion = model.require_motion()
     return current_for_force(model, distance, motion.mass_kg * (motion.gravity_m_s2 - acceleration), near)
@@ -207,8 +191,6 @@ def zero_order_hold(A: FloatArray, B: FloatArray, step: float) -> tuple[FloatArr
 
     Returns
     -------
-    Phi : array, shape (n, n)
-        exp(A step).
     Gamma : array, shape (n,)
         Integral of exp(A t) B over the step.
     """

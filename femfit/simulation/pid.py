@@ -45,8 +45,6 @@ class Pid(Controller):
 
     Parameters
     ----------
-    model : ActuatorModel
-        Gives u_r and the clamp.
     gains_V_m : (float, float, float)
         b_0, b_1, b_2, negative in sum: a body that is too far away needs more voltage.
     """
@@ -76,18 +74,7 @@ class Pid(Controller):
 
 
 def design_pid(model: ActuatorModel, point: OperatingPoint) -> Pid:
-    """Gains by pole placement at one operating point.
-
-    Returns
-    -------
-    Pid
-        With a quadruple pole of the module's w.
-
-    Raises
-    ------
-    DomainError
-        If the coil is so slow that w would not be positive.
-    """
+    """Gains by pole placement at one operating point."""
     step = model.sample_time_s
     coil, unstable = usable_coil_pole(point, step), point.mechanical_pole_rad_s
     derivative = DERIVATIVE_FILTER_RATIO * coil

@@ -54,10 +54,6 @@ class Plant:
 
     Parameters
     ----------
-    model : ActuatorModel
-        With circuit and motion; what truly moves.
-    substeps : int
-        Runge-Kutta steps in one sample period.
     disturbance_N : array, shape (runs,), or float
         Constant further force along growing distance.
     """
@@ -73,11 +69,6 @@ class Plant:
         ----------
         state : array, shape (runs, 3)
             Distance in m, velocity in m/s, current in A.
-
-        Returns
-        -------
-        array, shape (runs, 3 or more)
-            With zeros for ``model.memory_names``.
         """
         added = len(self.model.memory_names)
         return np.concatenate([np.array(state, dtype=np.float64), np.zeros((len(state), added))], axis=1)
@@ -91,11 +82,6 @@ class Plant:
             Distance in m, velocity in m/s, current in A; after them ``model.memory_names``.
         voltage : array, shape (runs,)
             Held over the period, in V.
-
-        Returns
-        -------
-        array, in the shape of ``state``
-            The next state.
         """
         return runge_kutta_step(self.model, state, voltage, self.model.sample_time_s, self.substeps, self.disturbance_N)
 
@@ -107,11 +93,6 @@ def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> Actuato
     ----------
     scale : array, shape (runs,), or float
         1.01 for a force one per cent larger; one factor for all runs or one a run.
-
-    Returns
-    -------
-    ActuatorModel
-        For a plant of as many runs.
     """
     box = model.validity
     middle, factor = 0.5 * (box.distance_min_m + box.distance_max_m), np.asarray(scale, dtype=np.float64)

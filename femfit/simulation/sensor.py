@@ -83,11 +83,6 @@ def read_sensor(
     ----------
     voltage : array, shape (runs,)
         The element's output without these errors, in V.
-
-    Returns
-    -------
-    SensorState
-        Whose ``reading_V`` is the new reading.
     """
     runs = len(voltage)
     drawn = runs // errors.blocks

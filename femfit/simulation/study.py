@@ -147,22 +147,7 @@ class ClosedLoopStudy:
 
 
 def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None = None) -> ClosedLoopStudy:
-    """Run the study.
-
-    Parameters
-    ----------
-    seed : int
-        Of all noise; the same seed gives the same numbers.
-    noise_V : float or None
-        White noise of a Hall sample, as in :func:`design_loop`.
-
-    Raises
-    ------
-    MissingPartError
-        If the model has no circuit, motion or sensor.
-    DomainError
-        If the body cannot be held at the reference distances.
-    """
+    """Run the study."""
     design = design_loop(model, noise_V)
     steps, series = _steps(design, seed)
     holds, faults, spectra = _holds(design, seed)

@@ -40,13 +40,7 @@ class CoilBlock:
 
 
 def joined_record(blocks: Iterable[CoilBlock]) -> CoilBlock:
-    """Consecutive coil blocks as one.
-
-    Parameters
-    ----------
-    blocks : iterable of CoilBlock
-        At least one, all with the same columns.
-    """
+    """Consecutive coil blocks as one."""
     whole = list(blocks)
 
     def column(parts: list[FloatArray | None]) -> FloatArray | None:

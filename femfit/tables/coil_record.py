@@ -68,13 +68,7 @@ class CoilRecord:
         return tuple(name for name in COLUMNS if name in {column.name for column in self.used})
 
     def blocks(self, rows: int = BLOCK_ROWS) -> Iterator[CoilBlock]:
-        """The record's blocks in order; rows without a time or a voltage are left out and show as gaps.
-
-        Raises
-        ------
-        TableError
-            If a cell is no number, the time does not rise, or no row is left.
-        """
+        """The record's blocks in order; rows without a time or a voltage are left out and show as gaps."""
         before, seen = -np.inf, 0
         for table in self._tables(rows):
             time, voltage = table["time_s"], table["coil_voltage_V"]
@@ -161,11 +155,6 @@ def open_coil_record(path: str | Path) -> CoilRecord:
     ----------
     path : str or Path
         ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; else a text table of any dialect.
-
-    Raises
-    ------
-    TableError
-        If there is no such file, or it lacks a time or a coil voltage.
     """
     path = Path(path)
     if not path.is_file():
@@ -264,8 +253,6 @@ class RecordWriter:
     ----------
     path : Path
         ``.csv``, ``.parquet``, or ``.bin``, ``.raw``, ``.f32`` (with a JSON sidecar).
-    sample_time : float
-        For a raw record's sidecar, s.
     """
 
     def __init__(self, path: Path, columns: Sequence[str], sample_time: float) -> None:

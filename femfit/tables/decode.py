@@ -8,18 +8,7 @@ _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (code
 
 
 def decode(content: bytes, source: str, encoding: str | None = None) -> tuple[str, str]:
-    """Text of a file and its encoding.
-
-    Parameters
-    ----------
-    encoding : str or None
-        Python's name of it, if the user gave it.
-
-    Raises
-    ------
-    TableError
-        If the content is no text, or not in the encoding that was given.
-    """
+    """Text of a file and its encoding."""
     if content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
         raise TableError(f"{source} is a spreadsheet; save the sheet as CSV and import that.")
     name = encoding or _guess(content)

@@ -75,13 +75,7 @@ def same_header(key: str, header: str) -> bool:
 
 
 def find_header(key: str, headers: Sequence[str], source: str, option: str) -> str:
-    """Find the header that a user means.
-
-    Raises
-    ------
-    TableError
-        If none or more than one is meant.
-    """
+    """Find the header that a user means."""
     found = [header for header in headers if header.strip() == key.strip()]
     found = found or [header for header in headers if same_header(key, header)]
     if len(found) != 1:

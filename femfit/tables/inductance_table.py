@@ -44,13 +44,7 @@ def is_inductance_table(path: Path) -> bool:
 def read_inductance_table(
     path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> InductanceTable:
-    """Read measured inductances, with columns as in :data:`COLUMNS` or in other units (``distance_mm, inductance_mH``).
-
-    Raises
-    ------
-    TableError
-        If a column is missing, or no row is usable.
-    """
+    """Read measured inductances; columns as in :data:`COLUMNS` or in other units (``distance_mm, inductance_mH``)."""
     raw = read_raw_table(path)
     used, findings = recognise(raw.headers, str(path), COLUMNS, columns, units)
     rows, said = column_values(raw, used)

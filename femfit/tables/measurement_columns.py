@@ -56,16 +56,6 @@ def recognise(
         Header to the column that it is, where its name does not say it.
     units : mapping of str to str, optional
         Header (or column) to its unit, or to a number that multiplies it to SI.
-
-    Returns
-    -------
-    tuple of list of UsedColumn and list of Finding
-        What is used; what is not, or was converted.
-
-    Raises
-    ------
-    TableError
-        If two headers mean the same column, or what was given does not fit the file.
     """
     headers = list(headers)
     given = {find_header(header, headers, source, "--column"): name for header, name in (columns or {}).items()}

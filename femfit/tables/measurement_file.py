@@ -81,11 +81,6 @@ def read_bench_table(
     -------
     BenchTable
         Rows in the order of measuring, with what the checks set aside as NaN and said in ``findings``.
-
-    Raises
-    ------
-    TableError
-        If there is no such file, it is no table, or it lacks a current, a distance or any channel.
     """
     path = Path(path)
     return _bench_table(read_raw_table(path), path, columns, units, planned)
@@ -101,24 +96,13 @@ def read_time_series(
     TimeSeries
         Rows in the order of the file, run by run. Nothing is sorted, filled or resampled: where the clock jumps or
         pauses a new segment begins, readings that are stuck or clipped become NaN, and all of it is said.
-
-    Raises
-    ------
-    TableError
-        If there is no such file, it is no table, or it lacks times or any channel.
     """
     path = Path(path)
     return _time_series(read_raw_table(path), path, columns, units)
 
 
 def read_raw_table(path: Path, what: str = "measurement") -> RawTable:
-    """Read the cells of a measured file under their headers.
-
-    Raises
-    ------
-    TableError
-        If there is no such file, or it is no table with one line of column names.
-    """
+    """Read the cells of a measured file under their headers."""
     content = file_content(path, what)
     if content.startswith(PARQUET_MAGIC) or path.suffix == ".parquet":
         raw = parse_parquet(content, str(path))

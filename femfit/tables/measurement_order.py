@@ -27,8 +27,6 @@ def in_measuring_order(rows: pd.DataFrame, has_run: bool) -> tuple[pd.DataFrame,
 
     Parameters
     ----------
-    rows : DataFrame
-        ``run`` and ``order``, in the order of the file.
     has_run : bool
         Whether the file has a column of runs.
 
@@ -88,17 +86,10 @@ def _said(text: str) -> Finding:
 def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Finding]]:
     """Read the branch of every row from the order of measuring, where the currents of a table go up and down.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        ``run, distance_m, current_A`` in the order of measuring.
-
     Returns
     -------
     array, shape (n,), or None
         +1 while the current rises, -1 while it falls, 0 where it does not change; None where it was not cycled.
-    list of Finding
-        What was assumed.
     """
     current = rows["current_A"].to_numpy()
     still = STILL_CURRENT * float(np.nanmax(current) - np.nanmin(current)) if np.isfinite(current).any() else 0.0

@@ -28,11 +28,6 @@ def read_sidecar(measurement: Path, channels: Sequence[str]) -> Sidecar:
     -------
     Sidecar
         Empty where there is none. A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``.
-
-    Raises
-    ------
-    TableError
-        If the file is no TOML, or a noise is no number > 0.
     """
     for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
         if file.is_file() and file != measurement:

@@ -81,11 +81,6 @@ def find_decimal(cells: Iterable[str], source: str, otherwise: str | None = None
     A mark decides where it cannot mark thousands: ``0,015``, ``12,5``, ``1.234,5``, ``1,5e-3``. ``1,234`` alone decides
     nothing; a table of such cells only is refused rather than read wrongly by a factor of 1000, unless ``otherwise``
     says what it means.
-
-    Raises
-    ------
-    TableError
-        If the cells contradict each other or leave it open.
     """
     certain: dict[str, str] = {}
     open_marks: dict[str, str] = {}

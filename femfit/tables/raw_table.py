@@ -61,13 +61,7 @@ class RawTable:
 
 
 def file_content(path: str | Path, what: str) -> bytes:
-    """Read a file whole.
-
-    Raises
-    ------
-    TableError
-        If it does not exist or cannot be read; ``what`` says what should be there.
-    """
+    """Read a file whole."""
     path = Path(path)
     if not path.is_file():
         raise TableError(f"There is no {what} {path}. Give a .csv or .parquet file.")
@@ -78,13 +72,7 @@ def file_content(path: str | Path, what: str) -> bytes:
 
 
 def parse_parquet(content: bytes, source: str) -> RawTable:
-    """Read a Parquet table.
-
-    Raises
-    ------
-    TableError
-        If it is damaged, or wider than any table of measurements.
-    """
+    """Read a Parquet table."""
     try:
         frame = pd.read_parquet(io.BytesIO(content))
     except (OSError, ValueError, TypeError, pa.ArrowException) as error:
@@ -118,13 +106,7 @@ def typed_numbers(column: "pd.Series[Any]") -> FloatArray:
 
 
 def check_width(columns: int, source: str) -> None:
-    """Refuse a table with an absurd number of columns.
-
-    Raises
-    ------
-    TableError
-        If there are more than 2000.
-    """
+    """Refuse a table with an absurd number of columns."""
     if columns > MOST_COLUMNS:
         raise TableError(
             f"{source} has {columns} columns, where at most {MOST_COLUMNS} are read. Check its delimiter, or leave out "

@@ -11,13 +11,7 @@ from femfit.core.quoted import quoted
 
 
 def read_settings(file: Path, example: str) -> dict[str, Any]:
-    """Read a small TOML or JSON file of settings.
-
-    Raises
-    ------
-    TableError
-        If it cannot be read; ``example`` shows what a line of it looks like.
-    """
+    """Read a small TOML or JSON file of settings."""
     try:
         text = file.read_text(encoding="utf-8")
         data = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)

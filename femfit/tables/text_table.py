@@ -50,8 +50,6 @@ class Layout:
     ----------
     headers : tuple of str
         One a column; empty if there are none.
-    first : int
-        Number of the first line of data.
     used : frozenset of int
         Numbers of the lines that the headers were made of.
     """
@@ -73,18 +71,7 @@ def parse_text(
     decimal: str | None = None,
     open_decimal: str | None = None,
 ) -> RawTable:
-    """Read a text table; each argument overrides what is found out.
-
-    Parameters
-    ----------
-    open_decimal : str or None
-        Decimal mark where numbers such as ``1,234`` leave it open; refused without it.
-
-    Raises
-    ------
-    TableError
-        If the text holds no table of at least two columns, or its decimal mark is open.
-    """
+    """Read a text table; each argument overrides what is found out."""
     text, encoding = decode(content, source, encoding)
     lines = text_lines(text, source)
     if all(line.comment for line in lines):
@@ -127,13 +114,7 @@ def _deciding(rows: Sequence[Sequence[str]], layout: Layout) -> set[str]:
 
 
 def text_lines(text: str, source: str) -> list[Line]:
-    """Split a text into its lines, without the empty ones.
-
-    Raises
-    ------
-    TableError
-        If a line is longer than any table's.
-    """
+    """Split a text into its lines, without the empty ones."""
     lines = []
     for number, line in enumerate(text.splitlines(), start=1):
         if len(line) > _LONGEST_LINE:
@@ -157,18 +138,7 @@ def split(text: str, delimiter: str) -> list[str]:
 
 
 def find_layout(lines: list[Line], source: str, delimiter: str | None = None) -> tuple[list[Line], Layout]:
-    """Find delimiter, width, headers and first row of data.
-
-    Returns
-    -------
-    list of Line
-        The lines, without a delimiter that stands at the end of each.
-
-    Raises
-    ------
-    TableError
-        If no line has two numbers beside each other.
-    """
+    """Find delimiter, width, headers and first row of data."""
     sample = [line.text for line in lines if not line.comment][:_SAMPLE]
     delimiter = delimiter or _find_delimiter(sample)
     if _ends_each_line(sample, delimiter):

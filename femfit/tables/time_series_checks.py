@@ -20,13 +20,7 @@ _LEAST_CLIPPED, _PILED = 20, 5
 
 
 def check_clock(rows: pd.DataFrame) -> tuple[IntArray, list[Finding]]:
-    """Find where a clock jumps back, stands still or pauses, and number the segments between.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        ``run`` and ``time_s``, run by run.
-    """
+    """Find where a clock jumps back, stands still or pauses, and number the segments between."""
     time, run = rows["time_s"].to_numpy(), rows["run"].to_numpy()
     step, same = np.diff(time), np.diff(run) == 0.0
     forward = step[same & (step > 0.0)]

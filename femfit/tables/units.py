@@ -89,13 +89,7 @@ def unit_factor(unit: str, si_unit: str) -> float | None:
 
 
 def given_factor(unit: str, si_unit: str, header: str, source: str) -> float:
-    """Return the factor to SI of a unit that a user gives by its name, or as the number that multiplies a column.
-
-    Raises
-    ------
-    TableError
-        If it is neither.
-    """
+    """Return the factor to SI of a unit that a user gives by its name, or as the number that multiplies a column."""
     factor = unit_factor(unit, si_unit) if si_unit else None
     if factor is None:
         try:

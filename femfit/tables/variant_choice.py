@@ -27,11 +27,6 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
     where : mapping
         Values by the column of the parameter, or of ``variant``, text for a material; empty for a table without
         parameters.
-
-    Raises
-    ------
-    TableError
-        If a column or a value is not in the table, or more than one variant is left.
     """
     names = [str(name) for name in table.rows.columns]
     axes = names[names.index(VARIANT) :] if VARIANT in names else []

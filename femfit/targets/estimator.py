@@ -29,22 +29,7 @@ RUN_TIME_DEPENDENCIES = frozenset({"numpy"})
 
 
 def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
-    """Write the package, the model, a description and an example.
-
-    Parameters
-    ----------
-    directory : Path
-        Absent, empty, or an earlier export, finished or not, whose files are replaced.
-
-    Raises
-    ------
-    MissingPartError
-        If the model has no circuit, motion or sensor, or a force law or effect that is not femfit's own.
-    FilterError
-        If the coil is too fast for a filter at the model's sample time.
-    RunDirectoryError
-        If the directory holds anything else.
-    """
+    """Write the package, the model, a description and an example."""
     model.require_circuit()
     model.require_motion()
     model.require_sensor()

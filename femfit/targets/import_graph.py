@@ -32,20 +32,7 @@ def package_root() -> Path:
 
 
 def reachable_sources(program: str, unused: Iterable[str] = ()) -> tuple[SourceFile, ...]:
-    """Every module of femfit that a program imports, directly or through others, without the package's own front.
-
-    Parameters
-    ----------
-    program : str
-        Its source.
-    unused : iterable of str
-        Names that the catalogues import and that this program can do without; see :func:`without_imports`.
-
-    Raises
-    ------
-    FemfitError
-        If a module imports a part of femfit that has no file.
-    """
+    """Every module of femfit that a program imports, directly or through others, without the package's own front."""
     unused = frozenset(unused)
     found: dict[str, SourceFile] = {}
     waiting = list(_own_modules(program))

@@ -21,13 +21,7 @@ from femfit.tables.measurement_file import read_measurement
 
 @dataclass(frozen=True, eq=False)
 class CaseFiles:
-    """What an engine may read of a case.
-
-    Parameters
-    ----------
-    data, unseen : BenchTable or TimeSeries
-        The campaign, and a further run.
-    """
+    """What an engine may read of a case."""
 
     model: ActuatorModel
     data: Measurement
@@ -49,13 +43,7 @@ def read_case(directory: Path) -> CaseFiles:
 
 
 def diagnose_case(files: CaseFiles, exclude: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Diagnose a case.
-
-    Returns
-    -------
-    dict
-        The diagnosis as JSON, with ``seconds``; verdict ``error`` and ``message`` where there is none.
-    """
+    """Diagnose a case."""
     start = perf_counter()
     try:
         result = diagnose(files.model, files.data, exclude=exclude, bootstrap=0).to_dict()
@@ -66,11 +54,6 @@ def diagnose_case(files: CaseFiles, exclude: tuple[str, ...] = ()) -> dict[str, 
 
 def unseen_rms(files: CaseFiles, names: tuple[str, ...]) -> dict[str, float]:
     """Error on the run that was kept back, after effects were added.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Effects to be added; none for the model as it is.
 
     Returns
     -------

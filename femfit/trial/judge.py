@@ -17,16 +17,12 @@ class Judgement:
 
     Parameters
     ----------
-    verdict : str
-        Of the diagnosis with the whole catalogue.
     classes : tuple of tuple of str
         What they cannot be told from, themselves first.
     in_class : tuple of bool
         Per hidden effect, whether some class has it.
     first : bool
         Whether the first name is a hidden effect.
-    spurious : int
-        Names whose class has no hidden effect.
     withheld_verdict, withheld_twins_verdict : str
         With the effect, or with it and those that no bench tells from it, out of the catalogue; empty where not tried.
     confident, withheld_confident, withheld_twins_confident : bool
@@ -74,8 +70,6 @@ def judge(key: Mapping[str, Any], answers: Mapping[str, Any]) -> Judgement:
 
     Parameters
     ----------
-    key : mapping
-        Of :func:`femfit.trial.campaign.files.read_key`.
     answers : mapping
         ``full``, and where they were tried ``withheld`` and ``withheld_twins``: diagnosis JSON; ``unseen_rms`` per
         channel; ``baselines``: names per method.

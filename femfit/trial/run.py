@@ -68,18 +68,7 @@ class TrialOptions:
 def make_trial(
     drawings: Sequence[Path], directory: Path, options: TrialOptions, progress: Progress | None = None
 ) -> dict[int, str]:
-    """Solve the drawings and their changed forms, measure the cases and seal their keys.
-
-    Parameters
-    ----------
-    directory : Path
-        Of the trial; its ``tables`` keep field solutions and sweeps for the next.
-
-    Returns
-    -------
-    dict of int to str
-        Hash of every case's key, as in the manifest.
-    """
+    """Solve the drawings and their changed forms, measure the cases and seal their keys."""
     say = progress or (lambda _done, _total: None)
     kind, truths, models, files = options.kind, {}, {}, {}
     for drawing in drawings:

@@ -56,13 +56,6 @@ def measure(truth: ActuatorModel, bench: VirtualBench, random: np.random.Generat
     ----------
     truth : ActuatorModel
         With circuit, whose resistance holds at ``coil_temperature_C``; the Hall output is read where it has a sensor.
-    random : Generator
-        Of re-mounts, ambient temperatures and noise.
-
-    Returns
-    -------
-    DataFrame
-        A bench table as ``femfit diagnose`` reads it.
     """
     box = truth.validity
     cold = truth.require_circuit().resistance_ohm / _copper(np.asarray(truth.coil_temperature_C))

@@ -41,8 +41,6 @@ class MeasuredCurves:
         Curve nearest to each reading.
     measured, misfit_before, misfit_after : array, shape (n,)
         Each reading, and recorded minus predicted at its own settings.
-    noise : float or None
-        Standard deviation of one reading.
     """
 
     channel: str
@@ -67,17 +65,7 @@ def measured_curves(
     after: Sequence[AddedEffect] = (),
     noise: dict[str, float] | None = None,
 ) -> tuple[MeasuredCurves, ...]:
-    """The data of the picture, one for each channel.
-
-    Parameters
-    ----------
-    model : ActuatorModel
-        The model beside which ``observations`` were placed.
-    before, after : sequence of AddedEffect
-        What is added to it before and after.
-    noise : dict of str to float, or None
-        Standard deviation of one reading, of the channels in which it is known.
-    """
+    """The data of the picture, one for each channel."""
     misfits = [observations.value - observations.predict(effects) for effects in (before, after)]
     result = []
     for name in observations.channels:

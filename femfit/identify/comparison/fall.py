@@ -83,8 +83,6 @@ def error_fall(
     ----------
     before, after : array, shape (M,)
         Predicted readings, in their units.
-    noise : mapping of str to float
-        Standard deviation of one reading, of the channels in which it is known.
     """
     misfits = (observations.value - before, observations.value - after)
     rows = []

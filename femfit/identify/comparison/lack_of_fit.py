@@ -50,13 +50,6 @@ def tail_probability(square: float, count: int, degrees_of_freedom: float) -> fl
     ----------
     square : float
         Squared length, in units of the noise.
-    degrees_of_freedom : float
-        Of the noise level; infinite where it is known.
-
-    Returns
-    -------
-    float
-        Of F(count, degrees of freedom), or of chi-square.
     """
     if np.isfinite(degrees_of_freedom):
         return float(stats.f.sf(square / count, count, degrees_of_freedom))
@@ -71,8 +64,6 @@ class Group:
     ----------
     basis : array, shape (M, k)
         Whitened, orthonormal.
-    degrees_of_freedom : float
-        Of the noise level of their channels.
     """
 
     basis: FloatArray
@@ -103,13 +94,7 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class PatternSpace:
-    """Whitened smooth patterns, all together and in groups: each channel and all channels, broad patterns and all.
-
-    Parameters
-    ----------
-    groups : tuple of Group
-        The last one holds all patterns.
-    """
+    """Whitened smooth patterns, all together and in groups: each channel and all channels, broad patterns and all."""
 
     patterns: Patterns
     groups: tuple[Group, ...]

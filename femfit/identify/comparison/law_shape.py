@@ -44,8 +44,6 @@ def shape_misfit(model: ActuatorModel, reference: ActuatorModel | None, noise_N:
     ----------
     reference : ActuatorModel or None
         The co-energy of the same actuator; without it the misfit in the law's own file is taken.
-    noise_N : float or None
-        Standard deviation of a force reading.
 
     Returns
     -------

@@ -53,13 +53,7 @@ class MisfitMap:
 
 
 def misfit_maps(observations: Observations) -> tuple[MisfitMap, ...]:
-    """The maps of every channel.
-
-    Returns
-    -------
-    tuple of MisfitMap
-        Over distance x current, then over each of :data:`LINES` that varies.
-    """
+    """The maps of every channel."""
     result = []
     for channel in observations.channels:
         here = np.flatnonzero(observations.of(channel))

@@ -100,8 +100,6 @@ def misfit_sentence(
         Columns that thresholds may be set on.
     branch : array, shape (n,), or None
         Where the misfit changes with it: +1 and -1.
-    both : bool
-        Whether it was looked at in both branches.
     """
     s, everything = misfit, np.ones(len(misfit), dtype=bool)
     scope = everything if branch is None else _stronger_branch(branch, s)

@@ -26,8 +26,6 @@ class Campaign:
     effects : tuple of Start
         Every testable effect at every combination of trial values of its nonlinear parameters, in the catalogue's
         order, with amplitudes of zero.
-    untestable : mapping of str to str
-        Why the others cannot be tested.
     """
 
     observations: Observations

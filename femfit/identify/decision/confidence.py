@@ -28,11 +28,6 @@ from femfit.identify.readings.amounts import CHANNEL_WORDS
 def look_alikes(campaign: Campaign, chosen: Candidate, classes: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
     """Effects that would have been given the chosen name on these data, had they been the cause and not been listed.
 
-    Parameters
-    ----------
-    classes : sequence of tuple of str
-        What these data cannot tell from each of its effects, itself first.
-
     Returns
     -------
     tuple of str

@@ -36,8 +36,6 @@ class NamedEffect:
         fitted to; 1 for all.
     ci95 : mapping of str to (float, float)
         95 % intervals.
-    words : tuple of str
-        What the parameters mean, one clause each.
     plausible : bool
         Whether every parameter lies in its plausible range.
     """

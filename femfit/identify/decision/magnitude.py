@@ -19,13 +19,6 @@ from femfit.identify.refit.unseen import left_out_groups
 def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[str, float]]:
     """The smallest magnitude of each effect's amplitudes that these settings and this noise show nine times in ten.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Settings, noise and columns; the readings themselves do not matter.
-    level : float
-        False-naming rate of all effects' tests together.
-
     Returns
     -------
     dict of str to dict of str to float

@@ -20,16 +20,10 @@ class ModelTest:
     outcome : str
         ``fits`` within the noise; ``own_misfit`` where it misses the readings no more than the table that it was fitted
         to; else ``fails``.
-    lack_of_fit : LackOfFit
-        The test of smooth patterns.
     p_value : float
         Of both tests together (Bonferroni).
     excess : float
         Squared length of the whitened residual beyond what noise gives.
-    scores : tuple of ScoredEffect
-        Every effect, best first.
-    starts : list of Start
-        The testable ones, as a refit begins.
     """
 
     outcome: Literal["fits", "own_misfit", "fails"]

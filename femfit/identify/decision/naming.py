@@ -44,12 +44,8 @@ class Decision:
 
     Parameters
     ----------
-    verdict : str
-        As in :class:`femfit.identify.decision.diagnosis.Diagnosis`.
     test : ModelTest
         The test of the model before anything is added.
-    chosen : Candidate or None
-        What is named.
     classes : tuple of tuple of str
         Per named effect, what cannot be told from it, itself first.
     candidates : tuple of Candidate

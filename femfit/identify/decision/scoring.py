@@ -80,18 +80,7 @@ def further_effects(
 
 
 def best_pairs(whitened_residual: FloatArray, best: Sequence[Start], leading: int, wanted: int) -> list[list[Start]]:
-    """The most promising pairs of effects to first order.
-
-    Parameters
-    ----------
-    leading : int
-        One of each pair is among so many best.
-
-    Returns
-    -------
-    list of list of Start
-        Best first; the fall of each is the pair's.
-    """
+    """The most promising pairs of effects to first order."""
     left, triangle = np.linalg.qr(np.concatenate([one.whitened for one in best], axis=1))
     target = left.T @ whitened_residual  # the pairs' problems are solved in this small space
     ends = np.cumsum([0] + [one.count for one in best])

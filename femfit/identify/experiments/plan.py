@@ -96,15 +96,7 @@ class PlanReport:
 def examine_plan(
     model: ActuatorModel, plan: BenchTable | str | Path, effects: Sequence[Effect] | None = None
 ) -> PlanReport:
-    """Say what a planned bench campaign could not show or separate.
-
-    Parameters
-    ----------
-    plan : BenchTable or path
-        Settings; its channels are those to be read, whatever their values. Declared noise counts.
-    effects : sequence of Effect, optional
-        In place of the whole catalogue.
-    """
+    """Say what a planned bench campaign could not show or separate."""
     plan = read_bench_table(Path(plan), planned=True) if isinstance(plan, str | Path) else plan
     effects = list(all_effects().values()) if effects is None else effects
     rows = plan.rows.assign(**dict.fromkeys(plan.channels, 0.0))

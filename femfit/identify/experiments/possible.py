@@ -37,10 +37,6 @@ class Experiment:
 
     Parameters
     ----------
-    text : str
-        What to do, as one plain sentence.
-    cost : float
-        In readings of the usual sweep.
     effect : str
         Whose parameters are read directly; empty for a run.
     """
@@ -56,15 +52,7 @@ class Experiment:
 def possible_experiments(
     observations: Observations, available: Sequence[str], effects: Sequence[Effect]
 ) -> list[Experiment]:
-    """Measurements that would add something to a campaign, the cheapest first; equally dear ones as they stand here.
-
-    Parameters
-    ----------
-    available : sequence of str
-        Channels that the model can predict.
-    effects : sequence of Effect
-        Whose parameters may be read directly, in the catalogue's order.
-    """
+    """Measurements that would add something to a campaign, the cheapest first; equally dear ones as they stand here."""
     nominal, measured = observations.nominal, observations.channels
     current, branch = observations.covariates["current_A"], observations.covariates["branch"]
     low, high = float(current.min()), float(current.max())

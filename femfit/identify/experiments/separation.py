@@ -34,11 +34,6 @@ def needed_distance(explained: float, readings: int, more_parameters: float = 0.
 
     The weighted sums of squares differ by delta^2 with a standard deviation of 2 delta; they must differ by the tie of
     the decision, and by what the right explanation pays for its further parameters.
-
-    Parameters
-    ----------
-    explained : float
-        What the right explanation takes off the weighted sum of squares.
     """
     tie = max(TIE, TIE_SHARE * explained) + max(more_parameters, 0.0) * parameter_price(np.zeros(readings))
     return float(ALMOST_SURELY + np.sqrt(ALMOST_SURELY**2 + tie))
@@ -60,10 +55,6 @@ def unexplained(
 
     Parameters
     ----------
-    observations : Observations
-        With the readings to be explained in ``value``.
-    rivals : sequence of sequence of Start
-        Starting points: the same effects at different nonlinear parameters.
     enough : float
         A refit is not tried where the first order leaves less already, nor where it leaves so much of the readings'
         change that no nonlinear parameter would make up for it.
@@ -91,13 +82,7 @@ def starting_points(
     whitening: Whitening,
     fitted: Sequence[AddedEffect] = (),
 ) -> list[list[Start]]:
-    """Where refits of effects begin: at trial values of their nonlinear parameters, and where they were fitted before.
-
-    Returns
-    -------
-    list of list of Start
-        Empty where the effects change none of these readings.
-    """
+    """Where refits of effects begin: at trial nonlinear parameters, and where they were fitted before."""
     variants: list[list[Start]] = []
     for k, effect in enumerate(effects):
         found = effect_columns(effect, observations)

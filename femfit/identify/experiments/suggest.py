@@ -46,8 +46,6 @@ class Suggestion:
 
     Parameters
     ----------
-    cost : float
-        In readings of the usual sweep.
     separates : tuple of (str, str, float)
         Pairs of explanations and their distance in standard deviations with it.
     remains : tuple of (str, str)
@@ -73,8 +71,6 @@ class Advice:
 
     Parameters
     ----------
-    explanations : tuple of str
-        What the data leave, the best first.
     suggestions : tuple of Suggestion
         The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be.
     never : tuple of (str, str)

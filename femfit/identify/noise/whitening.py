@@ -40,13 +40,7 @@ class Chains:
 
 
 def chains_of(observations: Observations) -> Chains:
-    """Link the readings of each channel and run in the order of measuring.
-
-    Returns
-    -------
-    Chains
-        With gaps from ``order`` where its usual step is one, else one.
-    """
+    """Link the readings of each channel and run in the order of measuring."""
     run, order = observations.column("run"), observations.column("order")
     sorting = np.lexsort((order, run, observations.channel))
     same = (np.diff(observations.channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
@@ -65,20 +59,14 @@ class NoiseModel:
 
     Parameters
     ----------
-    channels : tuple of str
-        In the order of the observations.
     sigma : array, shape (channels,)
         Standard deviation of a reading, in the channel's unit.
     rho : array, shape (channels,)
         Correlation of successive readings.
-    mount_m : float
-        Standard deviation of a re-mount's distance.
     run : array, shape (channels,)
         Standard deviation of a run's offset, in the channel's unit.
     repeats, degrees_of_freedom : array, shape (channels,)
         Of ``sigma``, counted in readings and in independent ones; infinite where it was declared.
-    source : mapping of str to str
-        Per channel ``repeats``, ``declared`` or ``samples``.
     test_mount_m, test_run : float and array
         The same standard deviations as tests use them: widened for having been estimated from few mounts and runs.
     mount_assumed : bool

@@ -23,8 +23,6 @@ def amount(value: float, name: str, digits: int = 2) -> str:
     ----------
     value : float
         In the unit that the name ends in.
-    name : str
-        Of a column: ``distance_m``, ``force_N``, ``coil_temperature_C``.
 
     Returns
     -------
@@ -59,13 +57,7 @@ def chance(p_value: float) -> str:
 
 
 def times(ratio: float) -> str:
-    """A ratio as one says it.
-
-    Returns
-    -------
-    str
-        Two decimals below 100, four digits above, without an exponent below a million.
-    """
+    """A ratio as one says it."""
     if ratio < 100.0:
         return f"{ratio:.2f}"
     return f"{ratio:.0f}" if ratio < 1e6 else f"{ratio:.1e}"

@@ -25,13 +25,7 @@ _IN_ORDER = 0.75
 
 
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
-    """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts.
-
-    Raises
-    ------
-    TableError
-        If no reading can be compared.
-    """
+    """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts."""
     findings: list[Finding] = []
     d, i = table.rows["distance_m"].to_numpy(), table.rows["current_A"].to_numpy()
     known = np.isfinite(d) & np.isfinite(i)

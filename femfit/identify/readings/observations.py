@@ -25,8 +25,6 @@ class Observations:
 
     Parameters
     ----------
-    channels : tuple of str
-        Measured channels that the model can predict.
     channel, row : array of int, shape (M,)
         Index into ``channels`` and row of ``covariates`` of each reading.
     value : array, shape (M,)
@@ -46,8 +44,6 @@ class Observations:
         Standard misfit of the model to its own source, below which nothing is said to be missing.
     setting_columns : array, shape (M, 2)
         Change of each reading by one standard deviation of its row's distance, and of its current, as declared.
-    present : tuple of str
-        Effects that the model has already.
     noise_source : str
         What declares the noise: ``declared``, a sidecar; ``samples``, those within each window.
     """

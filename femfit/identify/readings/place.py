@@ -13,18 +13,7 @@ from femfit.tables.measurement_file import read_measurement
 
 
 def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations:
-    """Place a measurement beside a model, what contradicts the model's sensors set aside.
-
-    Parameters
-    ----------
-    data : BenchTable or TimeSeries, or a path
-        A path is read first.
-
-    Raises
-    ------
-    TableError
-        If nothing of it can be compared.
-    """
+    """Place a measurement beside a model, what contradicts the model's sensors set aside."""
     if isinstance(data, str | Path):
         data = read_measurement(data)
     if isinstance(data, TimeSeries):

@@ -20,13 +20,7 @@ from femfit.model.actuator_model import ActuatorModel
 
 @dataclass(frozen=True)
 class Step:
-    """One bar of the waterfall: what was added, and the error per channel with it and everything before it.
-
-    Parameters
-    ----------
-    rms : mapping of str to float
-        Over all readings, as :class:`femfit.identify.comparison.fall.ErrorFall` has it.
-    """
+    """One bar of the waterfall: what was added, and the error per channel with it and everything before it."""
 
     text: str
     rms: Mapping[str, float]

@@ -39,8 +39,6 @@ class Refit:
         Whether the parameter stands at a bound.
     precision : array, shape (p,)
         Of what is known of the free parameters beforehand, each over its plausible range; zero for nothing.
-    start : tuple of Start
-        Every effect as the fit was started.
     """
 
     effects: tuple[AddedEffect, ...]
@@ -104,17 +102,8 @@ def refit(
 
     Parameters
     ----------
-    start : sequence of Start
-        Effects with amplitudes to start from.
-    fixed : mapping of str to mapping, or None
-        Per effect, parameters that stay as they are.
     prior_sd : mapping of str to float, or None
         Per effect, the standard deviation about their nulls that its parameters are known to have beforehand.
-
-    Returns
-    -------
-    Refit
-        At the least weighted sum of squares that was found.
     """
     fixed, prior_sd = fixed or {}, prior_sd or {}
     initial = [one.columns.parameters(one.amplitude) for one in start]

@@ -65,20 +65,7 @@ class Start:
 def starting_point(
     observations: Observations, whitening: Whitening, effects: Sequence[Effect], at_null: bool = False
 ) -> list[Start]:
-    """Amplitudes of effects to first order, bounded, with the nonlinear parameters that fit best.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        In order; the nonlinear parameters of each are chosen with those before it.
-    at_null : bool
-        Whether all amplitudes are null instead.
-
-    Raises
-    ------
-    TableError
-        If an effect changes no reading.
-    """
+    """Amplitudes of effects to first order, bounded, with the nonlinear parameters that fit best."""
     target = whitening.full(observations.residual)
     chosen: list[Start] = []
     amplitude = np.zeros(0)

@@ -48,15 +48,7 @@ def unseen_error(
     fixed: Mapping[str, Mapping[str, float]] | None = None,
     prior_sd: Mapping[str, float] | None = None,
 ) -> UnseenError:
-    """Cross-validate effects over the runs of a campaign.
-
-    Parameters
-    ----------
-    start : sequence of Start
-        Effects with amplitudes to start from.
-    fixed, prior_sd : mapping or None
-        As in :func:`femfit.identify.refit.refit.refit`.
-    """
+    """Cross-validate effects over the runs of a campaign."""
     group = left_out_groups(observations)
     beside, as_read = np.zeros(len(group)), np.zeros(len(group))
     chi2 = 0.0

@@ -50,8 +50,6 @@ class Motion:
         Whether a new stretch begins.
     distance_m, current_A, voltage_V : array, shape (n,)
         As recorded, smoothed.
-    at : Conditions
-        With velocity and rate of the current.
     """
 
     time_s: FloatArray
@@ -77,11 +75,6 @@ def model_balances(
     base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
     """The right sides of the balances.
-
-    Parameters
-    ----------
-    weights : Weights
-        Of w windows over the nodes.
 
     Returns
     -------

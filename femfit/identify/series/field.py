@@ -19,8 +19,6 @@ class SampleField:
     ----------
     force, force_d, force_i : array
         F and its derivatives in distance and current; -force_i is the flux linkage's derivative in distance.
-    flux, inductance : array
-        Flux linkage and its derivative in current.
     hall, hall_d, hall_i : array
         Output of the Hall element in V and its derivatives; zeros without one.
     """

@@ -30,8 +30,6 @@ class MeasuredChannel:
 
     Parameters
     ----------
-    name : str
-        Of :data:`femfit.identify.series.balances.SERIES_ROWS`.
     measured, predicted : array, shape (n,)
         Left and right side of the balance; the model's without effects.
     sigma : array, shape (n,)

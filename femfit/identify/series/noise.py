@@ -85,11 +85,6 @@ def carried(weights: sparse.csr_array, factor: FloatArray | float) -> sparse.csr
         Of the sums.
     factor : array of shape (N,) or float
         Of the samples.
-
-    Returns
-    -------
-    sparse array, shape (n, N)
-        weights diag(factor).
     """
     return sparse.csr_array(weights.multiply(factor))
 

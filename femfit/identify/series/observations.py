@@ -49,21 +49,11 @@ _SHOWN_BY = {FORCE_BALANCE: "force_N", VOLTAGE_BALANCE: "flux_linkage_Wb"}
 def series_observations(model: ActuatorModel, series: TimeSeries) -> Observations:
     """Place a time series beside a model.
 
-    Parameters
-    ----------
-    series : TimeSeries
-        As read; with distance, current, and what the balances need.
-
     Returns
     -------
     Observations
         Channels ``force_balance_N`` (with motion), ``voltage_balance_V`` (with circuit and commanded voltage),
         ``hall_V`` and ``force_N``; ``covariates`` also hold ``time_s``, ``velocity_m_s`` and ``current_rate_A_s``.
-
-    Raises
-    ------
-    TableError
-        If distance or current is missing, or no window can be compared.
     """
     base = model.without_effects
     samples = take_samples(model, series)

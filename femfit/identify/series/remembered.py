@@ -12,8 +12,6 @@ def remembered(coenergy: CoenergySeries, distance: FloatArray, current: FloatArr
 
     Parameters
     ----------
-    coenergy : callable
-        As from :func:`femfit.model.with_effects.base_coenergy`.
     distance, current : array, shape (n,)
         The points; recognised as these very arrays.
     """

@@ -22,8 +22,6 @@ class Samples:
 
     Parameters
     ----------
-    time, run : array
-        In s, and the run's number.
     usable : array of bool
         Samples whose distance and current are known and in the model's validity domain.
     """
@@ -39,20 +37,10 @@ class Samples:
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     """Take the samples of a series that a model can explain.
 
-    Parameters
-    ----------
-    model : ActuatorModel
-        Its validity domain counts, its driver's clamp and its Hall element's range.
-
     Returns
     -------
     Samples
         Voltages as the clamp lets them pass; Hall voltages at an end of the range are missing.
-
-    Raises
-    ------
-    TableError
-        If distance or current is missing, or no sample lies in the model's validity domain.
     """
     missing = [name for name in ("current_A", "distance_m") if name not in series.given]
     if missing:

@@ -89,18 +89,7 @@ def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
 
 
 def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
-    """The middle thirds of windows.
-
-    Parameters
-    ----------
-    windows : Windows
-        Whole ones, each holding samples enough.
-
-    Returns
-    -------
-    View
-        Its ``windows`` are the middle thirds; its motion is smoothed from behind.
-    """
+    """The middle thirds of windows."""
     time, row = _nodes(windows)
     behind, half = _BEHIND * windows.length_s, 0.5 * _MIDDLE * windows.length_s
     place = (time - windows.centre_s[row]) / half

@@ -24,8 +24,6 @@ class EffectColumns:
 
     Parameters
     ----------
-    shape : mapping of str to float
-        Shape constants.
     columns : array, shape (M, k)
         In the readings' units over the amplitudes'.
     """

@@ -29,8 +29,6 @@ class Signature:
 
     Parameters
     ----------
-    parameters : mapping of str to float
-        At which the effect is drawn.
     plain, change : mapping of str to array, shape (n, m)
         Per channel, in the unit that its name ends in: ``force_N``, ``flux_linkage_Wb``, ``hall_V``, ``voltage_V`` of a
         body at rest, or ``force_N``, ``acceleration_m_s2``, ``current_rate_A_s``, ``hall_V`` of one that moves.
@@ -65,11 +63,6 @@ def effect_signature(
     currents: int = 15,
 ) -> Signature:
     """What an effect changes of the readings of a model, over its validity domain.
-
-    Parameters
-    ----------
-    parameters : mapping of str to float, optional
-        In place of typical ones; those that are not given are at their nulls.
 
     Returns
     -------

@@ -52,11 +52,6 @@ class FemFaces:
 def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
     """The corners of a segment or arc.
 
-    Parameters
-    ----------
-    line : FemLine
-        An arc runs counter-clockwise from its start.
-
     Returns
     -------
     list of (float, float)
@@ -74,13 +69,7 @@ def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
 
 
 def find_faces(model: FemModel, arc_degrees: float, problems: list[str]) -> FemFaces:
-    """Split the drawing into its faces and give each its label.
-
-    Parameters
-    ----------
-    arc_degrees : float
-        Largest angle of an arc's chord.
-    """
+    """Split the drawing into its faces and give each its label."""
     strings = [
         LineString(corners) for corners in (chords(line, arc_degrees) for line in model.lines) if _spans(corners)
     ]

@@ -62,11 +62,6 @@ def find_frame(
 ) -> FemFrame | None:
     """The place of the face, the side of the moving part and the file's distance.
 
-    Parameters
-    ----------
-    options : FemOptions
-        The user's choice of side and face.
-
     Returns
     -------
     FemFrame or None

@@ -14,16 +14,12 @@ class FemMaterial:
 
     Parameters
     ----------
-    mu_x, mu_y : float
-        Relative permeabilities along r and z.
     coercivity : float
         H_c in A/m; a linear magnet has B = mu_0 mu_r (H + H_c).
     coercivity_angle : float
         ``H_cAngle`` in degrees; format 4.0 solvers take the direction from the block label instead.
     lamination_type : int
         0 none or in the plane, 1 and 2 stacked, 3 and above kinds of wire.
-    lamination_fill : float
-        Fraction of iron in a laminated block.
     curve : tuple of (float, float)
         B-H points (B in T, H in A/m); empty for a linear material.
     """

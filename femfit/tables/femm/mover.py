@@ -16,13 +16,7 @@ HOW = "Say which blocks move with --moving-group N or --moving-block NAME."
 
 @dataclass(frozen=True)
 class FemBodies:
-    """The parts, divided.
-
-    Parameters
-    ----------
-    fixed, moving : tuple of FemPart
-        The electromagnet's and the moving body's.
-    """
+    """The parts, divided."""
 
     fixed: tuple[FemPart, ...]
     moving: tuple[FemPart, ...]
@@ -37,13 +31,6 @@ def divide(
     findings: list[Finding],
 ) -> FemBodies | None:
     """Divide the parts into fixed and moving ones.
-
-    Parameters
-    ----------
-    air : sequence of FemFace
-        Non-magnetic faces, which may join the pieces of the moving body.
-    winding : Polygon
-        The coil's section; it stands still.
 
     Returns
     -------

@@ -21,8 +21,6 @@ class FemOptions:
 
     Parameters
     ----------
-    moving_groups : tuple of int
-        Groups of the blocks that move.
     moving_blocks : tuple of str
         Names of block properties (materials) whose blocks move.
     circuit : str or None
@@ -37,8 +35,6 @@ class FemOptions:
         Of the moving body; from its volume otherwise.
     density_g_per_cm3 : float or None
         Of the moving body's magnetic parts, for the mass from the volume.
-    arc_degrees : float
-        Largest angle of an arc's chord.
     name : str or None
         Of the actuator; from the file's name otherwise.
     """
@@ -82,13 +78,7 @@ class FemOptions:
 
 
 def axis_option(text: str | None, option: str) -> tuple[float, ...]:
-    """The values of an axis as typed: ``start:stop:step`` with both ends, or numbers separated by commas.
-
-    Raises
-    ------
-    FemFileError
-        If it is no such axis.
-    """
+    """The values of an axis as typed: ``start:stop:step`` with both ends, or numbers separated by commas."""
     if text is None:
         return ()
     try:

@@ -56,13 +56,7 @@ Item = TypeVar("Item")
 
 
 def parse_fem(content: bytes, source: str) -> FemModel:
-    """Read a FEMM magnetics file.
-
-    Raises
-    ------
-    FemFileError
-        If it is no such file, or a value in it cannot be read; the error lists all of them.
-    """
+    """Read a FEMM magnetics file."""
     text = split_fem(content, source)
     unit = text.header.get("lengthunits", "inches").lower()
     if unit not in UNITS_MM:

@@ -24,8 +24,6 @@ class FemPart:
         In the file's coordinates in mm; it may have holes.
     sign : float
         +1 or -1 for a magnet along or against z, 0 otherwise.
-    labels : tuple of FemLabel
-        The blocks that it came from.
     """
 
     polygon: Polygon
@@ -50,13 +48,7 @@ class FemPart:
 
 
 def merge_parts(faces: Sequence[FemFace]) -> tuple[FemPart, ...]:
-    """Join faces that touch and have material, magnetization and group in common.
-
-    Returns
-    -------
-    tuple of FemPart
-        In the order of their first block labels.
-    """
+    """Join faces that touch and have material, magnetization and group in common."""
     kinds: dict[tuple[FemMaterial, float, int], list[FemFace]] = {}
     for face in sorted(faces, key=lambda face: face.label.number):
         if face.label.material is not None:
@@ -72,11 +64,6 @@ def merge_parts(faces: Sequence[FemFace]) -> tuple[FemPart, ...]:
 
 def simple_outlines(polygon: Polygon) -> list[list[tuple[float, float]]]:
     """Outlines of a polygon, cut along constant z until no piece has a hole, without needless corners.
-
-    Parameters
-    ----------
-    polygon : Polygon
-        In mm.
 
     Returns
     -------

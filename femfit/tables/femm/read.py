@@ -37,8 +37,6 @@ class ImportedFem:
     ----------
     current_A, distance_m : float
         The file's own point, in femfit's signs.
-    findings : tuple of Finding
-        What was left out, inferred and assumed.
     """
 
     toml: str
@@ -64,20 +62,7 @@ class ImportedFem:
 
 
 def import_fem_file(path: Path, options: FemOptions | None = None) -> ImportedFem:
-    """Read a FEMM ``.fem`` file as an actuator file.
-
-    Parameters
-    ----------
-    options : FemOptions, optional
-        What the file does not say.
-
-    Raises
-    ------
-    FemFileError
-        If the file cannot be read or holds what an actuator file cannot say.
-    ActuatorFileError
-        If the actuator is one that femfit cannot sweep, for example one that collides on its way.
-    """
+    """Read a FEMM ``.fem`` file as an actuator file."""
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -88,22 +73,7 @@ def import_fem_file(path: Path, options: FemOptions | None = None) -> ImportedFe
 
 
 def import_fem(content: bytes, source: str, options: FemOptions | None = None) -> ImportedFem:
-    """Read a FEMM model as an actuator file.
-
-    Parameters
-    ----------
-    source : str
-        The file's name, for messages, comments and the actuator's name.
-    options : FemOptions, optional
-        What the file does not say.
-
-    Raises
-    ------
-    FemFileError
-        If the file cannot be read or holds what an actuator file cannot say; the error lists everything.
-    ActuatorFileError
-        If the actuator is one that femfit cannot sweep.
-    """
+    """Read a FEMM model as an actuator file."""
     options = options or FemOptions()
     model = parse_fem(content, source)
     problems: list[str] = []

@@ -21,13 +21,7 @@ _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
 def drop_surroundings(
     model: FemModel, faces: Sequence[FemFace], problems: list[str], findings: list[Finding]
 ) -> tuple[FemFace, ...] | None:
-    """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces.
-
-    Parameters
-    ----------
-    problems : list of str
-        Appended to: what the open boundary of the solver cannot stand for.
-    """
+    """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces."""
     meshed = [face for face in faces if face.label.material is not None]
     domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
     if not isinstance(domain, Polygon):

@@ -70,18 +70,7 @@ class FemText:
 
 
 def split_fem(content: bytes, source: str) -> FemText:
-    """The parts of a file.
-
-    Parameters
-    ----------
-    content : bytes
-        The whole file; UTF-8, or the Latin-1 family that Windows programs write.
-
-    Raises
-    ------
-    FemFileError
-        If it is no FEMM magnetics file.
-    """
+    """The parts of a file."""
     lines = [line.strip() for line in _decode(content, source).splitlines()]
     header: dict[str, str] = {}
     properties: dict[str, list[dict[str, str]]] = {}

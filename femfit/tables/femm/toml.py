@@ -33,13 +33,7 @@ def actuator_toml(
     options: FemOptions,
     name: str,
 ) -> str:
-    """The text of an actuator file.
-
-    Parameters
-    ----------
-    options : FemOptions
-        Axes of the sweep, mass, wire.
-    """
+    """The text of an actuator file."""
     taken: set[str] = {"air", "coil"}
     currents = own_point_added(options.currents_A, frame.current_sign * winding.circuit.current_A + 0.0)
     lines = [
@@ -69,13 +63,7 @@ def actuator_toml(
 
 
 def own_point_added(axis: Sequence[float], own: float) -> list[float]:
-    """An axis with the file's own value in its place.
-
-    Returns
-    -------
-    list of float
-        Ascending; a value that is the file's up to rounding gives way to it.
-    """
+    """An axis with the file's own value in its place."""
     return sorted([*(value for value in axis if not math.isclose(value, own, rel_tol=1e-9, abs_tol=1e-9)), own])
 
 

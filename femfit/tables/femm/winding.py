@@ -26,8 +26,6 @@ class FemWinding:
     ----------
     polygon : Polygon
         Its section in the file's coordinates in mm.
-    material : FemMaterial
-        Of its first block, for the wire.
     """
 
     polygon: Polygon
@@ -56,11 +54,6 @@ def find_winding(
     faces: Sequence[FemFace], name: str | None, problems: list[str], findings: list[Finding]
 ) -> FemWinding | None:
     """The winding among the faces.
-
-    Parameters
-    ----------
-    name : str or None
-        The circuit's, where the user chose it.
 
     Returns
     -------

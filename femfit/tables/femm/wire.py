@@ -31,11 +31,6 @@ class FemWire:
 def find_wire(winding: FemWinding, options: FemOptions, findings: list[Finding]) -> FemWire:
     """The winding's wire.
 
-    Parameters
-    ----------
-    findings : list of Finding
-        Appended to where something is assumed.
-
     Returns
     -------
     FemWire

@@ -136,8 +136,6 @@ def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArr
 
     Returns
     -------
-    distances, currents : array, shape (n,) and (m,)
-        Ascending.
     fields : list of array, shape (n, m)
         One a quantity, finite everywhere.
     """

@@ -97,8 +97,6 @@ def check_noise(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
 
     Returns
     -------
-    points : DataFrame
-        With ``force_error`` where it could be estimated and the table did not bring it.
     findings : list of Finding
         ``self-force`` (warning beyond 0.5 %) or ``noise`` (info).
     """

@@ -59,13 +59,6 @@ def long_points(
     points : DataFrame
         Quantities in SI (distance before start and step), ``source``, ``line``; further force columns as
         ``other:<header>``.
-    findings : list of Finding
-        Choices that were left to the user.
-
-    Raises
-    ------
-    TableError
-        If current, distance or force is missing.
     """
     headers = options.column_names or raw.headers
     if not headers:
@@ -97,13 +90,7 @@ def long_points(
 
 
 def unit_use(quantity: str, header: str, unit: str | None, source: str, options: ImportOptions) -> ColumnUse:
-    """Return the use of a column in the unit that the user, or else the file, names.
-
-    Raises
-    ------
-    TableError
-        If the unit is unknown.
-    """
+    """Return the use of a column in the unit that the user, or else the file, names."""
     unit = options.unit_of(quantity, header) or unit
     if quantity == "distance" and options.distance_step_m is not None:
         return ColumnUse(quantity, header, f"steps of {options.distance_step_m:g} m", options.distance_step_m)

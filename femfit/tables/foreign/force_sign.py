@@ -21,11 +21,6 @@ def settle_force_sign(
     force and change have different signs, either the current's polarity or the force's axis may be reversed: that is
     said, not done.
 
-    Parameters
-    ----------
-    points : DataFrame
-        Tidy rows with ``current``, ``distance``, ``force``.
-
     Returns
     -------
     findings : list of Finding

@@ -79,11 +79,6 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
     -------
     points : DataFrame
         ``current``, ``distance``, ``force`` in SI (distance before start and step), ``source``, ``line``.
-
-    Raises
-    ------
-    TableError
-        If an axis is no axis.
     """
     across, label_unit, corner, body, lines, named = _parts(raw, options)
     down = body[:, 0]

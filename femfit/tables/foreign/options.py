@@ -30,13 +30,7 @@ def si_unit(quantity: str) -> str:
 
 
 def quantity_of(name: str) -> str:
-    """Return the quantity that ``force`` or ``force_N`` means.
-
-    Raises
-    ------
-    TableError
-        If it is none that a sweep table holds.
-    """
+    """Return the quantity that ``force`` or ``force_N`` means."""
     for quantity, column in QUANTITIES.items():
         if name.strip().replace("-", "_") in {quantity, column}:
             return quantity
@@ -71,8 +65,6 @@ class ImportOptions:
         distance = start - column, for positions that count towards the electromagnet.
     flip_current : bool
         Negate current and flux linkage (co-energy and force stay what they are).
-    without : tuple of str
-        Quantities to leave out.
     accept : tuple of str
         Codes of error findings that shall not stop the import.
     """

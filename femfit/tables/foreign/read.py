@@ -105,13 +105,7 @@ def import_table(
 
 
 def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = None) -> ImportedTable:
-    """Read, convert to SI, put in order and check a table from one or more files.
-
-    Raises
-    ------
-    TableError
-        If the files cannot be understood, or a check finds an error that ``options.accept`` does not name.
-    """
+    """Read, convert to SI, put in order and check a table from one or more files."""
     options = options or ImportOptions()
     files = _files(paths)
     contents = {file: file_content(file, "table") for file in files}

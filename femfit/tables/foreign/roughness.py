@@ -71,13 +71,6 @@ def contrast_field(distances: FloatArray, force: FloatArray, order: int) -> Floa
     ----------
     force : array, shape (n, m)
         N at n ascending distances (m) and m currents, not zero everywhere.
-    order : int
-        Degree of the polynomials that are annihilated.
-
-    Returns
-    -------
-    array, shape (n - order - 1, m)
-        Relative to the envelope of the median |F| over the currents.
     """
     x = np.log(distances)
     envelope = _envelope(x, np.median(np.abs(force), axis=1) + 1e-9 * np.abs(force).max())

@@ -33,8 +33,6 @@ class Order:
     ----------
     effects : tuple of str
         Hidden effects; empty for a bench that is as drawn.
-    level : float
-        Of :data:`LEVELS`; 0 without an effect.
     """
 
     number: int
@@ -66,13 +64,7 @@ class Case:
 
 
 def make_case(truth: Truth, order: Order) -> Case:
-    """Measure a case.
-
-    Raises
-    ------
-    DomainError
-        If no campaign was found in which the effects reach the level within their limits.
-    """
+    """Measure a case."""
     generator = np.random.default_rng([order.seed, order.number])
     for _ in range(_TRIES):
         options = drawn_options(truth, generator)

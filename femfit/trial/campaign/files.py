@@ -22,13 +22,7 @@ from femfit.trial.campaign.case import Case
 
 
 def write_case(case: Case, model: Path, directory: Path) -> str:
-    """Write a case and its key.
-
-    Parameters
-    ----------
-    model : Path
-        Model file of the drawing, copied beside the data.
-    """
+    """Write a case and its key."""
     name = f"{case.order.number:04d}"
     place = directory / "cases" / name
     place.mkdir(parents=True, exist_ok=True)
@@ -47,18 +41,7 @@ def write_case(case: Case, model: Path, directory: Path) -> str:
 
 
 def read_key(directory: Path, number: int, commitment: str) -> dict[str, Any]:
-    """Open a case's key, after the diagnosis.
-
-    Returns
-    -------
-    dict
-        As in :class:`femfit.trial.campaign.case.Case`.
-
-    Raises
-    ------
-    RunDirectoryError
-        If it is not the file that the manifest was made from.
-    """
+    """Open a case's key, after the diagnosis."""
     path = directory / "keys" / f"{number:04d}.json"
     text = path.read_text(encoding="utf-8")
     if hashlib.sha256(text.encode()).hexdigest() != commitment:

@@ -16,8 +16,6 @@ class Meter:
 
     Parameters
     ----------
-    rho : float
-        Correlation of successive readings of a run.
     full_scale : float
         Largest magnitude that the converter reads; its step is a 4096th of twice that.
     """

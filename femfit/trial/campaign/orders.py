@@ -14,11 +14,6 @@ SHARES = {0: 0.3, 1: 0.45, 2: 0.25}
 def draw_orders(possible: Mapping[str, Sequence[str]], cases: int, seed: int) -> list[Order]:
     """Draw a trial's cases.
 
-    Parameters
-    ----------
-    possible : mapping of str to sequence of str
-        Effects that each actuator can have.
-
     Returns
     -------
     list of Order

@@ -79,13 +79,7 @@ class Plan:
 
 
 def drawn_options(truth: Truth, generator: np.random.Generator) -> PlanOptions:
-    """Draw what a campaign is like: 300 to 3,000 rows.
-
-    Returns
-    -------
-    PlanOptions
-        Negative currents always where the drawing sweeps them, else in half of the campaigns.
-    """
+    """Draw what a campaign is like: 300 to 3,000 rows."""
     signed = truth.actuator.sweep.currents_A[0] < 0.0 or bool(generator.random() < 0.5)
     branches = bool(generator.random() < 0.5)
     runs = int(generator.integers(2, 6))

@@ -23,11 +23,6 @@ def effect_over_noise(
 def even_channels(truth: Truth, points: Points, hidden: Hidden, size: float) -> list[str]:
     """Channels in which an effect is mostly the same at every setting: a winding sees a current offset so.
 
-    Parameters
-    ----------
-    truth, points, hidden, size
-        As in :func:`effect_over_noise`.
-
     Returns
     -------
     list of str
@@ -40,11 +35,6 @@ def even_channels(truth: Truth, points: Points, hidden: Hidden, size: float) -> 
 
 def size_for(truth: Truth, points: Points, hidden: Hidden, target: float, meters: Mapping[str, Meter]) -> float:
     """The size at which the most affected channel shows an effect by ``target`` noise sigmas rms.
-
-    Parameters
-    ----------
-    target : float
-        Root mean square over the noise.
 
     Returns
     -------

@@ -51,8 +51,6 @@ class Hidden:
 
     Parameters
     ----------
-    name : str
-        As the trial's list calls it.
     typical, limit : float
         Usual size, and the largest that is still believable, in ``unit``.
     setting : callable or None
@@ -61,8 +59,6 @@ class Hidden:
         (size, points) -> change of the fields.
     reading : callable or None
         (size, channels, points) -> channels as read.
-    constants : mapping of str to float
-        What else was drawn, for the key.
     """
 
     name: str
@@ -77,11 +73,6 @@ class Hidden:
 
 def true_readings(truth: Truth, points: Points, effects: Sequence[tuple[Hidden, float]] = ()) -> dict[str, FloatArray]:
     """What the sensors would read without noise.
-
-    Parameters
-    ----------
-    points : Points
-        As the bench's dials say, re-mounts included.
 
     Returns
     -------

@@ -46,13 +46,7 @@ def without_magnets(actuator: Actuator) -> Actuator:
 
 
 def weak_layer(actuator: Actuator, change: float) -> Actuator:
-    """The third of the first magnet next to the gap with 1 + change times its remanence: partly demagnetised.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        With a magnet drawn as a rectangle.
-    """
+    """The third of the first magnet next to the gap with 1 + change times its remanence: partly demagnetised."""
     in_moving = any(map(is_magnet, actuator.moving.regions))
     regions = actuator.moving.regions if in_moving else actuator.fixed
     magnet = next(filter(is_magnet, regions))
@@ -149,18 +143,7 @@ def with_iron_ring(actuator: Actuator) -> Actuator:
 
 
 def plunger_bore(actuator: Actuator) -> tuple[Region, float, float]:
-    """The fixed soft region that a plunger slides through, with its bore's and the plunger's radius.
-
-    Returns
-    -------
-    tuple of Region, float, float
-        Radii in m.
-
-    Raises
-    ------
-    MissingPartError
-        If no soft part slides through another.
-    """
+    """The fixed soft region that a plunger slides through, with its bore's and the plunger's radius."""
     plunger = max(
         (max(r for r, _ in region.vertices_m) for region in actuator.moving.regions if is_soft(region)), default=0
     )
@@ -176,11 +159,6 @@ def eccentric_bore(actuator: Actuator, offset: float) -> Actuator:
 
     Between two cylinders of radii a < b whose axes are c apart the permeance is 2 pi / arccosh((a^2 + b^2 - c^2) /
     (2 a b)) per length, which is ln(b / a) in place of the arccosh where c = 0.
-
-    Parameters
-    ----------
-    offset : float
-        In m, less than the clearance.
 
     References
     ----------

@@ -116,8 +116,6 @@ def load_truth(
 
     Parameters
     ----------
-    cache : Path
-        Directory for the tables; made if absent.
     families : collection of str or None
         Those needed; all that the drawing admits where None.
     """

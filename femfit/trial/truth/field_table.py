@@ -95,8 +95,6 @@ def solve_field_table(actuator: Actuator, distances: tuple[float, float], curren
 
     Parameters
     ----------
-    actuator : Actuator
-        Checked; with saturating parts or without.
     distances : (float, float)
         Range in m.
     current : float

@@ -57,11 +57,6 @@ class CoreResponse:
             Of the points.
         point, seen_at : array, shapes (Q, 3) and (P, 3)
             Cylindrical (r, angle, z).
-
-        Returns
-        -------
-        array, shape (P,)
-            At ``seen_at``.
         """
         to_surface = _harmonics(self.surface, point[:, [0, 2]], _ORDERS)
         from_rings = _harmonics(seen_at[:, [0, 2]], self.rings, _ORDERS)
@@ -132,8 +127,6 @@ def displaced(actuator: Actuator, offset: float, distances: tuple[float, float],
 
     Parameters
     ----------
-    actuator : Actuator
-        Its moving part is magnets alone.
     offset : float
         Sideways displacement in m.
     distances : (float, float)

@@ -35,11 +35,6 @@ class Relays:
         ----------
         history : array, shape (n,)
             Input, in the order of time; between two values it moves monotonically.
-
-        Returns
-        -------
-        array, shape (n,)
-            After each value.
         """
         state = np.where(self.up + self.down < 0.0, 1.0, -1.0)
         result = np.empty(len(history))
@@ -87,8 +82,6 @@ def relay_ensemble(coercive: float, interaction: float, spread: float, parts: in
     ----------
     coercive : float
         Median half width, in the input's unit.
-    spread : float
-        Standard deviation of the logarithm of the half widths.
     """
     from scipy.stats import norm  # noqa: PLC0415
 

@@ -64,11 +64,6 @@ def heat(
         Number of each reading's run.
     ambient : array, shape (n,)
         In degC.
-
-    Returns
-    -------
-    Temperatures
-        At the end of each step, with the exact decay over it.
     """
     scale = max(float(np.abs(current).max()), 1e-12)
     decay = [1.0 - np.exp(-step_s / tau) for tau in (network.coil_s, network.magnet_s, network.element_s)]
