@@ -86,9 +86,6 @@ def import_fem(
     )
     imported = import_fem_file(model, options)
     write_text(output, imported.toml)
-    print(f"{model.name}: {imported.current_A:g} A at {1e3 * imported.distance_m:g} mm")
-    for finding in imported.findings:
-        mark = "" if finding.severity == "info" else f"{finding.severity}: "
-        print(f"- {mark}{finding.text} {finding.remedy}".rstrip())
+    print(imported)
     print(f"written: {output}")
     write_json(json, imported.as_dict())

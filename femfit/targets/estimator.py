@@ -49,6 +49,9 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
             (new / name).write_text(text, encoding="utf-8")
         write_model(model, new / "model.json")
         _put_in_place(new, directory)
+    except OSError as error:
+        place = str(error.filename or directory).replace(str(new), str(directory))  # a full disk names no file
+        raise OSError(error.errno, error.strerror, place) from error
     finally:
         shutil.rmtree(new, ignore_errors=True)
         if absent and directory.exists() and not any(directory.iterdir()):

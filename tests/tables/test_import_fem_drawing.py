@@ -31,6 +31,11 @@ def codes(result):
     return {finding.code for finding in result.findings}
 
 
+def said(result, code):
+    (finding,) = [finding for finding in result.findings if finding.code == code]
+    return finding
+
+
 @pytest.mark.parametrize("unit", UNIT_MM)
 def test_the_same_drawing_in_every_unit_is_the_same_actuator(unit):
     expected, actuator = imported(suspension()).actuator, imported(suspension(unit=unit)).actuator
@@ -280,8 +285,12 @@ def test_a_plunger_counts_its_distance_from_the_pole_before_it():
     drawing.label(9, 0, COPPER, circuit=1, turns=400, group=2)
     drawing.label(2, 20, STEEL, group=3)
     drawing.label(100, 0, AIR)
-    assert imported(drawing, moving_groups=(3,)).distance_m == 0.006
-    assert imported(drawing, moving_groups=(3,), face_mm=-18.0).distance_m == 0.024
+    result = imported(drawing, moving_groups=(3,))
+    assert result.distance_m == 0.006
+    assert "--face-mm: -18 or -20" in said(result, "frame").remedy
+    other = imported(drawing, moving_groups=(3,), face_mm=-18.0)
+    assert other.distance_m == 0.024
+    assert said(other, "frame").remedy == ""
     mirrored = imported(drawing, moving_groups=(1,))  # the pole moves: it lies below the plunger
     assert mirrored.frame.up == -1
     assert mirrored.distance_m == 0.006

@@ -250,8 +250,9 @@ def test_an_export_that_fails_leaves_nothing_and_keeps_an_earlier_one(levitation
 
     monkeypatch.setattr(estimator, "write_model", full)
     for name in ("kept", "new"):
-        with pytest.raises(OSError, match="No space"):
+        with pytest.raises(OSError, match="No space") as caught:
             export_estimator(levitation_model, tmp_path / name)
+        assert caught.value.filename == str(tmp_path / name)
     assert [file.name for file in tmp_path.iterdir()] == ["kept"]
     assert (tmp_path / "kept" / RUNTIME / "__init__.py").is_file()
     assert not (tmp_path / "kept" / NEW).exists()

@@ -100,7 +100,7 @@ def find_frame(
     field = _polarity(bodies)
     current = field * (1.0 if winding.turns > 0 else -1.0)
     frame = FemFrame(up * face + 0.0, up, distance, field, current)
-    _say(frame, winding, findings)
+    _say(frame, winding, [] if options.face_mm is not None else [z for z in usable if z != frame.face_mm], findings)
     return frame
 
 
@@ -192,14 +192,16 @@ def _moment(parts: Sequence[FemPart]) -> float:
     return sum(part.sign * part.material.remanence * part.volume_mm3 for part in parts)
 
 
-def _say(frame: FemFrame, winding: FemWinding, findings: list[Finding]) -> None:
-    turned = " and mirrored, for the moving part lies below" if frame.up < 0 else ""
+def _say(frame: FemFrame, winding: FemWinding, others: Sequence[float], findings: list[Finding]) -> None:
+    turned = "which is mirrored, for the moving part lies below" if frame.up < 0 else "as it stands"
     findings.append(
         Finding(
             "frame",
             "info",
-            f"The drawing is shifted by {0.0 - frame.up * frame.face_mm:.9g} mm{turned}, so that the face at the "
-            f"file's z = {frame.face_mm:.9g} mm lies at z = 0; the file's own distance is {frame.distance_mm:.9g} mm.",
+            f"Distances are counted from the electromagnet's face at the file's z = {frame.face_mm:.9g} mm to the "
+            f"nearest point of the moving part; in the file it is {frame.distance_mm:.9g} mm. That face is z = 0 of the "
+            f"drawing, {turned}.",
+            f"Count from another height with --face-mm: {_listed(others)}." if others else "",
         )
     )
     if frame.current_sign < 0:

@@ -39,12 +39,20 @@ class ImportedFem:
         The file's own point, in femfit's signs.
     """
 
+    source: str
     toml: str
     actuator: Actuator
     current_A: float
     distance_m: float
     frame: FemFrame
     findings: tuple[Finding, ...]
+
+    def __str__(self) -> str:
+        lines = [f"{self.source}: {self.current_A:g} A at {1e3 * self.distance_m:g} mm"]
+        for finding in self.findings:
+            mark = "" if finding.severity == "info" else f"{finding.severity}: "
+            lines.append(f"- {mark}{finding}")
+        return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -93,6 +101,7 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
         where = f"Heights above are the actuator file's z: the file's z is {frame.face_mm:.9g} mm {way} z."
         raise ActuatorFileError(error.source, [*error.problems, where]) from error
     return ImportedFem(
+        source=source,
         toml=text,
         actuator=actuator,
         current_A=frame.current_sign * winding.circuit.current_A + 0.0,
