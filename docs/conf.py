@@ -16,7 +16,7 @@ extensions = [
     "mathml",  # the two of _ext
     "pages",
 ]
-exclude_patterns = ["_build", "_ext"]
+exclude_patterns = ["_build", "_ext", "generated/columns.md"]  # the last is included by a page
 templates_path: list[str] = []
 
 # Pages

@@ -21,7 +21,13 @@ GENERATED = DOCS / "generated"
 def setup(app: Sphinx) -> dict[str, bool]:
     """Write the generated pages when a build begins."""
     app.connect("builder-inited", lambda _: write_pages())
+    app.connect("source-read", _link_copies)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _link_copies(_app: Sphinx, _name: str, source: list[str]) -> None:
+    """Link the copies of the notebooks in the site where a page links those of the repository, so that both work."""
+    source[0] = source[0].replace("](../../notebooks/", "](../generated/")
 
 
 def write_pages() -> None:

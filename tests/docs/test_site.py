@@ -56,6 +56,12 @@ def test_every_public_name_has_its_place(site):
     assert [name for name in femfit.__all__ if name[0] != "_" and f'id="femfit.{name}"' not in page] == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_of_a_page_leads_somewhere_in_a_clone_without_the_site(page):
+    links = re.findall(r"\]\((?!https?:|#)([^)#\s]+)", page.read_text(encoding="utf-8"))
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
 @pytest.mark.long
 def test_the_tutorials_run_in_the_site(tmp_path):
     site = build(tmp_path / "site", "force")

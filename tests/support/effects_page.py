@@ -10,10 +10,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
 _HEAD = """\
 # Effects that a model may lack
 
-Each is one file in `femfit/effects`, with a family of shapes where one formula would miss what happens. `femfit
-diagnose` names them, `femfit add` fits them, plant, filters and export run them. *Usual* is the range outside of which
-a fitted value is reported as suspicious; parameters marked *shape* are constants of the family and do nothing alone. A
-value that is *of* something is a part of that quantity's largest value in the model.
+An effect is one physical reason why a bench may disagree with a model. `femfit diagnose` names effects, `femfit add`
+fits them, and simulation, filters and export run them. Each is one file in `femfit/effects`.
 
 | effect | what one sees | where it acts | the measurement that isolates it |
 |---|---|---|---|
@@ -22,7 +20,11 @@ value that is *of* something is a part of that quantity's largest value in the m
 _MIDDLE = """
 ## Parameters
 
-| effect | parameter | unit | usual | meaning |
+A fitted value outside of the plausible range is reported as suspicious. A nonlinear parameter shapes the effect and
+changes nothing while the others are zero; the number behind it is where the fit begins. The unit "of force_N" means a
+part of the largest force in the model.
+
+| effect | parameter | unit | plausible range | meaning |
 |---|---|---|---|---|
 """
 
