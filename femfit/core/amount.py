@@ -1,37 +1,71 @@
-"""A quantity as people say it: ``0.20 mm``, ``12 mN``, ``4.2 %``."""
+"""A quantity as people say it: ``0.20 mm``, ``12 mN``, ``4.2 %``.
+
+All that femfit prints or writes for readers is rounded and prefixed here.
+"""
 
 import math
 
-_PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
-_PREFIXED = {"m", "s", "A", "N", "Wb", "V", "T", "H", "ohm", "V s"}
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+
+_PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
+_PREFIXED = {"m", "s", "A", "N", "Wb", "V", "T", "H", "W", "J", "ohm", "g", "V s", "T/A", "V/A", "V/T", "N/A"}
+_SHARES = {"", "1/K", "1/K^2"}
 
 
-def amount(value: float, unit: str, digits: int = 2) -> str:
-    """A value with its unit, rounded to so many digits.
+def amount(value: float | None, unit: str, digits: int = 2) -> str:
+    """A value with its unit, rounded to so many digits; a value that is not finite is ``unknown``.
 
     Parameters
     ----------
     unit : str
-        SI; with a prefix in the result where that is usual. Empty for a share, which is given in per cent, as is
-        a share per kelvin (``1/K``).
+        In SI, or a column's name that ends in one (``force_N``). Empty for a share, which is given in per cent, as is
+        a share per kelvin (``1/K``). The prefix is what a workshop says: mm from 0.1 mm to 1 m, A from 0.1 A, g for
+        kg.
     """
-    if unit in {"", "1/K", "1/K^2"}:
+    unit = unit.rpartition("_")[2]
+    if value is None or not math.isfinite(value):
+        return "unknown"
+    if unit in _SHARES:
         return f"{rounded(100.0 * value, digits)} %{unit[1:].replace('/', ' per ').replace('^2', ' squared')}"
-    if unit not in _PREFIXED or value == 0.0 or not math.isfinite(value):
-        return f"{rounded(value, digits)} {unit}".rstrip()
-    power = 3 * math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))) / 3.0)
-    power = min(max(power, min(_PREFIXES)), max(_PREFIXES))
-    if unit == "m":
-        power = -3 if abs(value) >= 1e-5 else power  # hundredths of a millimetre are what a workshop measures
-    if unit == "A" and abs(value) >= 0.1:
+    if unit == "C":
+        return f"{value:.{max(digits, 3)}g} °C"
+    factor, prefixed = _scale(abs(float(f"{value:.{digits - 1}e}")), unit)
+    return f"{rounded(factor * value, digits)} {prefixed}"
+
+
+def axis_scale(values: FloatArray, unit: str) -> tuple[float, str]:
+    """Factor and prefixed unit in which values of one axis are drawn, after the largest of them."""
+    sizes = np.abs(np.asarray(values, dtype=float))
+    return _scale(float(np.max(sizes[np.isfinite(sizes)], initial=0.0)), unit.rpartition("_")[2])
+
+
+def _scale(size: float, unit: str) -> tuple[float, str]:
+    if unit == "kg":
+        factor, prefixed = _scale(1e3 * size, "g")
+        return 1e3 * factor, prefixed
+    if unit not in _PREFIXED or size < 1e-15:
+        return 1.0, unit
+    power = min(max(3 * math.floor(math.log10(size) / 3.0 + 1e-12), min(_PREFIXES)), max(_PREFIXES))
+    if unit == "m" and 1e-4 <= size < 1.0:
+        power = -3
+    if unit == "A" and 0.1 <= size < 1e3:
         power = 0
-    return f"{rounded(value / 10.0**power, digits)} {_PREFIXES[power]}{unit}"
+    return 10.0**-power, _PREFIXES[power] + unit
 
 
-def rounded(value: float, digits: int) -> str:
-    """A number to so many digits, without an exponent and with its trailing zeros."""
+def rounded(value: float, digits: int = 3) -> str:
+    """A number to so many digits with its trailing zeros, in powers of ten where it is very large or small."""
     if value == 0.0 or not math.isfinite(value):
-        return f"{value:.0f}" if value == 0.0 else str(value)
-    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
-    decimals = digits - 1 - exponent
-    return f"{value:.{decimals}f}" if decimals > 0 else f"{round(value, decimals):.0f}"
+        return "0" if value == 0.0 else "unknown"
+    written = f"{value:.{digits - 1}e}"
+    exponent = int(written.partition("e")[2])
+    if not -5 <= exponent < max(digits, 6):
+        return written
+    return f"{float(written):.{max(digits - 1 - exponent, 0)}f}"
+
+
+def probability(value: float) -> str:
+    """A probability as ``p = 0.03``, or ``p < 1e-06`` for all below."""
+    return f"p = {rounded(value, 2)}" if value >= 1e-6 else "p < 1e-06"

@@ -1,6 +1,6 @@
 """What a fit says of its data and of its own limits, one plain sentence each."""
 
-from femfit.fit.ranking import in_percent
+from femfit.core.amount import amount
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import CoenergySpline
@@ -35,7 +35,7 @@ def misfit_notes(model: ActuatorModel, rows: FitRows) -> tuple[str, ...]:
             "smallest distances."
         )
     poor = [
-        f"{name} by {in_percent(share)} %"
+        f"{name} by {amount(share, '')}"
         for name, share in (
             ("flux linkage", misfit.flux_linkage_share),
             ("inductance", misfit.inductance_share),

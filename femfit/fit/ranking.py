@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import rounded
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FemfitError, FitError
 from femfit.fit.bounded_qp import active_set_least_squares
@@ -155,12 +156,7 @@ class Ranking:
 
 
 def _percent(share: float | None) -> str:
-    return "-" if share is None else in_percent(share)
-
-
-def in_percent(share: float) -> str:
-    """A share in per cent with two digits, without an exponent where it is large."""
-    return f"{100 * share:.2g}" if share < 0.995 else f"{100 * share:.0f}"
+    return "-" if share is None else rounded(100.0 * share, 2)
 
 
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:

@@ -6,10 +6,11 @@ from dataclasses import asdict, dataclass
 from html import escape
 from typing import Any
 
+from femfit.core.amount import amount
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
-from femfit.fit.ranking import Ranking, in_percent
+from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel, Misfit
 
@@ -110,21 +111,23 @@ def misfit_lines(misfit: Misfit) -> list[str]:
     weight = "" if misfit.force_rms_of_weight is None else f", {100 * misfit.force_rms_of_weight:.3g} % of the weight"
     lines = [
         (
-            f"  force        {_percent(misfit.force_share)} ({si(misfit.force_rms_N, 'N', 3)} rms, "
-            f"{si(misfit.force_max_N, 'N', 3)} at most{weight})"
+            f"  force        {_share(misfit.force_share)} ({amount(misfit.force_rms_N, 'N', 3)} rms, "
+            f"{amount(misfit.force_max_N, 'N', 3)} at most{weight})"
         )
     ]
     if misfit.flux_linkage_rms_Wb is not None:
         lines.append(
-            f"  flux linkage {_percent(misfit.flux_linkage_share)} ({si(misfit.flux_linkage_rms_Wb, 'Wb', 3)} rms)"
+            f"  flux linkage {_share(misfit.flux_linkage_share)} ({amount(misfit.flux_linkage_rms_Wb, 'Wb', 3)} rms)"
         )
     if misfit.inductance_rms_H is not None:
-        lines.append(f"  inductance   {_percent(misfit.inductance_share)} ({si(misfit.inductance_rms_H, 'H', 3)} rms)")
+        lines.append(
+            f"  inductance   {_share(misfit.inductance_share)} ({amount(misfit.inductance_rms_H, 'H', 3)} rms)"
+        )
     return lines
 
 
-def _percent(share: float | None) -> str:
-    return "" if share is None else f"{in_percent(share)} %"
+def _share(share: float | None) -> str:
+    return "" if share is None else amount(share, "")
 
 
 def _derived_line(result: FitResult) -> str:
@@ -133,7 +136,7 @@ def _derived_line(result: FitResult) -> str:
     text = f"motional constant dF/di {state.motional_constant.min():.4g} to {state.motional_constant.max():.4g} N/A"
     if result.model.circuit is None and result.rows.flux_linkage is None:
         return f"{text}; inductance unknown (no flux linkage in the table)"
-    return f"{text}; inductance {si(state.inductance.min(), 'H')} to {si(state.inductance.max(), 'H')}"
+    return f"{text}; inductance {amount(state.inductance.min(), 'H', 4)} to {amount(state.inductance.max(), 'H', 4)}"
 
 
 def _coenergy_lines(fit: CoenergyFit) -> list[str]:
@@ -183,17 +186,10 @@ def _hall_lines(hall: HallFit, model: ActuatorModel) -> list[str]:
         )
     return [
         (
-            f"field at the Hall element: coil {si(low, 'T/A')} to {si(high, 'T/A')}, without current {si(far, 'T')} to "
-            f"{si(near, 'T')}{volt}; misfit {si(hall.rms_T, 'T', 3)} rms"
+            f"field at the Hall element: coil {amount(low, 'T/A', 4)} to {amount(high, 'T/A', 4)}, without "
+            f"current {amount(far, 'T', 4)} to {amount(near, 'T', 4)}{volt}; misfit {amount(hall.rms_T, 'T', 3)} rms"
         )
     ]
-
-
-def si(value: float, unit: str, digits: int = 4) -> str:
-    """A number with an SI prefix, from micro to kilo: actuators pull from micronewtons to hundreds of kilonewtons."""
-    sizes = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"))
-    scale, prefix = next((pair for pair in sizes if abs(value) >= pair[0]), sizes[-1] if value else (1.0, ""))
-    return f"{value / scale:.{digits}g} {prefix}{unit}"
 
 
 def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import axis_scale
 from femfit.core.constants import GRAVITY
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
@@ -29,7 +30,7 @@ from femfit.report.force_figures import (
 )
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
-from femfit.report.numbers import NOTHING, force_scale, percent, quantity, significant
+from femfit.report.numbers import NOTHING, percent, quantity, significant
 from femfit.report.page import Drawing, picture_uri, render
 from femfit.report.parts import all_regions, saturates
 from femfit.report.rating import USUAL_KNEES, Rating, copper_share, iron_loads, rate
@@ -210,7 +211,7 @@ def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) 
         "self_force": None,
     }
     if grid is not None:
-        factor, unit = force_scale(grid.force)
+        factor, unit = axis_scale(grid.force, "N")
         facts |= {
             "unit": unit,
             "changes_sign": changes_sign(grid),

@@ -5,20 +5,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from femfit.core.amount import axis_scale
 from femfit.core.arrays import FloatArray
 from femfit.identify.comparison.curves import MeasuredCurves
-from femfit.identify.readings.amounts import CHANNEL_WORDS
-from femfit.report.numbers import significant
+from femfit.report.numbers import quantity
 from femfit.report.style import INK, MUTED, new_figure, ordered_colours, styled, words
+from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SCALES = ((1e-6, 1e9, "n"), (1e-3, 1e6, "µ"), (1.0, 1e3, "m"), (np.inf, 1.0, ""))
-"""Largest size, factor and SI prefix."""
-
-_SETTING = {"distance_m": (1e3, "mm"), "current_A": (1.0, "A")}
+_SETTING = {"distance_m": 1e3, "current_A": 1.0}
+"""Factor of a setting's axis, in mm or A."""
 
 
 @styled
@@ -39,10 +38,11 @@ def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> "Figure":
         _draw(above, below, curves, lines, misfit)
         above.set_title(words("curves", name))
         below.set_xlabel(words("curves", curves.along))
-    unit = curves.channel.rpartition("_")[2]
     quantity = CHANNEL_WORDS[curves.channel]
-    panels[0, 0].set_ylabel(words("curves", "reading", quantity=quantity, unit=_scale(curves.measured)[1] + unit))
-    panels[1, 0].set_ylabel(words("curves", "misfit", unit=_scale(curves.misfit_before)[1] + unit))
+    panels[0, 0].set_ylabel(
+        words("curves", "reading", quantity=quantity, unit=axis_scale(curves.measured, curves.channel)[1])
+    )
+    panels[1, 0].set_ylabel(words("curves", "misfit", unit=axis_scale(curves.misfit_before, curves.channel)[1]))
     figure.legend(
         *panels[0, 0].get_legend_handles_labels(), loc="outside right center", title=words("curves", curves.over)
     )
@@ -50,12 +50,11 @@ def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> "Figure":
 
 
 def _draw(above: "Axes", below: "Axes", curves: MeasuredCurves, lines: FloatArray, misfit: FloatArray) -> None:
-    factor, size = _SETTING[curves.along][0], _scale(curves.measured)[0]
-    small = _scale(curves.misfit_before)[0]
-    scale, unit = _SETTING[curves.over]
+    factor, size = _SETTING[curves.along], axis_scale(curves.measured, curves.channel)[0]
+    small = axis_scale(curves.misfit_before, curves.channel)[0]
     for k, (level, colour) in enumerate(zip(curves.levels, ordered_colours(len(curves.levels)), strict=True)):
         here = curves.level == k
-        label = f"{significant(scale * level, 3)} {unit}"
+        label = quantity(level, curves.over)
         if len(lines):
             above.plot(factor * curves.axis, size * lines[k], color=colour, linewidth=1.2, label=label)
         above.plot(
@@ -71,12 +70,6 @@ def _draw(above: "Axes", below: "Axes", curves: MeasuredCurves, lines: FloatArra
     below.axhline(0.0, color=INK, linewidth=0.8)
     if curves.noise is not None:
         below.axhspan(-small * curves.noise, small * curves.noise, color=MUTED, alpha=0.18, linewidth=0.0)
-
-
-def _scale(values: FloatArray) -> tuple[float, str]:
-    """Factor and SI prefix in which values are written with few digits."""
-    largest = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
-    return next((factor, prefix) for limit, factor, prefix in _SCALES if largest < limit)
 
 
 def worst_first(curves: Sequence[MeasuredCurves]) -> list[MeasuredCurves]:

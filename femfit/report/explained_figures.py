@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femfit.identify.decision.diagnosis import ScoredEffect
-from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.report.numbers import plain
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, VERMILION, WIDTH, new_figure, styled
+from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

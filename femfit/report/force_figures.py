@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.report.numbers import force_scale, plain, significant
+from femfit.core.amount import axis_scale
+from femfit.report.numbers import plain, significant
 from femfit.report.rating import Rating
 from femfit.report.style import (
     BLUE,
@@ -45,7 +46,7 @@ def stroke_figure(rating: Rating, weight: float | None) -> "Figure":
     """Draw force over the stroke at the supply's voltage with a cold and a warm coil, and at the rated current."""
     figure = new_figure(3.6)
     axes = figure.subplots()
-    factor, unit = force_scale(np.concatenate(list(rating.forces_N.values())))
+    factor, unit = axis_scale(np.concatenate(list(rating.forces_N.values())), "N")
     for feed in rating.feeds:
         colour, line = FEEDS[feed.name]
         voltage = rating.voltage_V if feed.name != "reversed" else feed.current_A * rating.cold_ohm
@@ -96,7 +97,7 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
     figure = new_figure(3.3)
     scales = ("linear",) if changes_sign(grid) else ("linear", "log")
     axes = figure.subplots(1, len(scales), squeeze=False)[0]
-    factor, unit = force_scale(grid.force)
+    factor, unit = axis_scale(grid.force, "N")
     for ax, scale in zip(axes, scales, strict=True):
         for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
             if scale == "log" and not np.all(force > 0):
@@ -140,7 +141,7 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
 
     figure = new_figure(3.6)
     axes = figure.subplots()
-    factor, unit = force_scale(grid.force)
+    factor, unit = axis_scale(grid.force, "N")
     x, force = MM * grid.distances, factor * grid.force
     top = float(force.max())
     floor = max(float(force.min()), top / 300.0)

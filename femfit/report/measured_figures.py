@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.identify.readings.observations import Observations
 from femfit.report.style import BLUE, CATEGORIES, MUTED, VERMILION, WIDTH, new_figure, styled
+from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,10 +3,9 @@
 import math
 import re
 
-import numpy as np
 from markupsafe import Markup, escape
 
-from femfit.core.arrays import FloatArray
+from femfit.core.amount import amount, probability, rounded
 
 NO_BREAK = "\u00a0"
 
@@ -15,25 +14,14 @@ NOTHING = "–"
 
 _EXPONENT = re.compile(r"\^(?:\((-?[\d/]+)\)|(-?\d+))")
 
-_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
+_POWER = re.compile(r"e([+-]?\d+)")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """A number with an SI prefix before its unit.
-
-    Parameters
-    ----------
-    value : float or None
-        In the unit; None becomes ``unknown``.
-    """
-    if value is None or not math.isfinite(value):
-        return "unknown"
-    if value == 0.0:
-        return f"0{NO_BREAK}{unit}"
-    # Rounded first: 999.96 mN is 1.00 N
-    rounded = float(f"{value:.{digits - 1}e}")
-    power = min(max(3 * math.floor(math.log10(abs(rounded)) / 3.0), min(_PREFIXES)), max(_PREFIXES))
-    return f"{significant(rounded / 10.0**power, digits)}{NO_BREAK}{_PREFIXES[power]}{unit}"
+    """An amount as it is set on a page."""
+    number, _, unit = amount(value, unit.replace("Ω", "ohm"), digits).partition(" ")
+    return f"{_set(number)}{NO_BREAK}{unit}".rstrip().replace("ohm", "Ω")
 
 
 def noise_words(noise_V: float) -> str:
@@ -43,38 +31,26 @@ def noise_words(noise_V: float) -> str:
 
 def percent(fraction: float | None, digits: int = 2) -> str:
     """A fraction in per cent."""
-    if fraction is None or not math.isfinite(fraction):
-        return "unknown"
-    return f"{significant(100.0 * fraction, digits)}{NO_BREAK}%"
+    return quantity(fraction, "", digits)
 
 
 def significant(value: float, digits: int = 3) -> str:
     """A number with so many significant digits, in powers of ten where it is very large or small."""
-    if not math.isfinite(value):
-        return NOTHING
-    if value == 0.0:
-        return "0"
-    value = float(f"{value:.{digits - 1}e}")
-    exponent = math.floor(math.log10(abs(value)))
-    if -4 <= exponent < max(digits, 6):
-        return f"{value:.{max(digits - 1 - exponent, 0)}f}".replace("-", "−")
-    power = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{value / 10.0**exponent:.{digits - 1}f}·10{power}".replace("-", "−", 1)
+    return _set(rounded(value, digits)) if math.isfinite(value) else NOTHING
+
+
+def p_value(value: float) -> str:
+    """A probability as it is set on a page."""
+    return _set(probability(value))
+
+
+def _set(number: str) -> str:
+    return _POWER.sub(lambda m: f"·10{str(int(m[1])).translate(_RAISED)}", number).replace("-", "−")
 
 
 def plain(value: float, digits: int = 6) -> str:
     """A number that was typed in, with no digit more than it had."""
     return f"{value:.{digits}g}".replace("-", "−") if math.isfinite(value) else NOTHING
-
-
-def force_scale(force: FloatArray) -> tuple[float, str]:
-    """Factor and unit in which forces are drawn."""
-    return (1.0, "N") if float(np.max(np.abs(force))) > 2.0 else (1e3, "mN")
-
-
-def p_value(value: float) -> str:
-    """A probability as ``= 0.03`` or ``< 10⁻⁶``."""
-    return "< 10⁻⁶" if value < 1e-6 else f"= {significant(value, 2)}"
 
 
 def formula_markup(formula: str) -> Markup:

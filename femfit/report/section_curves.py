@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.curves import measured_curves
-from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.identify.readings.observations import Observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.curves import curves_figure, worst_first
 from femfit.report.section import Picture, Section, text
 from femfit.report.style import svg_uri
+from femfit.tables.measurement import CHANNEL_WORDS
 
 
 def curves_section(

@@ -12,9 +12,8 @@ from femfit.identify.decision.diagnosis import NamedEffect
 from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.explained_figures import ranking_figure
-from femfit.report.numbers import NOTHING, formula_markup, plain, significant
+from femfit.report.numbers import NOTHING, formula_markup, p_value, plain, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
-from femfit.report.section_misfit import p_value
 from femfit.report.style import svg_uri
 
 SHOWN = 6
@@ -59,7 +58,7 @@ def _verdict(content: DiagnosisContent) -> Markup:
     after = diagnosis.lack_of_fit_after
     sentences = [verdict_sentence(diagnosis)]
     if after is not None:
-        sentences.append(f"With what is named the lack of fit has p = {p_value(after.p_value)}.")
+        sentences.append(f"With what is named the lack of fit has {p_value(after.p_value)}.")
     if diagnosis.missing:
         sentences.append(certainty_sentence(diagnosis))
     if diagnosis.clean is not None:

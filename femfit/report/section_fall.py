@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from markupsafe import Markup
 
 from femfit.identify.decision.constants import LEVEL_AFTER
-from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
 from femfit.identify.refit.add_result import AddResult
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.explained_figures import waterfall_figure
 from femfit.report.measured_figures import residual_maps_figure
-from femfit.report.numbers import NOTHING, percent, plain, quantity, significant
+from femfit.report.numbers import NOTHING, p_value, percent, plain, quantity, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
-from femfit.report.section_misfit import p_value
 from femfit.report.style import svg_uri
+from femfit.tables.measurement import CHANNEL_WORDS
 
 
 def fall_section(content: DiagnosisContent) -> Section | None:
@@ -91,7 +90,7 @@ def _added(result: AddResult) -> Block:
         else ""
     )
     return text(
-        "{} {} added to the model.{} What is left {} the lack-of-fit test (p {}; before: p {}).",
+        "{} {} added to the model.{} What is left {} the lack-of-fit test ({}; before: {}).",
         names,
         "was" if len(result.added) == 1 else "were",
         base,
@@ -118,10 +117,6 @@ def _error_table(steps: list[tuple[str, dict[str, float]]], floor: Mapping[str, 
     return DataTable(Markup("Rms error"), ("channel", *heads, "noise σ", "after over noise"), tuple(rows))
 
 
-def _signed(value: float, channel: str) -> str:
-    return amount(value, channel, 3).replace("-", "−")
-
-
 def _size_blocks(result: AddResult) -> list[Block]:
     rows = []
     for size in result.sizes:
@@ -130,8 +125,8 @@ def _size_blocks(result: AddResult) -> list[Block]:
             (
                 size.effect,
                 CHANNEL_WORDS[size.channel],
-                _signed(size.change, size.channel),
-                f"{_signed(low, size.channel)} … {_signed(high, size.channel)}",
+                quantity(size.change, size.channel),
+                f"{quantity(low, size.channel)} … {quantity(high, size.channel)}",
                 percent(size.of_largest),
                 f"{plain(1e3 * size.distance_m, 4)} mm, {plain(size.current_A, 3)} A",
             )

@@ -4,12 +4,12 @@ import numpy as np
 from markupsafe import Markup
 
 from femfit.identify.noise.whitening import NoiseModel
-from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.measured_figures import settings_figure
 from femfit.report.numbers import NOTHING, plain, quantity, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
 from femfit.report.style import svg_uri
+from femfit.tables.measurement import CHANNEL_WORDS
 
 
 def measured_section(content: DiagnosisContent) -> Section:

@@ -4,12 +4,12 @@ import numpy as np
 from markupsafe import Markup
 
 from femfit.identify.decision.diagnosis_text import verdict_sentence
-from femfit.identify.readings.amounts import CHANNEL_WORDS
 from femfit.report.diagnosis_content import DiagnosisContent
 from femfit.report.measured_figures import covariate_figure, residual_maps_figure
-from femfit.report.numbers import NOTHING, quantity, significant
+from femfit.report.numbers import NOTHING, p_value, quantity, significant
 from femfit.report.section import Block, DataTable, Picture, Section, text
 from femfit.report.style import svg_uri
+from femfit.tables.measurement import CHANNEL_WORDS
 
 SCALAR = (
     "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "velocity_m_s",
@@ -62,7 +62,7 @@ def _argument(content: DiagnosisContent) -> Markup:
         )
     test = text(
         "A test against {} smooth patterns over all settings finds {} times the misfit that noise alone would leave "
-        "(p {}).",
+        "({}).",
         gate.degrees_of_freedom,
         significant(gate.statistic, 3),
         p_value(gate.p_value),
@@ -70,11 +70,6 @@ def _argument(content: DiagnosisContent) -> Markup:
     if diagnosis.verdict == "nothing_missing":
         return text("{} {}", verdict_sentence(diagnosis), test)
     return text("<strong>{}</strong> {}", diagnosis.where.sentence, test)
-
-
-def p_value(value: float) -> str:
-    """A probability as ``= 0.03`` or ``< 10⁻⁶``."""
-    return "< 10⁻⁶" if value < 1e-6 else f"= {significant(value, 2)}"
 
 
 def _table(content: DiagnosisContent) -> DataTable:

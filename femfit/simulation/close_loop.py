@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core import atomic
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.filters.consistency import ConsistencyBand, consistency_band
@@ -19,7 +20,7 @@ from femfit.simulation.design import ControllerName, LoopDesign, ObserverName, d
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.loop import LoopResult
 from femfit.simulation.outcome import LoopOutcome
-from femfit.simulation.study_text import design_data, design_lines, um
+from femfit.simulation.study_text import design_data, design_lines
 from femfit.simulation.why_lost import why_lost
 
 SERIES_COLUMNS = (
@@ -121,7 +122,8 @@ class LoopSummary:
                 ("estimated - true distance", self.estimate_rms_m),
                 ("true distance - reference", self.tracking_rms_m),
             ):
-                lines.append(f"  rms of {text}: median{um(spread.median)}, 95 % below{um(spread.upper)}")
+                median, upper = amount(spread.median, "m", 3), amount(spread.upper, "m", 3)
+                lines.append(f"  rms of {text}: median {median}, 95 % below {upper}")
         if self.normalised_innovation_squared is not None:
             band = self.innovation_band
             lines.append(

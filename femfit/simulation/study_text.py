@@ -4,6 +4,7 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from femfit.core.amount import amount
 from femfit.core.atomic import json_ready
 from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment
@@ -22,7 +23,7 @@ def study_lines(study: "ClosedLoopStudy") -> list[str]:
         f"Steps {stops} mm: rms of measured minus true distance",
         "  controller    measured by        rms",
         *(
-            f"  {row.controller:12s}  {row.measurement:10s} {um(row.rms_m)}{_lost(row.held, row.runs)}"
+            f"  {row.controller:12s}  {row.measurement:10s} {_length(row.rms_m)}{_lost(row.held, row.runs)}"
             for row in study.steps
         ),
         "",
@@ -30,8 +31,8 @@ def study_lines(study: "ClosedLoopStudy") -> list[str]:
         "  controller    filter  distance    direct   filtered   gain  bound  innovations^2 (95 % band)",
     ]
     lines += [
-        f"  {r.controller:12s}  {r.filter:6s}  {1e3 * r.distance_m:5.1f} mm {um(r.direct_rms_m)}"
-        f"  {um(r.filtered_rms_m)}  {_ratio(r.ratio)}  {r.bound:5.2f}  {r.normalised_innovation_squared:.3f} "
+        f"  {r.controller:12s}  {r.filter:6s}  {1e3 * r.distance_m:5.1f} mm {_length(r.direct_rms_m)}"
+        f"  {_length(r.filtered_rms_m)}  {_ratio(r.ratio)}  {r.bound:5.2f}  {r.normalised_innovation_squared:.3f} "
         f"({r.innovation_band.lower:.3f} .. {r.innovation_band.upper:.3f}){_lost(r.held, r.runs)}"
         for r in study.holds
     ]
@@ -117,9 +118,8 @@ def design_data(design: LoopDesign) -> dict[str, Any]:
     }
 
 
-def um(metres: float) -> str:
-    """A length in micrometres, eight characters wide."""
-    return f"{1e6 * metres:8.2f} um" if math.isfinite(metres) else f"{'-':>8s} um"
+def _length(metres: float) -> str:
+    return f"{amount(metres, 'm', 3):>8s}" if math.isfinite(metres) else f"{'-':>8s}"
 
 
 def _ratio(value: float) -> str:
@@ -143,11 +143,11 @@ def fault_line(row: FaultRow) -> str:
         parts.append(f"all {row.runs} runs held")
     if math.isfinite(row.position_shift_m):
         parts.append(
-            f"estimate off by{um(row.estimate_bias_m)}, body moved by{um(row.position_shift_m)} "
-            f"+-{um(row.shift_error_m)}"
+            f"estimate off by {amount(row.estimate_bias_m, 'm', 3)}, "
+            f"body moved by {amount(row.position_shift_m, 'm', 3)} +-{amount(row.shift_error_m, 'm')}"
         )
     elif math.isfinite(row.estimate_rms_m):
-        parts.append(f"estimate within{um(row.estimate_rms_m)} rms")
+        parts.append(f"estimate within {amount(row.estimate_rms_m, 'm', 3)} rms")
     return f"  {describe(row.experiment)}: {'; '.join(parts)}"
 
 

@@ -13,6 +13,16 @@ from femfit.core.finding import Finding, listing
 CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 """Columns that a bench reads."""
 
+CHANNEL_WORDS = {
+    "force_N": "force",
+    "flux_linkage_Wb": "flux linkage",
+    "hall_V": "Hall output",
+    "voltage_V": "coil voltage",
+    "force_balance_N": "force that the motion shows",
+    "voltage_balance_V": "commanded voltage",
+}
+"""Channels, and the balances that a time series is turned into, as they are called in sentences."""
+
 SETTINGS: dict[str, float] = {
     "run": 1.0,
     "mount": np.nan,

@@ -78,12 +78,3 @@ def test_an_eccentric_plunger_is_not_called_a_magnet(nominal):
     plunger = replace(nominal, magnet_share=0.0)
     (text,) = describe(AddedEffect(effect, effect.null() | {"gap_all": 0.03}), plunger)
     assert "3.0 % more flux linkage" in text
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "said"),
-    [(2e-4, "m", "0.20 mm"), (38.2, "K", "38 K"), (0.0082, "N", "8.2 mN"), (0.4, "A", "0.40 A"), (0.0404, "", "4.0 %"),
-     (-3e-3, "1/K", "-0.30 % per K"), (3e-6, "m", "3.0 µm"), (0.0, "V", "0 V"), (0.00996, "T", "10 mT")],
-)  # fmt: skip
-def test_amounts_have_a_prefix_and_two_digits(value, unit, said):
-    assert amount(value, unit) == said

@@ -311,7 +311,7 @@ def test_functions_must_be_known_and_one_a_column(table):
 @pytest.mark.parametrize(
     ("newtons", "words"),
     [
-        (2.706e-6, "2.71 uN rms"),
+        (2.706e-6, "2.71 µN rms"),
         (0.0125, "12.5 mN rms"),
         (2.99, "2.99 N rms"),
         (3659.0, "3.66 kN rms"),

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from femfit.core.amount import axis_scale
 from femfit.core.arrays import FloatArray
 from femfit.fit.build import fit_model
 from femfit.fit.law_fit import LawFit, fit_law
@@ -27,7 +28,7 @@ from femfit.laws.catalogue import law_by_name
 from femfit.model.magnetics import Magnetics
 from femfit.report.force_figures import force_curves_figure, force_map_figure
 from femfit.report.model_figures import hall_figure
-from femfit.report.numbers import force_scale, formula_label
+from femfit.report.numbers import formula_label
 from femfit.report.style import BLUE, CATEGORIES, INK, MUTED, VERMILION, new_figure, style, styled
 from femfit.report.sweep_grid import sweep_grid
 from femfit.tables.sweep_table import read_sweep_table
@@ -93,7 +94,7 @@ def residual_sums_figure(fits: Sequence[LawFit]) -> Figure:
     """Figure 8 of the paper: J_1 and J_2, the sum of squared residuals at each current."""
     figure = new_figure(2.8)
     axes = figure.subplots()
-    factor, unit = force_scale(np.sqrt(np.max([fit.stage_one.residual_sums for fit in fits], axis=0)))
+    factor, unit = axis_scale(np.sqrt(np.max([fit.stage_one.residual_sums for fit in fits], axis=0)), "N")
     for n, (colour, marker, fit) in enumerate(zip(CATEGORIES, "osD", fits, strict=False), start=1):
         label = f"J{chr(0x2080 + n)} of {fit.law.name}"
         sums = fit.stage_one.residual_sums
@@ -119,7 +120,7 @@ def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> Figure:
         Points of the sweep, lines of the law; residuals.
     """
     figure = new_figure(4.4)
-    factor, unit = force_scale(rows.force)
+    factor, unit = axis_scale(rows.force, "N")
     panels = figure.subplots(2, len(fits), sharex=True, height_ratios=(2.2, 1.0), squeeze=False)
     chosen = shown_currents(len(rows.currents))
     for column, fit in enumerate(fits):

@@ -7,6 +7,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
+from femfit.core.amount import amount, probability, rounded
 from femfit.core.finding import Finding
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
 from femfit.identify.comparison.law_shape import ShapeMisfit, shape_misfit
@@ -18,11 +19,10 @@ from femfit.identify.decision.diagnosis_text import SCATTERED, mount_words
 from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
-from femfit.identify.readings.amounts import CHANNEL_WORDS, amount, chance, times
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import Measurement
+from femfit.tables.measurement import CHANNEL_WORDS, Measurement
 
 CompareVerdict = Literal["agrees", "fails", "wrong_shape", "compare_only"]
 
@@ -70,13 +70,13 @@ class ChannelMisfit:
         if self.noise_floor is not None:
             source = self.noise_source if self.noise_readings is None else f"from {self.noise_readings:.0f} repeats"
             floor = amount(self.noise_floor, self.channel)
-            text += f", {times(self.rms / self.noise_floor)} times the noise of one, {floor} ({source})"
+            text += f", {rounded(self.rms / self.noise_floor)} times the noise of one, {floor} ({source})"
         worst = self.largest
         text += (
             f"; largest {amount(worst.value, self.channel)} at {amount(worst.distance_m, 'distance_m', 3)} and "
             f"{amount(worst.current_A, 'current_A')}"
         )
-        return text + (f"; against repeats {chance(self.lack_of_fit.p_value)}" if self.lack_of_fit else "")
+        return text + (f"; against repeats {probability(self.lack_of_fit.p_value)}" if self.lack_of_fit else "")
 
 
 _VERDICTS = {
@@ -156,8 +156,8 @@ class Comparison:
         lines += [str(one) for one in self.channels]
         if self.p_value is not None and self.structure is not None:
             lines.append(
-                f"Lack of fit: {chance(self.p_value)}; misfit {times(self.structure.statistic)} times what noise "
-                f"gives in {self.structure.degrees_of_freedom} smooth patterns."
+                f"Lack of fit: {probability(self.p_value)}; misfit {rounded(self.structure.statistic)} times what "
+                f"noise gives in {self.structure.degrees_of_freedom} smooth patterns."
             )
         if freedom and not scatter:
             lines.append(f"The test allows for {freedom}.")

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
-from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
 from femfit.identify.readings.observations import Observations
+from femfit.tables.measurement import CHANNEL_WORDS
 
 
 @dataclass(frozen=True)

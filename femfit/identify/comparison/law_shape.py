@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.identify.comparison.region import misfit_sentence
-from femfit.identify.readings.amounts import amount
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
 

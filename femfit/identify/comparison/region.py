@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
 from femfit.identify.readings.observations import Observations
+from femfit.tables.measurement import CHANNEL_WORDS
 
 _THRESHOLDS = 15
 _LEAST_SCORE = 0.2

@@ -22,7 +22,7 @@ from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.candidate import Candidate
 from femfit.identify.decision.constants import LEVEL_AFTER, POWER
 from femfit.identify.noise.whitening import orthonormal_basis
-from femfit.identify.readings.amounts import CHANNEL_WORDS
+from femfit.tables.measurement import CHANNEL_WORDS
 
 
 def look_alikes(campaign: Campaign, chosen: Candidate, classes: Sequence[tuple[str, ...]]) -> tuple[str, ...]:

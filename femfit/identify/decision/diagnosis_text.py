@@ -2,10 +2,11 @@
 
 from typing import TYPE_CHECKING
 
+from femfit.core.amount import amount, probability
 from femfit.effects.catalogue import all_effects
 from femfit.effects.words import smallest_visible
-from femfit.identify.readings.amounts import CHANNEL_WORDS, amount, chance
 from femfit.identify.readings.place import notes, suspicions
+from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
     from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
@@ -105,7 +106,7 @@ def _misfit(diagnosis: "Diagnosis") -> list[str]:
 def _evidence(diagnosis: "Diagnosis") -> list[str]:
     if diagnosis.verdict == "compare_only":
         return []
-    lines = [f"Lack of fit: {chance(diagnosis.p_value)}" + _after(diagnosis) + "."]
+    lines = [f"Lack of fit: {probability(diagnosis.p_value)}" + _after(diagnosis) + "."]
     if diagnosis.verdict not in {"nothing_missing", "named"} or diagnosis.missing:
         ranked = [score for score in diagnosis.ranking if not score.note][:_SHOWN]
         best = ", ".join(f"{score.name} {score.chi2_fall:.0f}" for score in ranked)
@@ -122,7 +123,7 @@ def _evidence(diagnosis: "Diagnosis") -> list[str]:
 def _after(diagnosis: "Diagnosis") -> str:
     if diagnosis.lack_of_fit_after is None:
         return ""
-    return f"; with what is named, {chance(diagnosis.lack_of_fit_after.p_value)}"
+    return f"; with what is named, {probability(diagnosis.lack_of_fit_after.p_value)}"
 
 
 def _could_show(diagnosis: "Diagnosis") -> list[str]:

@@ -82,7 +82,7 @@ class PlanReport:
         for name, magnitudes in self.detectable.items():
             said = smallest_visible(self.effects[name], magnitudes, self.nominal) if name in self.effects else ""
             lines.append(f"  {name}: {said or 'nothing within its bounds'}")
-        noise = ", ".join(f"{name} {amount(sigma, name.rpartition('_')[2])}" for name, sigma in self.noise.items())
+        noise = ", ".join(f"{name} {amount(sigma, name)}" for name, sigma in self.noise.items())
         return "\n".join([*lines, f"Noise of one reading: {noise}."])
 
     def _repr_html_(self) -> str:

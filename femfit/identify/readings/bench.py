@@ -5,13 +5,13 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
-from femfit.identify.readings.amounts import amount
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_domain
 from femfit.model.actuator_model import ActuatorModel

@@ -5,17 +5,18 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from femfit.core.amount import amount, probability
 from femfit.core.finding import Finding
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.decision.constants import LEVEL_AFTER
-from femfit.identify.readings.amounts import CHANNEL_WORDS, amount, chance
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.refit.sizes import EffectSize
 from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.measurement import CHANNEL_WORDS
 
 
 @dataclass(frozen=True)
@@ -115,11 +116,10 @@ class AddResult:
     def _verdict(self) -> str:
         names, after = " and ".join(added.effect.name for added in self.added), self.lack_of_fit_after
         if after.p_value > LEVEL_AFTER:
-            rest = (
-                f"what is left is noise ({chance(after.p_value)}; before, {chance(self.lack_of_fit_before.p_value)})."
-            )
+            before = probability(self.lack_of_fit_before.p_value)
+            rest = f"what is left is noise ({probability(after.p_value)}; before, {before})."
         else:
-            rest = f"the misfit that is left is not noise ({chance(after.p_value)})."
+            rest = f"the misfit that is left is not noise ({probability(after.p_value)})."
         doubt = " Its size is not certain: see below." if self.suspicious else ""
         return f"Added {names}: {rest}{doubt}"
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import describe, size_of
-from femfit.identify.readings.amounts import CHANNEL_WORDS, amount
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import Refit, is_plausible
+from femfit.tables.measurement import CHANNEL_WORDS
 
 _STEP = 1e-3
 """Step of a difference over a parameter's plausible range."""

@@ -1,0 +1,31 @@
+"""Quantities are said with one prefix rule everywhere."""
+
+import pytest
+
+from femfit.core.amount import amount, probability, rounded
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [(2e-4, "m", "0.20 mm"), (38.2, "K", "38 K"), (0.0082, "N", "8.2 mN"), (0.4, "A", "0.40 A"), (0.0404, "", "4.0 %"),
+     (-3e-3, "1/K", "-0.30 % per K"), (3e-6, "m", "3.0 µm"), (0.0, "V", "0 V"), (0.00996, "T", "10 mT")],
+)  # fmt: skip
+def test_amounts_have_a_prefix_and_two_digits(value, unit, said):
+    assert amount(value, unit) == said
+
+
+@pytest.mark.parametrize(
+    ("value", "column", "said"),
+    [(0.018, "distance_m", "18.0 mm"), (1.25, "mount_m", "1.25 m"), (9.4e-4, "mass_kg", "940 mg"),
+     (1.2, "kg", "1.20 kg"),
+     (27.0, "coil_temperature_C", "27 °C"), (2e-17, "force_N", "2.00e-17 N"), (float("nan"), "N", "unknown"),
+     (0.99996, "N", "1.00 N"), (5e5, "N", "500 kN"), (3e-8, "T/A", "30.0 nT/A")],
+)  # fmt: skip
+def test_a_column_is_said_in_the_unit_that_its_name_ends_in(value, column, said):
+    assert amount(value, column, 3) == said
+
+
+def test_numbers_very_large_or_small_are_powers_of_ten():
+    assert rounded(1.234e-7, 2) == "1.2e-07"
+    assert probability(1e-9) == "p < 1e-06"
+    assert probability(0.0312) == "p = 0.031"
