@@ -66,7 +66,9 @@ def _commands() -> str:
 _COMMANDS = """\
 # Commands
 
-`femfit COMMAND --help` prints the same. Every command takes `--json FILE`, which writes its result for a script.
+`femfit COMMAND --help` prints the same. A command exits with 0 when it is done, 1 after an error, whose remedy it
+prints, or when `femfit audit` finds something wrong, 2 on wrong usage, 70 on a bug of femfit, 130 after Ctrl-C and 143
+after SIGTERM. Every command takes `--json FILE`, which writes its result for a script.
 `python -m femfit` is the same as `femfit`, and `femfit --install-completion` lets the Tab key complete commands and
 options in bash, zsh and fish.
 

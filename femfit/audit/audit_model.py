@@ -7,6 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from femfit.audit.carried import COLD_C, WARM_C, CarriedRange, carried_range
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError
 from femfit.fit.misfit import misfit_to_rows
@@ -25,11 +27,17 @@ _GRID = (41, 15)
 _LARGE_MISFIT = 0.1
 """Share of a quantity's rms from which a model that misses its table by it is wrong; conventional."""
 
+_RMS = {"force": "force_rms_N", "flux linkage": "flux_linkage_rms_Wb", "inductance": "inductance_rms_H"}
+
+_ROUNDING = 1e-9
+"""Of a quantity's rms: what reading a file back may change."""
+
 _STATED = 1.1
 """Misfit over the one that the file states from which the file contradicts itself; as in a fit."""
 
-_SLOWEST_S = 1.0
-"""Inductance over resistance of no actuator's winding; coils of large magnets take seconds."""
+_SLOW_COIL = 30.0
+"""Inductance over resistance, over the time in which the largest force moves the body through its stroke, from which
+turns or inductance are worth a look; chosen, since a coil so slow never sees its current while the body moves."""
 
 _RECIPROCITY = 1e-4
 """Of the largest dF/di: central differences over a ten-thousandth of the range are better than that; derived."""
@@ -37,8 +45,8 @@ _RECIPROCITY = 1e-4
 _SINGLE = 1e-4
 """Change of the force, over its largest, that rounding the model's numbers to single precision may make."""
 
-_OF_WEIGHT = 0.01
-"""Misfit over the weight from which a held body is off by a tenth of a millimetre in a rig like the example."""
+_OFF_PLACE = 0.01
+"""Part of the stroke by which the force's misfit may move the place where a body is held; conventional."""
 
 _FASTEST = 0.3
 """Unstable pole times sample time that a loop can still be closed with."""
@@ -156,21 +164,19 @@ def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatA
         return []
     source = "its table" if rows is not None else f"its {misfit.against}, as the file states,"
     findings = []
-    for about, share in _shares(misfit, base.magnetics, d, i).items():
+    shares = _shares(misfit, base.magnetics, d, i)
+    for about, share in shares.items():
         wrong = share > _LARGE_MISFIT
         text = f"it misses {source} by {100 * share:.3g} % rms."
         findings.append(AuditFinding("misfit", "wrong" if wrong else "holds", about, text, None, share))
-    if rows is not None and stated is not None:
-        said, found = stated.force_rms_N, misfit.force_rms_N
-        if found > _STATED * said + 1e-9 * rows.rms_force:
-            text = f"the file states {said:.3g} N rms; read back it misses its table by {found:.3g} N."
-            findings.append(AuditFinding("stated_misfit", "wrong", "stated misfit", text, said, found))
-    if misfit.force_rms_of_weight is not None:
-        share = misfit.force_rms_of_weight
-        large = share > _OF_WEIGHT
-        text = f"the force's misfit is {100 * share:.2g} % of the weight"
-        text += ", more than a filter that should know the distance to 0.1 mm can bear." if large else "."
-        findings.append(AuditFinding("misfit_of_weight", "note" if large else "holds", "filter", text, None, share))
+    if rows is None or stated is None:
+        return findings
+    for about, name in _RMS.items():
+        said, found = getattr(stated, name), getattr(misfit, name)
+        if said is not None and found is not None and found > _STATED * said + _ROUNDING * found / shares[about]:
+            text = f"the file states {amount(said, name, 3)} rms; read back it misses its table by "
+            text += f"{amount(found, name, 3)}."
+            findings.append(AuditFinding("stated_misfit", "wrong", f"stated misfit of the {about}", text, said, found))
     return findings
 
 
@@ -193,9 +199,14 @@ def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFi
     if model.circuit is None or model.circuit.resistance_ohm <= 0.0:
         return []
     slowest = float(model.magnetics.inductance(d, i).max()) / model.circuit.resistance_ohm
-    severity: Severity = "wrong" if slowest > _SLOWEST_S else "holds"
-    text = f"inductance over resistance is at most {1e3 * slowest:.3g} ms."
-    return [AuditFinding("time_constant", severity, "coil", text, None, slowest)]
+    severity: Severity = "holds"
+    text = f"inductance over resistance is at most {amount(slowest, 's', 3)}"
+    force, stroke = float(np.abs(model.magnetics.force(d, i)).max()), float(np.ptp(d))
+    if model.motion is not None and model.motion.mass_kg > 0.0 and force > 0.0 and stroke > 0.0:
+        through = float(np.sqrt(2.0 * model.motion.mass_kg * stroke / force))
+        severity = "note" if slowest > _SLOW_COIL * through else "holds"
+        text += f"; its largest force moves the body through the stroke in {amount(through, 's')}"
+    return [AuditFinding("time_constant", severity, "coil", text + ".", None, slowest)]
 
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
@@ -210,7 +221,7 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
         text = f"a growing current attracts less in {100 * pushing:.2g} % of the validity domain (dF/di <= 0)."
     findings.append(AuditFinding("attraction", "note" if pushing else "holds", "force", text, None, 1.0 - pushing))
     least = float(state.inductance.min())
-    text = f"the inductance is {least:.3g} to {float(state.inductance.max()):.3g} H."
+    text = f"the inductance is {amount(least, 'H', 3)} to {amount(float(state.inductance.max()), 'H', 3)}."
     if least <= 0.0:
         text += " It must be > 0: fit to a table with flux linkage, or give --inductance-H."
     findings.append(AuditFinding("inductance", "holds" if least > 0.0 else "wrong", "flux linkage", text, None, least))
@@ -226,7 +237,7 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
 
 def _reciprocity(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> AuditFinding:
     """dF/di against -d(flux linkage)/dd, each by differences of the quantity itself."""
-    step_d, step_i = 1e-4 * float(np.ptp(d)), 1e-4 * max(float(np.ptp(i)), 1e-6)
+    step_d, step_i = 1e-4 * float(np.ptp(d)), 1e-4 * (float(np.ptp(i)) or 1.0)
     inside_d, inside_i = np.clip(d, d.min() + step_d, d.max() - step_d), np.clip(i, i.min() + step_i, i.max() - step_i)
     force = (magnetics.force(inside_d, inside_i + step_i) - magnetics.force(inside_d, inside_i - step_i)) / (2 * step_i)
     flux = magnetics.flux_linkage(inside_d + step_d, inside_i) - magnetics.flux_linkage(inside_d - step_d, inside_i)
@@ -278,37 +289,46 @@ def _rounded(magnetics: Magnetics) -> Magnetics | None:
 
 
 def _held(model: ActuatorModel) -> list[AuditFinding]:
-    """Where the clamp can hold the body, the reference steps, and the speed of its instability there."""
-    circuit, motion, domain = model.require_circuit(), model.require_motion(), model.validity
-    weight = motion.mass_kg * motion.gravity_m_s2
-    lowest = max(domain.current_min_A, circuit.voltage_min_V / circuit.resistance_ohm)
-    highest = min(domain.current_max_A, circuit.voltage_max_V / circuit.resistance_ohm)
-    d = np.linspace(domain.distance_min_m, domain.distance_max_m, 601)
-    least, most = (model.magnetics.force(d, np.full_like(d, end)) for end in (lowest, highest))
-    held = d[(least <= weight) & (most >= weight)]
-    about = "range that the supply can hold"
-    clamp = f"{circuit.voltage_min_V:g} to {circuit.voltage_max_V:g} V"
-    if not len(held):
-        text = f"with {clamp} the body cannot be held anywhere in the validity domain."
+    """What the supply can carry; of a body that is meant to hang, also its place and the speed of its instability."""
+    carried = [carried_range(model, celsius) for celsius in (COLD_C, WARM_C)]
+    about = "what the supply carries"
+    text = "; ".join(dict.fromkeys(map(str, carried))) + "."
+    hangs = model.sensor is not None or bool(model.reference_distances_m)
+    cold = carried[0]
+    if cold.low_m is None or cold.high_m is None:
         return [AuditFinding("held_range", "note", about, text)]
-    text = f"with {clamp} the body can be held from {1e3 * held[0]:.1f} to {1e3 * held[-1]:.1f} mm"
-    steps = model.reference_distances_m
-    beyond = [one for one in steps if not held[0] - 1e-4 <= one <= held[-1] + 1e-4]
+    if not hangs:
+        return [AuditFinding("held_range", "holds", about, text, None, cold.high_m)]
+    slack = 2.0 * cold.step_m
+    beyond = [one for one in model.reference_distances_m if not cold.low_m - slack <= one <= cold.high_m + slack]
     if beyond:
-        text += f"; the reference asks for {', '.join(f'{1e3 * one:g}' for one in beyond)} mm"
-    findings = [AuditFinding("held_range", "wrong" if beyond else "holds", about, text + ".", None, float(held[-1]))]
-    current = np.array([_current_at(model, float(one), weight, lowest, highest) for one in held])
-    rate = float(np.sqrt(np.max(np.maximum(-model.magnetics.force_gradient(held, current), 0.0)) / motion.mass_kg))
+        text = f"{text[:-1]}; the reference asks for {', '.join(amount(one, 'm', 3) for one in beyond)}."
+    findings = [AuditFinding("held_range", "wrong" if beyond else "holds", about, text, None, cold.high_m)]
+    held = np.linspace(cold.low_m, cold.high_m, 101)
+    current = np.array([_current_at(model, float(one), cold) for one in held])
+    fall = np.maximum(-model.magnetics.force_gradient(held, current), 0.0)
+    rate = float(np.sqrt(fall.max() / model.require_motion().mass_kg))
     turn = rate * model.sample_time_s
-    text = f"held, the body leaves at up to {rate:.3g} rad/s, {turn:.2g} a sample."
+    text = f"held, the body leaves at up to {amount(rate, '1/s')}, {turn:.2g} a sample.".replace("1/s", "rad/s")
     severity: Severity = "holds" if turn < _FASTEST else "wrong"
-    about = "sample time"
-    return [*findings, AuditFinding("sample_time", severity, about, text, model.sample_time_s, rate)]
+    findings.append(AuditFinding("sample_time", severity, "sample time", text, model.sample_time_s, rate))
+    misfit = model.without_effects.misfit
+    if misfit is not None and np.median(fall) > 0.0:
+        off = misfit.force_rms_N / float(np.median(fall))
+        stroke = model.validity.distance_max_m - model.validity.distance_min_m
+        text = f"the force's misfit moves the place where the body is held by {amount(off, 'm')}, "
+        text += f"{amount(off / stroke, '')} of the stroke."
+        severity = "note" if off > _OFF_PLACE * stroke else "holds"
+        findings.append(AuditFinding("held_place", severity, "held body", text, None, off))
+    return findings
 
 
-def _current_at(model: ActuatorModel, distance: float, weight: float, lowest: float, highest: float) -> float:
-    i = np.linspace(lowest, highest, 201)
-    return float(np.interp(weight, model.magnetics.force(np.full_like(i, distance), i), i))
+def _current_at(model: ActuatorModel, distance: float, carried: CarriedRange) -> float:
+    # Steel alone pulls least without current
+    ends = np.array([carried.current_min_A, min(max(0.0, carried.current_min_A), carried.current_max_A)])
+    least = ends[np.argmin(model.magnetics.force(np.full(2, distance), ends))]
+    i = np.linspace(least, carried.current_max_A, 201)
+    return float(np.interp(carried.weight_N, model.magnetics.force(np.full_like(i, distance), i), i))
 
 
 def _sensor(sensor: HallSensor, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
@@ -320,7 +340,7 @@ def _sensor(sensor: HallSensor, d: FloatArray, i: FloatArray) -> list[AuditFindi
     findings = [AuditFinding("hall_range", "note" if clipped else "holds", "Hall output", text, None, clipped)]
     step = sensor.quantisation_step / np.sqrt(12.0)
     if sensor.noise_V > 0.0 and step > 0.0:
-        text = f"the converter's step adds {1e3 * step:.2g} mV to {1e3 * sensor.noise_V:.2g} mV of noise (both rms)."
+        text = f"the converter's step adds {amount(step, 'V')} to {amount(sensor.noise_V, 'V')} of noise (both rms)."
         severity: Severity = "holds" if step < sensor.noise_V else "note"
         findings.append(AuditFinding("hall_noise", severity, "Hall noise", text, sensor.noise_V, float(step)))
     return findings

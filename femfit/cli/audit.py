@@ -14,6 +14,8 @@ def audit(model: Path, *, table: Path | None = None, json: Path | None = None) -
         Sweep table that it was fitted to, or its directory; by default the one that lies beside the model.
     json : Path
         File for the findings as JSON.
+
+    The exit code is 1 where something is wrong, 0 where it holds or is only worth a look.
     """
     from femfit.audit.audit_model import audit_model
     from femfit.cli.output import write_json
@@ -23,3 +25,5 @@ def audit(model: Path, *, table: Path | None = None, json: Path | None = None) -
     result = audit_model(model, table)
     write_json(json, {"file": model.name, **result.to_dict()})
     print(result)
+    if result.count("wrong"):
+        raise SystemExit(1)

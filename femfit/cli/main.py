@@ -21,7 +21,11 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
     ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
     ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
-    ("audit", "femfit.cli.audit:audit", "Check a model or a published parameter set on its own."),
+    (
+        "audit",
+        "femfit.cli.audit:audit",
+        "Check a model against its table, physics and supply; exits with 1 if wrong.",
+    ),
     ("compare", "femfit.cli.compare:compare", "How far a model is from measurements, against their noise, and where."),
     (
         "diagnose",
@@ -64,8 +68,8 @@ def build_app() -> App:
 def main() -> None:
     """Run the command line.
 
-    Exit codes: 0 done, 1 an error with its remedy, 2 wrong usage, 70 a bug of femfit, 130 interrupted by Ctrl-C,
-    143 ended by SIGTERM.
+    Exit codes: 0 done, 1 an error with its remedy or an audit that finds something wrong, 2 wrong usage, 70 a bug of
+    femfit, 130 interrupted by Ctrl-C, 143 ended by SIGTERM.
     """
     # Before numpy loads, here and in the workers: femfit's matrices are small, and threads that wait for each other on
     # a busy machine slow them down by up to twenty times.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import FitError
 from femfit.device.load import read_actuator
@@ -25,11 +26,15 @@ from femfit.fit.ranking import MAY_MISS, rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
-from femfit.model.actuator_model import ActuatorModel, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 from femfit.tables.variant_choice import choose_variant
 
 COENERGY = "coenergy"
+
+_ROUNDING = 1e-9
+"""Of a quantity's rms: what storing numbers in decimals may change."""
+
 ALL = "all"
 
 
@@ -121,8 +126,8 @@ def fit_model(
         covariance=law_fit.interval.block_covariance if law_fit else None,
         kind=kind_of(entry),
     )
-    model = replace(model, misfit=misfit_to_rows(as_written(model), rows))
-    _require_as_fitted(model, rows, law_fit, coenergy)
+    built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
+    _require_as_fitted(model, built, law_fit)
     notes = (*parts.notes, *misfit_notes(model, rows))
     result = FitResult(model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table))
     provenance = {
@@ -192,17 +197,23 @@ def _actuator_entry(
     return entry
 
 
-def _require_as_fitted(model: ActuatorModel, rows: FitRows, law: LawFit | None, coenergy: CoenergyFit | None) -> None:
+def _require_as_fitted(written: ActuatorModel, built: Misfit, law: LawFit | None) -> None:
     """Refuse a model whose file, read back, is farther from the table than the fit that it is named after."""
-    if law is not None:
-        name, fitted = law.law.name, float(np.sqrt(np.mean(law.joint.residual**2)))
-    elif coenergy is not None:
-        name, fitted = "the co-energy", misfit_to_rows(coenergy.magnetics, rows).force_rms_N
-    assert model.misfit is not None  # noqa: S101  set by the caller
-    written = model.misfit.force_rms_N
-    if written > MAY_MISS * max(fitted, 1e-9 * rows.rms_force):
-        raise FitError(
-            f"The model of {name} is not written: read back it misses the table by {written:.3g} N rms, and the fit "
-            f"by {fitted:.3g} N. The law's columns and potential_columns contradict each other, or its numbers are "
-            "too ill-conditioned to be stored. Take another law, or the co-energy."
-        )
+    misfit = written.misfit
+    assert misfit is not None  # noqa: S101  set by the caller
+    name = "the co-energy" if law is None else law.law.name
+    force = built.force_rms_N if law is None else float(np.sqrt(np.mean(law.joint.residual**2)))
+    for quantity, unit, found, fitted, share in (
+        ("force", "N", misfit.force_rms_N, force, misfit.force_share),
+        ("flux linkage", "Wb", misfit.flux_linkage_rms_Wb, built.flux_linkage_rms_Wb, misfit.flux_linkage_share),
+        ("inductance", "H", misfit.inductance_rms_H, built.inductance_rms_H, misfit.inductance_share),
+    ):
+        if found is None or fitted is None:
+            continue
+        if found > MAY_MISS * fitted and (share is None or share > _ROUNDING):
+            raise FitError(
+                f"The model of {name} is not written: read back it misses the table's {quantity} by "
+                f"{amount(found, unit, 3)} rms, and the fit by {amount(fitted, unit, 3)}. The law's columns and "
+                "potential_columns contradict each other, or its numbers are too ill-conditioned to be stored. Take "
+                "another law, or the co-energy."
+            )

@@ -141,7 +141,17 @@ def test_a_model_that_its_file_changes_is_not_written(table, monkeypatch):
         return replace(model, magnetics=replace(model.magnetics, coefficients=tuple(wrong)))
 
     monkeypatch.setattr("femfit.fit.build.as_written", rounded)
-    with pytest.raises(FitError, match="F1e is not written: read back it misses the table by"):
+    with pytest.raises(FitError, match="F1e is not written"):
+        fit_model(table, law="F1e")
+
+
+def test_a_model_whose_file_changes_its_inductance_alone_is_not_written(table, monkeypatch):
+    def longer(model):
+        more = model.magnetics.constant_inductance_H + 1e-3
+        return replace(model, magnetics=replace(model.magnetics, constant_inductance_H=more))
+
+    monkeypatch.setattr("femfit.fit.build.as_written", longer)
+    with pytest.raises(FitError, match="misses the table's flux linkage"):
         fit_model(table, law="F1e")
 
 
