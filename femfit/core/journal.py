@@ -1,8 +1,8 @@
 """A journal of finished work that survives a kill at any moment, and a disk that is full for a while.
 
-One JSON line a finished item, written and synchronised before the next; the first line names the configuration. A line
-cut short by a kill is dropped on reading. Python writes floats with all their digits, so that what is read again equals
-what was computed, bit for bit.
+One JSON line a finished item with its checksum, written and synchronised before the next; the first line names the
+configuration. A line that a kill cut short or that was changed is dropped on reading. Python writes floats with all
+their digits, so that what is read again equals what was computed, bit for bit.
 """
 
 import errno
@@ -10,6 +10,7 @@ import fcntl
 import json
 import os
 import re
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +63,7 @@ class Journal:
     def record(self, key: str, result: Mapping[str, Any]) -> None:
         """Append a finished item and wait until it is on disk, unless that is full."""
         self.finished[key] = result
-        self._write_line({"key": key, "result": result})
+        self._write_line({"key": key, "result": result, "checksum": _checksum(key, result)})
 
     def __enter__(self) -> "Journal":
         return self
@@ -138,15 +139,24 @@ def _kept(directory: Path, configuration_hash: str) -> Path:
 
 def _is_item(entry: Mapping[str, Any]) -> bool:
     """Whether a line is a finished item: what is damaged is dropped with all behind it, and worked out again."""
-    result = entry.get("result")
-    return isinstance(entry.get("key"), str) and isinstance(result, dict) and isinstance(result.get("status"), str)
+    return {"key", "result", "checksum"} <= entry.keys() and entry["checksum"] == _checksum(
+        entry["key"], entry["result"]
+    )
+
+
+def _checksum(key: str, result: Mapping[str, Any]) -> int:
+    return zlib.crc32(json.dumps([key, result]).encode())
+
+
+def _refused(text: str) -> float:
+    raise ValueError(f"{text} is the result of no computation")
 
 
 def _parse(line: bytes) -> dict[str, Any] | None:
     if not line.endswith(b"\n"):
         return None
     try:
-        entry = json.loads(line)
+        entry = json.loads(line, parse_constant=_refused)
     except (ValueError, RecursionError):
         return None
     return entry if isinstance(entry, dict) else None

@@ -74,7 +74,14 @@ def test_a_journal_cut_anywhere_gives_back_its_whole_lines(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "damage", ['{"result": {"status": "ok"}}', '{"key": "1", "result": {}}', '{"key": "1", "result": 5}', "[]"]
+    "damage",
+    [
+        '{"result": {"status": "ok"}}',
+        '{"key": "1", "result": {"status": "ok", "force_N": 0.333}}',
+        '{"key": "1", "result": {"status": "ok", "force_N": 0.333}, "checksum": 1}',
+        '{"key": "1", "result": {"status": "ok", "force_N": NaN}, "checksum": 1}',
+        "[]",
+    ],
 )
 def test_a_damaged_line_is_dropped_with_what_follows_it(damage, tmp_path):
     with Journal(tmp_path, HEADER) as journal:
@@ -84,3 +91,14 @@ def test_a_damaged_line_is_dropped_with_what_follows_it(damage, tmp_path):
     (tmp_path / JOURNAL_NAME).write_text("\n".join([*lines[:2], damage, *lines[3:]]) + "\n")
     with Journal(tmp_path, HEADER) as again:
         assert again.finished == {"0": RESULTS["0"]}
+
+
+def test_a_digit_that_was_changed_is_noticed(tmp_path):
+    with Journal(tmp_path, HEADER) as journal:
+        for key, result in RESULTS.items():
+            journal.record(key, result)
+    text = (tmp_path / JOURNAL_NAME).read_text()
+    for other in ("0.4", "NaN", "-Infinity"):
+        (tmp_path / JOURNAL_NAME).write_text(text.replace(repr(1 / 3), other))
+        with Journal(tmp_path, HEADER) as again:
+            assert again.finished == {"0": RESULTS["0"]}
