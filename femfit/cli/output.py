@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from femfit import __version__
 from femfit.core import atomic
 
 
@@ -20,7 +21,7 @@ def write_json(path: Path | None, result: Mapping[str, Any]) -> None:
         JSON-ready.
     """
     if path is not None:
-        atomic.write_json(path, result)
+        atomic.write_json(path, {**result, "written_by": f"femfit {__version__}"})
 
 
 @contextmanager

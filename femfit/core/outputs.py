@@ -1,10 +1,12 @@
 """Which files a command may write to: never one that it reads, and never a file of another kind.
 
-An earlier result of the same kind is replaced. What an existing file is, is told by its content, not by its name: a
-drawing that lies where a bench table's sidecar would go stays.
+An earlier result of femfit is replaced; JSON, pages, tables and sidecars that femfit did not write are not. What an
+existing file is, is told by its content, not by its name: a drawing that lies where a bench table's sidecar would go
+stays.
 """
 
 import json
+import os
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -33,6 +35,21 @@ _BY_MARK = (
     (PICTURE, (b"<svg",)),
     (FEMM, (b"[format]",)),
 )
+_OWN_COLUMNS = (b"offset_v", b"estimated_distance_m", b"withheld_verdict")
+"""Columns that only tables of femfit have: of integrate, simulate and trial, in lower case."""
+
+_OF_COLUMNS = (TABLE, PARQUET, RAW, RAW_SIDECAR)
+_NAMES = 2**16
+"""Bytes at the begin, and at the end, of a file in which its columns' names stand."""
+
+_OWN_TEXT = {
+    RESULT: b'"written_by": "femfit',
+    PAGE: b'name="generator" content="femfit"',
+    NOTES: b'notes = "flux linkage integrated from the coil voltage',
+    DRAWING: b"# imported from the femm model",
+}
+"""What stands in a file of this kind that femfit wrote, in lower case."""
+
 _DRAWN = {"fixed", "moving", "coil", "electromagnet", "sweep", "materials"}
 _LARGEST_TEXT = 2**24
 """Bytes up to which a text is parsed to tell what it is; femfit writes no larger JSON or TOML."""
@@ -67,6 +84,8 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
             raise OutputError(
                 f"{path} holds {present}, and {wanted} would replace it. Choose another name, or delete that file."
             )
+        if present is not None and not _is_own(path, present):
+            raise OutputError(f"{path} was not written by femfit. Choose another name, or delete that file.")
 
 
 def kind_of(path: Path) -> str | None:
@@ -84,6 +103,23 @@ def kind_of(path: Path) -> str | None:
             return kind
     binary = any(byte < 9 for byte in head) and not head.startswith((b"\xff\xfe", b"\xfe\xff"))  # UTF-16 has zeros
     return RAW if binary else _kind_of_text(path, start)
+
+
+def _is_own(path: Path, kind: str) -> bool:
+    """Whether femfit wrote a file; true for kinds that nothing else writes, or that are drawn again at any time."""
+    if kind not in _OF_COLUMNS:
+        return kind not in _OWN_TEXT or _OWN_TEXT[kind] in path.read_bytes().lower()
+    notes, manifest = path.with_suffix(".toml"), path.with_name("manifest.json")
+    if (path.stem == "sweep" and manifest.is_file()) or (kind_of(notes) == NOTES and _is_own(notes, NOTES)):
+        return True
+    named = path.with_suffix(".json") if kind == RAW else path  # columns stand in a raw record's sidecar
+    if not named.is_file():
+        return False
+    with named.open("rb") as file:
+        names = file.read(_NAMES)
+        file.seek(-min(_NAMES, named.stat().st_size), os.SEEK_END)  # where Parquet has them
+        names = (names.split(b"\n")[0] if kind == TABLE else names + file.read()).lower()
+    return any(column in names for column in _OWN_COLUMNS)
 
 
 def _kind_of_text(path: Path, start: bytes) -> str:

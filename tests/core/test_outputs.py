@@ -68,8 +68,27 @@ def test_nothing_and_an_empty_file_are_free(tmp_path):
 
 def test_an_earlier_result_of_the_same_kind_is_replaced(tmp_path):
     path = tmp_path / "c.json"
-    path.write_text('{"verdict": "agrees"}')
+    path.write_text('{"verdict": "agrees", "written_by": "femfit 0.1.0"}')
     require_outputs([tmp_path / "m.json"], (path, RESULT))
+    (tmp_path / "o.csv").write_text("time_s,coil_voltage_V,field_T,field_sigma_T,offset_V\n0,0,0,0,0\n")
+    require_outputs([tmp_path / "m.json"], (tmp_path / "o.csv", TABLE))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "kind"),
+    [
+        ("package.json", '{"name": "mine"}', RESULT),
+        ("thesis.html", "<!DOCTYPE html><html><p>Chapter 1</p></html>", PAGE),
+        ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", TABLE),
+        ("bench.toml", "force_N = 2e-4\n", NOTES),
+        ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", DRAWING),
+        ("record.bin", "\0\1\2\3", RAW),
+    ],
+)
+def test_a_file_that_femfit_did_not_write_is_not_replaced(tmp_path, name, text, kind):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(OutputError, match="not written by femfit"):
+        require_outputs([], (tmp_path / name, kind))
 
 
 @pytest.mark.parametrize("name", ["in.json", "sub/../in.json", "link.json"])
