@@ -13,8 +13,8 @@ order                 en order seq sequence
 order                 de reihenfolge lfdnr
 branch                en branch direction
 branch                de richtung ast zweig
-time_s                en t time timestamp
-time_s                de zeit
+time_s                en t time timestamp clock datetime
+time_s                de zeit uhrzeit zeitstempel
 current_A             en i current currents curr amp amps ampere amperes coilcurrent icoil
 current_A             de strom stromstarke spulenstrom
 current_A             nl stroom stroomsterkte spoelstroom

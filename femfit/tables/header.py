@@ -59,7 +59,8 @@ def parse_header(text: str) -> Header:
         if is_unit(inner):
             unit, name, known = inner, stripped[: match.start()] + " " + stripped[match.end() :], True
             break
-        if inner and unit is None and len(inner) <= 6 and " " not in inner and inner != "-":
+        unknown = " " not in inner and (len(inner) <= 6 or match.group().startswith("["))
+        if inner and unit is None and unknown and inner != "-":
             unit, name, known = inner, stripped[: match.start()] + " " + stripped[match.end() :], False
     if unit is None:
         trailing = _TRAILING.search(stripped)

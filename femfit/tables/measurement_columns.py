@@ -18,7 +18,7 @@ from femfit.core.quoted import quoted
 from femfit.tables.column_names import NEEDS_UNIT
 from femfit.tables.header import find_header, names_column, parse_header, same_header
 from femfit.tables.measurement import CHANNELS, SETTINGS
-from femfit.tables.number_text import EMPTY
+from femfit.tables.number_text import EMPTY, clock_seconds
 from femfit.tables.raw_table import RawTable
 from femfit.tables.units import column_unit, given_factor, unit_factor
 
@@ -30,6 +30,7 @@ _BRANCH_WORDS = {
     **dict.fromkeys(("falling", "fall", "down", "-", "decreasing", "descending", "fallend", "ab", "zurück"), -1.0),
 }
 _LABELS = ("run", "mount")
+_MOMENTS = ("time_s", "order")
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,9 @@ def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding
     if np.isfinite(values).all():
         return np.sign(values) if column.name == "branch" else values * column.factor, []
     cells = [str(cell).strip() for cell in raw.text(column.header)]
+    moments = clock_seconds(cells, column.header) if column.name in _MOMENTS else None
+    if moments is not None:
+        return moments, []
     empty = np.array([cell.casefold() in EMPTY for cell in cells])
     if column.name == "branch":
         words = np.array([_BRANCH_WORDS.get(cell.casefold(), np.nan) for cell in cells])

@@ -21,10 +21,13 @@ from femfit.tables.measurement_checks import checked, without_copies
 from femfit.tables.measurement_columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, recognise
 from femfit.tables.measurement_order import branch_from_order, in_measuring_order
 from femfit.tables.measurement_sidecar import read_sidecar
+from femfit.tables.number_text import clock_seconds
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
 from femfit.tables.suspected_units import suspected_by_size
 from femfit.tables.text_table import parse_text
 from femfit.tables.time_series_checks import check_clock, check_readings
+
+_PROTOCOL_STEP_S = 1.0
 
 
 def read_measurement(
@@ -56,11 +59,23 @@ def read_measurement(
     """
     path = Path(path)
     raw = read_raw_table(path)
-    timed = "time_s" in (columns or {}).values() or any(
-        column is not None and column.name == "time_s"
-        for column in (match_column(header, SERIES_COLUMNS) for header in raw.headers)
+    if "time_s" in (columns or {}).values():
+        return _time_series(raw, path, columns, units)
+    matched = {header: match_column(header, SERIES_COLUMNS) for header in raw.headers}
+    clock = next((header for header, column in matched.items() if column and column.name == "time_s"), None)
+    if clock is None:
+        return _bench_table(raw, path, columns, units)
+    if _is_protocol(raw, clock):
+        return _bench_table(raw, path, {clock: "order", **(columns or {})}, units)
+    return _time_series(raw, path, columns, units)
+
+
+def _is_protocol(raw: RawTable, header: str) -> bool:
+    """Whether somebody wrote down the time of day of each reading, a second or more apart."""
+    moments = clock_seconds(raw.text(header), header)
+    return (
+        moments is not None and len(moments) > 1 and float(np.nanmedian(np.diff(np.sort(moments)))) >= _PROTOCOL_STEP_S
     )
-    return _time_series(raw, path, columns, units) if timed else _bench_table(raw, path, columns, units)
 
 
 def read_bench_table(
@@ -133,7 +148,8 @@ def _read_columns(
     if not len(raw.lines):
         raise TableError(f"{path} has column names and no row below them; it needs one row a reading.")
     values, said = column_values(raw, used)
-    return values, used, findings + said
+    notes = [Finding("reading", "info", f"{note[0].upper()}{note[1:]}.") for note in raw.notes]
+    return values, used, notes + findings + said
 
 
 def _bench_table(
@@ -144,7 +160,7 @@ def _bench_table(
     planned: bool = False,
 ) -> BenchTable:
     rows, used, findings = _read_columns(raw, path, BENCH_COLUMNS, columns, units)
-    unknown = [header for header in raw.headers if header not in {column.header for column in used}]
+    unknown = [str(one) for one in findings if one.code == "unused-column"]
     _require_bench([column.name for column in used], path, unknown)
     sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A"))
     given = tuple(
@@ -184,8 +200,8 @@ def _require_bench(names: Sequence[str], path: Path, unknown: Sequence[str] = ()
     if missing:
         raise TableError(
             f"A bench table must have current_A, distance_m and at least one channel, with numbers in them; {path} "
-            f"lacks {' and '.join(missing)} (it has {', '.join(names) or 'none of the known columns'}"
-            f"{'; not understood: ' + listing(unknown) if unknown else ''}). Rename a column, or say what it is with "
+            f"lacks {' and '.join(missing)} (it has {', '.join(names) or 'none of the known columns'}). "
+            f"{' '.join([*unknown[:4], ''])}Rename a column, or say what it is with "
             f"--column HEADER={missing[0] if '_' in missing[0] and ' ' not in missing[0] else CHANNELS[0]}."
         )
 

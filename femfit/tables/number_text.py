@@ -1,8 +1,10 @@
 """Numbers as text: decimal points and commas, thousands, exponents of Fortran."""
 
+import contextlib
 import math
 import re
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -12,11 +14,15 @@ from femfit.core.quoted import quoted
 
 _NUMBER_LIKE = re.compile(r"[-+]?(?:\d[\d.,'\s]*|[.,]\d+)(?:[eEdD][-+]?\d{1,3})?$")
 _PARSED = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d{1,3})?$")
+_CLOCK = re.compile(r"(?:(?P<day>\S+)[ T])?(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?$")
 _INFINITE = frozenset(("inf", "-inf", "+inf"))
 EMPTY = frozenset(("", "-", "--", "nan", "-nan", "na", "n/a", "#n/a", "null", "none", "<na>", "1.#qnan", "-1.#ind"))
 """What programs write into a cell without a number."""
 
 _THOUSANDS = ("'", "’", "\u00a0", "\u202f", "\u2009")
+LARGEST = 1e100
+"""A number beyond it is no measured quantity, and its square would overflow."""
+
 _LONGEST = 400
 """Digits of a cell; a longer one is not a number that anybody measured."""
 
@@ -39,6 +45,11 @@ def looks_numeric(text: str) -> bool:
     return folded in EMPTY or folded in _INFINITE or (" " not in cleaned and bool(_NUMBER_LIKE.match(cleaned)))
 
 
+def looks_measured(text: str) -> bool:
+    """Tell whether a cell is a number, or a moment of a clock."""
+    return looks_numeric(text) or bool(_CLOCK.match(text.strip()))
+
+
 def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
     """Convert a column of cells; NaN where a cell is no finite number."""
     other = "," if decimal == "." else "."
@@ -48,7 +59,7 @@ def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
         except ValueError:
             pass
         else:
-            return np.where(np.isfinite(values), values, np.nan)
+            return np.where(np.abs(values) < LARGEST, values, np.nan)
     return np.array([parse_number(cell, decimal) for cell in cells], dtype=np.float64)
 
 
@@ -68,11 +79,51 @@ def parse_number(text: str, decimal: str) -> float:
     if not _PARSED.match(cleaned):
         return math.nan
     value = float(cleaned)
-    return value if math.isfinite(value) else math.nan
+    return value if abs(value) < LARGEST else math.nan
 
 
 def _grouped(groups: list[str]) -> bool:
     return 1 <= len(groups[0]) <= 3 and all(len(group) == 3 for group in groups[1:])
+
+
+def clock_seconds(cells: Sequence[str], column: str) -> FloatArray | None:
+    """Seconds from the first of moments such as ``12:34:56,789``; NaN in an empty cell, None where others are none.
+
+    A time of day that goes back by more than half a day is the next day's.
+    """
+    found = [_CLOCK.match(cell.strip()) for cell in cells]
+    filled = [cell.strip().casefold() not in EMPTY for cell in cells]
+    if not any(found) or any(cell and not match for cell, match in zip(filled, found, strict=True)):
+        return None
+    days = {text: _day(text, column) for text in dict.fromkeys(match["day"] for match in found if match)}
+    if len(days) == 1:
+        days = dict.fromkeys(days, 0)
+    seconds = np.full(len(cells), np.nan)
+    known = np.array([match is not None for match in found])
+    seconds[known] = [
+        86400.0 * days[match["day"]]
+        + 3600.0 * int(match["h"])
+        + 60.0 * int(match["m"])
+        + float(match["s"].replace(",", "."))
+        for match in found
+        if match
+    ]
+    if len(days) == 1:
+        seconds[known] += 86400.0 * np.cumsum(np.diff(seconds[known], prepend=seconds[known][0]) < -43200.0)
+    return seconds - seconds[known][0]
+
+
+def _day(text: str | None, column: str) -> int:
+    """A date as a count of days; 0 for a time of day alone."""
+    if text is None:
+        return 0
+    for pattern in ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y"):
+        with contextlib.suppress(ValueError):
+            return datetime.strptime(text, pattern).replace(tzinfo=UTC).toordinal()
+    raise TableError(
+        f"Dates of {quoted(column)!r} must be written 2026-03-12 or 12.03.2026; instead received {quoted(text)}. Write "
+        "them so, or give seconds."
+    )
 
 
 def find_decimal(cells: Iterable[str], source: str, otherwise: str | None = None) -> str:

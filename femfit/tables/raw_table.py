@@ -13,6 +13,7 @@ import pyarrow as pa
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.quoted import quoted
+from femfit.tables.number_text import LARGEST
 
 PARQUET_MAGIC = b"PAR1"
 MOST_COLUMNS = 2000
@@ -102,7 +103,7 @@ def typed_numbers(column: "pd.Series[Any]") -> FloatArray:
         elapsed = pd.to_timedelta(column - column.dropna().iloc[0]) if column.notna().any() else column
         return np.asarray(elapsed.dt.total_seconds().to_numpy(dtype=np.float64, na_value=np.nan))
     values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
-    return np.where(np.isfinite(values), values, np.nan)
+    return np.where(np.abs(values) < LARGEST, values, np.nan)
 
 
 def check_width(columns: int, source: str) -> None:

@@ -15,7 +15,7 @@ from femfit.core.finding import listing
 from femfit.tables.column_names import COLUMN_NAMES
 from femfit.tables.decode import decode
 from femfit.tables.header import match_score, parse_header
-from femfit.tables.number_text import find_decimal, looks_numeric, numbers_of
+from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
 from femfit.tables.raw_table import RawTable, check_width
 from femfit.tables.units import is_unit
 
@@ -32,6 +32,13 @@ _MOST_WORDS = 60
 """Words of a line that may be a header whose names hold blanks."""
 
 _LONGEST_LINE = 2**17
+
+_SUMMARY_WORDS = """
+mean means average avg mittel mittelwert durchschnitt moyenne media gemiddelde sum summe total min max minimum maximum
+sd std stdev stddev standardabweichung streuung
+"""
+_SUMMARIES = frozenset(_SUMMARY_WORDS.split())
+"""First words of a last line that is worked out from the readings above and is none itself."""
 
 
 class Line(NamedTuple):
@@ -77,16 +84,7 @@ def parse_text(
     if all(line.comment for line in lines):
         raise TableError(f"{source} is empty; it needs a header line and rows of numbers.")
     lines, layout = find_layout(lines, source, delimiter)
-    body = [line for line in lines if line.number >= layout.first and not line.comment]
-    rows = [split(line.text, layout.delimiter) for line in body]
-    header_cells = [split(line.text, layout.delimiter) for line in lines if line.number in layout.used]
-    repeated = [k for k, row in enumerate(rows) if row in header_cells] if header_cells else []
-    notes = layout.notes
-    if repeated:
-        notes = (*notes, f"repeated header at line {listing(body[k].number for k in repeated)} passed over")
-        skipped = set(repeated)
-        body = [line for k, line in enumerate(body) if k not in skipped]
-        rows = [row for k, row in enumerate(rows) if k not in skipped]
+    body, rows, notes = _readings(lines, layout)
     ragged = tuple(line.number for line, row in zip(body, rows, strict=True) if len(row) != layout.width)
     if ragged:  # shifted cells would stand in wrong columns
         rows = [row if len(row) == layout.width else [""] * layout.width for row in rows]
@@ -101,8 +99,33 @@ def parse_text(
         dialect=f"{encoding}, {_DELIMITER_NAMES.get(layout.delimiter, repr(layout.delimiter))}, decimal {decimal}",
         decimal=decimal,
         ragged=ragged,
-        notes=notes,
+        notes=(*layout.notes, *notes),
     )
+
+
+def _readings(lines: list[Line], layout: Layout) -> tuple[list[Line], list[list[str]], list[str]]:
+    """The lines of readings with their cells: without repeated headers, blank rows, and what stands below the last."""
+    split_lines = [(line, split(line.text, layout.delimiter)) for line in lines if not line.comment]
+    header = [cells for line, cells in split_lines if line.number in layout.used]
+    below = [(line, cells) for line, cells in split_lines if line.number >= layout.first]
+    repeated = [line.number for line, cells in below if cells in header]
+    body = [(line, cells) for line, cells in below if any(cells) and cells not in header]
+    notes = [f"repeated header at line {listing(repeated)} passed over"] if repeated else []
+    end = len(body)
+    while end and _is_no_reading(body[end - 1][1], layout.width):
+        end -= 1
+    if 0 < end < len(body):
+        text = listing(line.text.strip() for line, _ in body[end:])
+        notes.append(f"line {listing(line.number for line, _ in body[end:])} below the readings passed over ({text})")
+        body = body[:end]
+    return [line for line, _ in body], [cells for _, cells in body], notes
+
+
+def _is_no_reading(cells: list[str], width: int) -> bool:
+    """Whether a line at the end of a table is a footnote, or a mean or sum of the lines above."""
+    words = [word for cell in cells for word in re.findall(r"[^\W\d_]+", cell)[:1]]
+    summary = bool(words) and words[0].casefold() in _SUMMARIES
+    return summary or (len(cells) != width and not _is_data(cells))
 
 
 def _deciding(rows: Sequence[Sequence[str]], layout: Layout) -> set[str]:
@@ -180,7 +203,7 @@ def _find_delimiter(sample: list[str]) -> str:
     scores = []
     for delimiter in _DELIMITERS:
         rows = [split(text, delimiter) for text in sample]
-        widths = Counter(len(cells) for cells in rows if len(cells) > 1 and all(map(looks_numeric, cells)))
+        widths = Counter(len(cells) for cells in rows if len(cells) > 1 and all(map(looks_measured, cells)))
         partly = Counter(len(cells) for cells in rows if _is_data(cells))
         scores.append((max(widths.values(), default=0), max(partly.values(), default=0)))
     return _DELIMITERS[scores.index(max(scores))]
@@ -189,7 +212,7 @@ def _find_delimiter(sample: list[str]) -> str:
 def _is_data(cells: list[str]) -> bool:
     """Whether at least half of the cells that are not empty are numbers."""
     filled = [cell for cell in cells if cell]
-    return len(cells) > 1 and 0 < len(filled) <= 2 * sum(map(looks_numeric, filled))
+    return len(cells) > 1 and 0 < len(filled) <= 2 * sum(map(looks_measured, filled))
 
 
 def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
@@ -212,15 +235,32 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
         return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
     _, headers, number = best
     used = frozenset((number,))
-    for line in above:
-        units = _header_cells(line.text, delimiter, width)
-        if line.number > number and units is not None and _is_units_line(units):
+    below = [(line.number, _header_cells(line.text, delimiter, width)) for line in above if line.number > number]
+    for line_number, cells in below:
+        if cells is None:
+            continue
+        if _is_units_line(cells):
+            units = [re.sub(r"^in\s+", "", cell.strip("[](){} ")) for cell in cells]
             headers = tuple(
-                name if parse_header(name).unit or unit in {"", "-"} else f"{name} [{unit.strip('[]() ')}]"
+                name if parse_header(name).unit or unit in {"", "-", "1"} else f"{name} [{unit}]"
                 for name, unit in zip(headers, units, strict=True)
             )
-            used |= {line.number}
+        elif line_number == below[0][0] and len(set(headers)) < width:
+            headers = _two_lines(headers, cells)
+        else:
+            continue
+        used |= {line_number}
     return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
+
+
+def _two_lines(groups: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of two lines, where a group's name stands over the first of its columns or over each."""
+    headers: list[str] = []
+    group = ""
+    for above, below in zip(groups, names, strict=True):
+        group = above or group
+        headers.append(f"{group} {below}".strip())
+    return tuple(headers)
 
 
 def _first_row(lines: list[Line], width: int, delimiter: str) -> int:
@@ -253,8 +293,10 @@ def _passed_over(above: list[Line], used: frozenset[int]) -> tuple[str, ...]:
 
 
 def _is_units_line(cells: tuple[str, ...]) -> bool:
-    texts = [cell.strip("[]() ") for cell in cells]
-    return any(texts) and all(text in {"", "-", "1"} or is_unit(text) for text in texts)
+    """Whether most cells are units; one that femfit does not know is no reason to lose the others."""
+    texts = [re.sub(r"^in\s+", "", cell.strip("[](){} ")) for cell in cells]
+    filled = [text for text in texts if text not in {"", "-", "1"}]
+    return 0 < len(filled) < 2 * sum(map(is_unit, filled))
 
 
 def _header_cells(text: str, delimiter: str, width: int) -> tuple[str, ...] | None:

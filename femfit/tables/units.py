@@ -13,56 +13,55 @@ from femfit.core.errors import TableError
 from femfit.core.quoted import quoted
 
 _POUND_KG = 0.45359237
-_PREFIX = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+_FOLDED_PREFIX = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+_CASED_PREFIX = {"h": 1e2, "da": 1e1, "d": 1e-1, "p": 1e-12}
+"""Prefixes that count only as they are written: ``dB/dt`` is not in decitesla. Mega and giga are left out: no actuator
+has them, and they would be a mistyped milli."""
 
+_SYMBOLS = {name: name for name in ("m", "A", "N", "H", "T", "J", "V", "s")} | {"Wb": "Wb Vs Wbt Wbturn Wbturns"}
+"""SI unit to the symbols that take a prefix."""
 
-def _with_prefixes(symbols: str, prefixes: str, factor: float = 1.0) -> dict[str, float]:
-    allowed = ["", *prefixes]
-    return {f"{prefix}{symbol}": _PREFIX[prefix] * factor for symbol in symbols.split() for prefix in allowed}
-
-
-def _words(names: str, factor: float) -> dict[str, float]:
-    return dict.fromkeys(names.split(), factor)
-
-
-UNITS: dict[str, dict[str, float]] = {
+_WORDS: dict[str, dict[str, float]] = {
     "m": {
-        **_with_prefixes("m", "cmun"),
-        **_words("meter metre meters metres metri metros", 1.0),
-        **_words("millimeter millimetre millimeters millimetres", 1e-3),
-        **_words("centimeter centimetre centimeters centimetres", 1e-2),
-        **_words("micron microns", 1e-6),
-        **_words("in inch inches zoll pouce pouces pulgada pollice \" ''", 0.0254),
-        **_words("mil thou", 2.54e-5),
-        **_words("ft", 0.3048),
+        "meter metre meters metres metri metros": 1.0,
+        "millimeter millimetre millimeters millimetres": 1e-3,
+        "centimeter centimetre centimeters centimetres": 1e-2,
+        "micron microns": 1e-6,
+        "in inch inches zoll pouce pouces pulgada pollice \" ''": 0.0254,
+        "mil thou": 2.54e-5,
+        "ft": 0.3048,
     },
-    "A": {
-        **_with_prefixes("A", "kmu"),
-        **_words("amp amps ampere amperes", 1.0),
-        **_words("milliamp milliampere", 1e-3),
-    },
+    "A": {"amp amps ampere amperes": 1.0, "milliamp milliampere": 1e-3},
     "N": {
-        **_with_prefixes("N", "kmun"),
-        **_words("newton newtons", 1.0),
-        **_words("lbf lb lbs", _POUND_KG * GRAVITY),
-        **_words("ozf oz", _POUND_KG * GRAVITY / 16),
-        **_words("kgf kp kg kilogram kilograms kilogramm", GRAVITY),
-        **_words("gf pond g gr gram grams gramme grammes gramm", GRAVITY * 1e-3),  # a kitchen scale shows force so
-        **_words("mgf mg", GRAVITY * 1e-6),
-        **_words("dyn dyne", 1e-5),
+        "newton newtons": 1.0,
+        "lbf lb lbs": _POUND_KG * GRAVITY,
+        "ozf oz": _POUND_KG * GRAVITY / 16,
+        "kgf kp kg kilogram kilograms kilogramm": GRAVITY,
+        "gf pond g gr gram grams gramme grammes gramm": GRAVITY * 1e-3,  # a kitchen scale shows force so
+        "mgf mg": GRAVITY * 1e-6,
+        "dyn dyne": 1e-5,
     },
-    "Wb": {
-        **_with_prefixes("Wb Vs Wbt Wbturn Wbturns", "mun"),
-        **_words("weber webers", 1.0),
-        **_words("Mx maxwell", 1e-8),
-    },
-    "H": {**_with_prefixes("H", "mun"), **_words("henry henries", 1.0)},
-    "T": {**_with_prefixes("T", "mun"), **_words("tesla", 1.0), **_words("G Gs gauss", 1e-4), **_words("kG", 0.1)},
-    "J": {**_with_prefixes("J", "kmun"), **_words("joule joules", 1.0)},
-    "V": {**_with_prefixes("V", "kmu"), **_words("volt volts", 1.0)},
-    "degC": {**_words("C degC °C celsius", 1.0)},
-    "s": {**_with_prefixes("s", "mun"), **_words("sec second seconds", 1.0)},
+    "Wb": {"weber webers": 1.0, "Mx maxwell": 1e-8},
+    "H": {"henry henries": 1.0},
+    "T": {"tesla": 1.0, "G Gs gauss": 1e-4, "kG": 0.1},
+    "J": {"joule joules": 1.0},
+    "V": {"volt volts": 1.0},
+    "degC": {"C degC °C celsius": 1.0},
+    "s": {"sec second seconds": 1.0},
 }
+
+
+def _symbols(si_unit: str, prefixes: dict[str, float]) -> dict[str, float]:
+    symbols = _SYMBOLS.get(si_unit, "").split()
+    return {f"{prefix}{symbol}": factor for symbol in symbols for prefix, factor in prefixes.items()}
+
+
+_FOLDED = {
+    si_unit: _symbols(si_unit, _FOLDED_PREFIX)
+    | {word: factor for words, factor in table.items() for word in words.split()}
+    for si_unit, table in _WORDS.items()
+}
+UNITS = {si_unit: spellings | _symbols(si_unit, _CASED_PREFIX) for si_unit, spellings in _FOLDED.items()}
 """SI unit to its spellings and their factors."""
 
 
@@ -79,9 +78,9 @@ def unit_factor(unit: str, si_unit: str) -> float | None:
     text = unicodedata.normalize("NFKC", unit).strip()
     text = text.replace("μ", "u").replace("µ", "u")
     text = "".join(character for character in text if character not in " .-*·⋅_")
-    spellings = UNITS.get(si_unit, {})
-    if text in spellings:
-        return spellings[text]
+    if text in UNITS.get(si_unit, {}):
+        return UNITS[si_unit][text]
+    spellings = _FOLDED.get(si_unit, {})
     if len(text) > 1 and text[0] in "MGP":
         return spellings.get(text.lower()) if len(text) > 2 else None
     folded = {factor for name, factor in spellings.items() if name.casefold() == text.casefold()}

@@ -74,7 +74,7 @@ def test_csv_and_parquet_give_the_same_table(tmp_path):
     [
         ("", "empty"),
         ("current_A,force_N\n1,2\n", "lacks distance_m"),
-        ("current_A,Tiefe [mm],force_N\n1,20,2\n", r"not understood: Tiefe \[mm\]"),
+        ("current_A,Tiefe [mm],force_N\n1,20,2\n", r"Tiefe \[mm\]"),
         ("current_A,distance_m\n1,0.02\n", "one of force_N"),
         ("current_A,distance_m,force_N\n1,0.02,\n", "one of force_N"),
         ("current_A,distance_m,distance_mm,force_N\n1,0.02,20,3\n", "Remove one"),

@@ -206,3 +206,20 @@ def test_a_table_without_any_distance_above_zero_is_refused_for_that(tmp_path):
     path.write_text("current_A,distance_m,force_N\n1,0,0.03\n1,-0.02,0.03\n", encoding="utf-8")
     with pytest.raises(TableError, match="distance above zero"):
         read_bench_table(path)
+
+
+@pytest.mark.parametrize("value", ["1e308", "-1e200", "1e90"])
+def test_a_cell_with_an_absurd_number_costs_none_of_its_neighbours(tmp_path, value):
+    rows = [(1e-3 * d, 0.1 * i, 5.0 * (0.1 * i) ** 2 / d**2) for d in range(5, 15) for i in range(1, 11)]
+    lines = ["distance_m,current_A,force_N", *(f"{d:g},{i:g},{f:.6g}" for d, i, f in rows)]
+    lines[45] = ",".join([*lines[45].split(",")[:2], value])
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    table = read_bench_table(tmp_path / "a.csv")
+    smooth = {
+        "force_N": np.array(
+            [5.0 * i**2 / (1e3 * d) ** 2 for d, i in table.rows[["distance_m", "current_A"]].to_numpy()]
+        )
+    }
+    kept = without_outliers(table, smooth).rows["force_N"].notna()
+    assert kept.sum() == len(rows) - 1
+    assert not kept[44]

@@ -110,7 +110,7 @@ def test_headers_and_numbers_of_any_text_are_parsed_without_exception(text):
     assert np.isnan(value) or np.isfinite(value)
 
 
-@given(value=st.floats(allow_nan=False, allow_infinity=False))
+@given(value=st.floats(-1e99, 1e99))
 def test_a_printed_float_is_read_back(value):
     assert parse_number(repr(value), ".") == value
     assert parse_number(repr(value).replace(".", ","), ",") == value

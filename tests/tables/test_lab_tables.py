@@ -76,3 +76,97 @@ def test_a_measurement_says_what_must_be_looked_at_first(tmp_path):
     table = read_measurement(written(tmp_path / "a.csv", "Strom [A];Luftspalt [m];Kraft [N]"))
     assert str(table).splitlines()[0].startswith("check first: distance_m seems to be in mm")
     assert "4 readings" in str(table)
+
+
+POINTS = [(2, 0.5, 25.4), (2, 1, 48.1), (4, 0.5, 7.2), (4, 1, 13)]
+
+
+def force_of(path):
+    """The forces that both readers take from a file, which must agree, in cN."""
+    read, imported = read_measurement(path).rows, import_table(path).rows
+    assert sorted(read["force_N"]) == pytest.approx(sorted(imported["force_N"]))
+    assert sorted(read["distance_m"]) == pytest.approx(sorted(imported["distance_m"]))
+    return (100 * read["force_N"]).tolist()
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("cN", 0.01), ("daN", 10), ("dN", 0.1), ("hN", 100), ("µN", 1e-6), ("pN", 1e-12), ("kN", 1e3)]
+)
+@pytest.mark.parametrize("header", ["Strom;Luftspalt;Kraft\nA;mm;{}", "Strom (A);Luftspalt (mm);Kraft ({})"])
+def test_every_usual_prefix_is_known_in_a_header_and_in_a_line_of_units(tmp_path, unit, factor, header):
+    path = tmp_path / "a.csv"
+    path.write_text(header.format(unit) + "\n0,5;2;250\n1,0;2;480\n0,5;4;70\n1,0;4;130\n", encoding="utf-8")
+    expected = [factor * x for x in (250, 480, 70, 130)]
+    assert read_measurement(path).rows["force_N"].tolist() == pytest.approx(expected)
+
+
+def test_an_unknown_unit_is_named_and_not_taken_for_newtons(tmp_path):
+    path = written(tmp_path / "a.csv", "Strom;Luftspalt;Kraft\nA;mm;furlong")
+    for read in (read_measurement, import_table):
+        with pytest.raises(TableError, match="furlong"):
+            read(path)
+
+
+def test_a_spreadsheet_with_title_lines_and_units_in_centinewtons_is_read(tmp_path):
+    lines = [f"{k};{d},0;{i:.2f};{f:.1f}".replace(".", ",") for k, (d, i, f) in enumerate(POINTS, 1)]
+    above = "Prüfprotokoll HM-12;;;\nPrüfer: Müller;Datum: 12.03.2026;;\n;;;\nNr.;Luftspalt;Strom;Zugkraft\n"
+    path = written(tmp_path / "a.csv", ";mm;A;cN", [*lines, ";;;"], above=above)
+    assert force_of(path) == pytest.approx([25.4, 48.1, 7.2, 13])
+
+
+def test_repeated_headers_footnotes_and_a_line_of_means_are_no_readings(tmp_path):
+    header = "Nr\tGap [mm]\tCurrent [A]\tForce [cN]"
+    lines = [f"{k}\t{d},0\t{i:.2f}\t{f:.1f}".replace(".", ",") for k, (d, i, f) in enumerate(POINTS, 1)]
+    rows = [*lines[:2], header, *lines[2:], "Mean\t3,0\t0,75\t23,4", "* at room temperature", "1) balance zeroed"]
+    path = written(tmp_path / "a.txt", header, rows)
+    assert force_of(path) == pytest.approx([25.4, 48.1, 7.2, 13])
+    assert any("Mean" in str(said) for said in read_measurement(path).findings)
+
+
+@pytest.mark.parametrize("below", ["actual\tmean\tmean", "mm\tA\tcN"])
+def test_a_second_line_of_the_header_is_used_or_said(tmp_path, below):
+    path = written(tmp_path / "a.csv", "air gap\tcurrent\tpull\n" + below, ["2\t0.5\t25.4", "2\t1\t48.1", "4\t1\t13"])
+    table = read_measurement(path)
+    assert table.rows["force_N"].iloc[0] == pytest.approx(0.254 if "cN" in below else 25.4)
+    assert ("line 2" in str(table)) == ("cN" not in below)
+
+
+def test_columns_under_one_heading_are_told_apart(tmp_path):
+    path = written(
+        tmp_path / "a.csv", "Luftspalt [mm];Strom [A];;Kraft [N];\n;Soll;Ist;Mittel;s", ["2;0,5;0,51;2,54;0,1"] * 2
+    )
+    with pytest.raises(TableError, match="current_A"):
+        read_measurement(path)
+    columns = {"Strom [A] Ist": "current_A", "Kraft [N] Mittel": "force_N"}
+    rows = read_measurement(path, columns=columns).rows
+    assert rows[["current_A", "force_N"]].iloc[0].tolist() == [0.51, 2.54]
+
+
+@pytest.mark.parametrize(
+    "moment", ["12:34:56,{:03d}", "2026-03-12T12:34:56.{:03d}", "12.03.2026 12:34:56,{:03d}", "12:34:56.{:03d}"]
+)
+def test_a_logger_s_clock_counts_seconds_from_its_first_moment(tmp_path, moment):
+    rows = [f"{moment.format(50 * k)};2,{k:03d};0,{k:02d};{'OK' if k % 7 else 'WARN'}" for k in range(20)]
+    table = read_measurement(written(tmp_path / "a.csv", "Uhrzeit;Weg [mm];Strom [A];Status", rows))
+    assert isinstance(table, TimeSeries)
+    assert table.rows["time_s"].to_numpy() == pytest.approx([0.05 * k for k in range(20)])
+    assert "Status" in str(table)
+
+
+def test_a_clock_runs_on_over_midnight(tmp_path):
+    rows = [f"{moment};2,1;0,5" for moment in ("23:59:59,8", "23:59:59,9", "00:00:00,0", "00:00:00,1")]
+    table = read_measurement(written(tmp_path / "a.csv", "Zeit;Weg [mm];Strom [A]", rows))
+    assert table.rows["time_s"].to_numpy() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
+def test_the_time_of_day_beside_each_reading_of_a_protocol_is_its_order(tmp_path):
+    rows = [f"12:{k:02d}:05;2,{k};0,5;1,{k}" for k in (3, 1, 2, 0)]
+    table = read_measurement(written(tmp_path / "a.csv", "Uhrzeit;Luftspalt [mm];Strom [A];Kraft [N]", rows))
+    assert isinstance(table, BenchTable)
+    assert table.rows["force_N"].tolist() == [1.0, 1.1, 1.2, 1.3]
+
+
+def test_dates_that_may_be_read_two_ways_are_refused(tmp_path):
+    rows = [f"0{k}/04/2026 12:34:56,1;2,1;0,5" for k in (3, 4)]
+    with pytest.raises(TableError, match="2026-03-12"):
+        read_measurement(written(tmp_path / "a.csv", "Zeit;Weg [mm];Strom [A]", rows))

@@ -4,17 +4,11 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.finding import Finding, listing
-from femfit.tables.foreign.options import QUANTITIES, REQUIRED
-
-LARGEST = 1e100
-"""A cell beyond it is no measured quantity, and its square would overflow."""
+from femfit.tables.foreign.options import REQUIRED
 
 
 def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[Finding]]:
     """Part the rows that have current, distance and force from the others, which come second."""
-    points = points.copy()
-    for name in (quantity for quantity in QUANTITIES if quantity in points):
-        points[name] = points[name].where(points[name].abs() < LARGEST)
     finite = np.isfinite(points[list(REQUIRED)].to_numpy(dtype=float)).all(axis=1)
     bad = points[~finite].reset_index(drop=True)
     good = points[finite].reset_index(drop=True)
