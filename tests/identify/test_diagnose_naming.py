@@ -13,7 +13,7 @@ from femfit.identify.decision.diagnosis import CleanCampaigns
 from femfit.identify.decision.naming import decide
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.bench import bench_observations
-from femfit.model.actuator_model import ValidityBox
+from femfit.model.actuator_model import Misfit, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.campaign import NOISE, campaign
 
@@ -141,8 +141,53 @@ def test_a_distance_error_of_all_mounts_does_not_widen_their_scatter(levitation_
         estimate_noise(bench_observations(model, campaign(model, 12, e, mount_m=5e-6, noise=noise, runs=4))).mount_m
         for e in ([], [offset])
     )
-    # The mounts are 60 um off together and 5 um from each other; slopes change by a tenth over 60 um
-    assert moved == pytest.approx(clean, rel=0.2)
+    # The mounts are 60 um off together and 5 um from each other; over 60 um the steepest slope changes by a quarter
+    assert moved == pytest.approx(clean, rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def solenoid(levitation_model):
+    """A push solenoid of linear iron whose force falls from 36 N at 0.5 mm to 0.3 N at 5.5 mm."""
+    pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2.2e-6, "N m^2 / A^2"),), {}, 0.03)
+    return replace(levitation_model, magnetics=pot, validity=ValidityBox(0.5e-3, 5.5e-3, 0.5, 2.0), sensor=None)
+
+
+def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(solenoid):
+    """Three runs that agree to micrometres leave no room for 20 um of re-mount, and the model misses its own table."""
+
+    def coarse(readings, rows):  # what a coarse spline misses: 1.5 % of the force, changing its sign
+        wave = np.sin(2e3 * rows["distance_m"].to_numpy()) * np.cos(3.0 * rows["current_A"].to_numpy())
+        return {"force_N": readings["force_N"] * (1.0 + 1.5e-2 * wave)}
+
+    gap = AddedEffect(effect_by_name("distance_offset"), {"offset_m": 150e-6})
+    table = campaign(solenoid, 15, [gap], change=coarse, noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0)
+    noise = estimate_noise(bench_observations(solenoid, table))
+    assert noise.mount_m < 3e-6
+    assert noise.test_mount_m < 15e-6
+    rms = 0.01 * float(np.sqrt(np.mean(table.rows["force_N"] ** 2)))
+    known = replace(solenoid, misfit=Misfit(rms, 3.0 * rms, 0.01, None, None, None, 99, "sweep"))
+    found = diagnose(known, table, **QUICK)
+    assert (found.verdict, found.missing[0].members[0]) == ("named", "distance_offset")
+    assert found.missing[0].parameters["offset_m"] == pytest.approx(150e-6, rel=0.05)
+    exact = replace(solenoid, misfit=Misfit(0.0, 0.0, 0.0, None, None, None, 99, "sweep"))
+    assert diagnose(exact, table, **QUICK).verdict != "named"  # this model would have no such misfit
+
+
+def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(solenoid):
+    turns = AddedEffect(effect_by_name("turns"), {"turns_error": -0.03})
+    noise = {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
+    found = diagnose(solenoid, campaign(solenoid, 16, [turns], noise=noise, mount_m=0.0, rho=0.0), **QUICK)
+    other = next(one for one in found.decision.candidates if one.fit.names == ("current_gain",))
+    assert 100.0 < other.cost - found.decision.chosen.cost < 0.01 * found.decision.excess
+    assert [one.members for one in found.missing] == [("turns",)]
+
+
+def test_a_name_with_a_rival_that_fits_as_well_with_more_parameters_is_not_certain(solenoid):
+    gap = AddedEffect(effect_by_name("distance_offset"), {"offset_m": 30e-6})
+    found = diagnose(solenoid, campaign(solenoid, 17, [gap], noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0), **QUICK)
+    chosen = found.decision.chosen
+    as_good = [c for c in found.decision.candidates if c.passes() and c.fit.chi2 <= chosen.fit.chi2 + 9.0]
+    assert not found.confident or as_good == [chosen]
 
 
 def test_the_false_naming_rate_of_clean_campaigns_is_small_and_reproducible(levitation_model):

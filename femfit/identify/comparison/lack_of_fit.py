@@ -84,12 +84,12 @@ class Group:
         gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, _SPANNED))
         return float(along @ along + part @ gain), count - int(np.count_nonzero(spanned))
 
-    def test(self, residual: FloatArray, fitted: FloatArray) -> LackOfFit:
+    def test(self, residual: FloatArray, fitted: FloatArray, variance: float) -> LackOfFit:
         """Test a residual beside orthonormal fitted columns."""
         square, count = self.along(residual, fitted)
         if not count:
             return LackOfFit(0.0, 0, 1.0)
-        return LackOfFit(square / count, count, tail_probability(square, count, self.degrees_of_freedom))
+        return LackOfFit(square / count, count, tail_probability(square / variance, count, self.degrees_of_freedom))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ class PatternSpace:
         square, count = self.groups[-1].along(*_beside(residual, fitted))
         return square - count
 
-    def test(self, residual: FloatArray, fitted: FloatArray | None = None) -> LackOfFit:
+    def test(self, residual: FloatArray, fitted: FloatArray | None = None, variance: float = 1.0) -> LackOfFit:
         """Test a whitened residual in every group.
 
         Parameters
@@ -123,6 +123,8 @@ class PatternSpace:
             Whitened.
         fitted : array, shape (M, p), or None
             Whitened columns that were fitted to it: directions in which it has no freedom left.
+        variance : float
+            What is expected along a smooth pattern in units of the noise; more than 1 allows for a misfit of the model.
 
         Returns
         -------
@@ -130,7 +132,7 @@ class PatternSpace:
             Of the group that is least likely to be noise; its p-value times the number of groups (Bonferroni).
         """
         residual, basis = _beside(residual, fitted)
-        worst = min((group.test(residual, basis) for group in self.groups), key=lambda one: one.p_value)
+        worst = min((group.test(residual, basis, variance) for group in self.groups), key=lambda one: one.p_value)
         return LackOfFit(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
 
 

@@ -46,6 +46,16 @@ class Campaign:
         return float(np.sum((tolerance / sigma) ** 2))
 
     @property
+    def expected_variance(self) -> float:
+        """Of a whitened residual along a smooth pattern: the noise, and the model's own misfit spread over them all.
+
+        References
+        ----------
+        M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425: model discrepancy.
+        """
+        return 1.0 + self.known_misfit / self.patterns.basis.shape[1]
+
+    @property
     def misfit_as_recorded(self) -> float:
         """Squared length of the misfit over the noise of a reading, less what noise and the mounts' freedom make of it.
 

@@ -25,8 +25,10 @@ class Candidate:
         Weighted sum of squares plus a price for every parameter.
     excess : float
         Squared length of the whitened residual in the smooth patterns beyond what noise gives.
+    beyond_own_misfit : float
+        P-value of the same test where the model's own misfit to its table is allowed for.
     further : float
-        Smallest p-value of a further effect beside it, times the number of effects.
+        Smallest p-value of a further effect beside it, with that allowance, times the number of effects.
     beside : tuple of Start
         The other effects as they would go on from here, best first.
     """
@@ -35,12 +37,13 @@ class Candidate:
     cost: float
     excess: float
     lack_of_fit: LackOfFit
+    beyond_own_misfit: float
     further: float
     beside: tuple[Start, ...]
 
     def passes(self, level: float = LEVEL_AFTER) -> bool:
-        """Whether it leaves neither structure nor anything for a further effect to explain."""
-        return min(self.lack_of_fit.p_value, self.further) > level
+        """Whether it leaves neither structure beyond the model's own misfit nor anything for a further effect."""
+        return min(self.beyond_own_misfit, self.further) > level
 
 
 def refitted_candidates(campaign: Campaign, starts: Sequence[Sequence[Start]]) -> list[Candidate]:
@@ -91,6 +94,7 @@ def _refitted(campaign: Campaign, start: Sequence[Start]) -> Candidate:
         cost=fit.chi2 + parameter_price(fit.whitened_residual) * (amplitudes + NONLINEAR_PRICE * nonlinear),
         excess=campaign.patterns.excess(fit.whitened_residual, fitted),
         lack_of_fit=campaign.patterns.test(fit.whitened_residual, fitted),
+        beyond_own_misfit=campaign.patterns.test(fit.whitened_residual, fitted, campaign.expected_variance).p_value,
         further=further,
         beside=tuple(beside),
     )

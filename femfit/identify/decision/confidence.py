@@ -20,20 +20,22 @@ from femfit.core.arrays import FloatArray
 from femfit.core.ties import ROUNDING, ranked
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.candidate import Candidate
-from femfit.identify.decision.constants import LEVEL_AFTER, POWER
+from femfit.identify.decision.constants import LEVEL_AFTER, POWER, TIE
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
-def look_alikes(campaign: Campaign, chosen: Candidate, classes: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+def look_alikes(
+    campaign: Campaign, chosen: Candidate, classes: Sequence[tuple[str, ...]], rivals: Sequence[Candidate]
+) -> tuple[str, ...]:
     """Effects that would have been given the chosen name on these data, had they been the cause and not been listed.
 
     Returns
     -------
     tuple of str
-        The others of the classes, then the most alike first: an effect, or a constant error of a channel, whose
-        contribution, as long as what was found, has less beside the fitted one than the lack-of-fit test notices nine
-        times in ten.
+        The others of the classes; rivals that pass the test and fit as well, if with more parameters; then the most
+        alike first: an effect, or a constant error of a channel, whose contribution, as long as what was found, has
+        less beside the fitted one than the lack-of-fit test notices nine times in ten.
     """
     observations = campaign.observations
     signal = campaign.whitening.full(observations.predict(chosen.fit.effects) - observations.base)
@@ -48,6 +50,9 @@ def look_alikes(campaign: Campaign, chosen: Candidate, classes: Sequence[tuple[s
         beside[words] = _squared_sine(campaign.whitening.full(constant), fitted)
     unseen = _noticed(campaign) / max(float(signal @ signal), 1e-12)
     others = [name for members in classes for name in members[1:]]
+    slack = TIE * campaign.expected_variance
+    as_good = [one for one in rivals if one.passes() and one.fit.chi2 <= chosen.fit.chi2 + slack]
+    others += [name for one in as_good for name in one.fit.names if name not in chosen.fit.names]
     alike = ranked([name for name, sine in beside.items() if sine < unseen], lambda name: -beside[name], ROUNDING)
     return tuple(dict.fromkeys(others + alike))
 

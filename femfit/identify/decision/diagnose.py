@@ -115,7 +115,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     }
     after = observations.predict(chosen.fit.effects) if chosen else observations.base
     missing = _named_effects(campaign, decision)
-    alike = look_alikes(campaign, chosen, decision.classes) if chosen else ()
+    alike = look_alikes(campaign, chosen, decision.classes, decision.candidates) if chosen else ()
     where = Where("", (), "The model fits.")
     if decision.verdict != "nothing_missing":
         where = where_it_fails(observations, campaign.whitening)
@@ -138,7 +138,13 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
         lack_of_fit_before=decision.test.lack_of_fit,
         lack_of_fit_after=chosen.lack_of_fit if chosen else None,
         look_alikes=alike,
-        confident=decision.verdict == "named" and not alike and all(one.plausible for one in missing),
+        confident=bool(
+            decision.verdict == "named"
+            and not alike
+            and all(one.plausible for one in missing)
+            and chosen
+            and chosen.fit.converged
+        ),
         findings=(*observations.findings, *untested_channels(campaign)),
         campaign=campaign,
         decision=decision,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.core.ties import ranked
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.candidate import Candidate, forward_pairs, refitted_candidates
 from femfit.identify.decision.constants import (
@@ -29,8 +30,8 @@ from femfit.identify.decision.constants import (
     PAIRED,
     REFITTED,
     REMAINDER_SHARE,
+    ROUNDING,
     TIE,
-    TIE_SHARE,
 )
 from femfit.identify.decision.diagnosis import Verdict
 from femfit.identify.decision.model_test import ModelTest, judge_model
@@ -75,18 +76,18 @@ def _search(campaign: Campaign, test: ModelTest) -> Decision:
     singles = refitted_candidates(campaign, [[item] for item in test.starts[:REFITTED]])
     chosen = _first_passing(singles, test.excess)
     if chosen is not None:
-        return _named("named", chosen, singles, test)
+        return _named(campaign, "named", chosen, singles, test)
     starts = best_pairs(campaign.whitened_residual, test.starts, PAIRED, REFITTED // 2)
     starts += forward_pairs(singles, CONTINUED, CONTINUED)
     pairs = refitted_candidates(campaign, _without_repeats(starts))
     pairs = [pair for pair in pairs if _both_needed(campaign, pair, singles, test.excess)]
     chosen = _first_passing(pairs, test.excess)
     if chosen is not None and all(chosen.cost < one.cost for one in _explaining(singles, ENOUGH, test.excess)):
-        return _named("named", chosen, pairs, test)
+        return _named(campaign, "named", chosen, pairs, test)
     insufficient = _insufficient(campaign, singles, pairs, test.excess)
     if insufficient is not None:
-        return _named("form_insufficient", *insufficient, test)
-    return Decision("unexplained", test, candidates=tuple(sorted(singles + pairs, key=lambda one: one.cost)))
+        return _named(campaign, "form_insufficient", *insufficient, test)
+    return Decision("unexplained", test, candidates=tuple(ranked(singles + pairs, lambda one: -one.cost, ROUNDING)))
 
 
 def _first_passing(candidates: Sequence[Candidate], excess: float) -> Candidate | None:
@@ -159,21 +160,22 @@ def _acts_elsewhere(campaign: Campaign, pair: Candidate, single: Candidate) -> b
     return before - after >= max(TIE, ELSEWHERE_SHARE * structured)
 
 
-def _named(verdict: Verdict, chosen: Candidate, rivals: Sequence[Candidate], test: ModelTest) -> Decision:
-    """The decision with the classes: rivals whose misfit is hardly larger, with the other effect the same.
+def _named(
+    campaign: Campaign, verdict: Verdict, chosen: Candidate, rivals: Sequence[Candidate], test: ModelTest
+) -> Decision:
+    """The decision with the classes: rivals that the data cannot tell from it, with the other effect the same.
 
-    Where the form is insufficient, that of the larger effect may as well decide between rivals of the smaller one.
+    What the chosen explanation itself leaves in the smooth patterns, of the model's misfit or of its own form, is noise
+    to a difference between two explanations (the scatter's own size, as R. T. Birge, Physical Review 40 (1932) 207).
     """
     names = chosen.fit.names
-    explained = [min(float(np.sum(chosen.fit.contribution(k) ** 2)), test.excess) for k in range(len(names))]
+    slack = TIE * (1.0 + max(chosen.excess, 0.0) / campaign.patterns.basis.shape[1])
     classes = []
-    for k in np.argsort(explained, kind="stable")[::-1]:
-        share = test.excess if verdict == "form_insufficient" else explained[k]
+    for k in ranked(range(len(names)), lambda k: float(np.sum(chosen.fit.contribution(k) ** 2))):
         others, members = set(names) - {names[k]}, [names[k]]
         for rival in rivals:
             instead = set(rival.fit.names) - others
-            near = rival.cost - chosen.cost <= max(TIE, TIE_SHARE * share)
-            if near and others <= set(rival.fit.names) and len(instead) == 1:
+            if rival.cost - chosen.cost <= slack and others <= set(rival.fit.names) and len(instead) == 1:
                 members += [name for name in instead if name not in members]
         classes.append(tuple(members))
     return Decision(verdict, test, chosen, tuple(classes), tuple(rivals))

@@ -75,7 +75,8 @@ def further_effects(
         tried += one.count
         if len(seen):
             found.append(_best_amplitudes(replace(one, whitened=beside).part(seen.tolist()), residual, price))
-    smallest = min((_tail_probability(campaign, one) for one in found), default=1.0)
+    variance = campaign.expected_variance
+    smallest = min((_tail_probability(campaign, one, variance) for one in found), default=1.0)
     return _best_of_each(found, price), min(1.0, tried * smallest)
 
 
@@ -96,8 +97,8 @@ def best_pairs(whitened_residual: FloatArray, best: Sequence[Start], leading: in
     return ranked(pairs, lambda pair: pair[0].fall - PAIR_PRICE * sum(one.count for one in pair), ROUNDING)[:wanted]
 
 
-def _tail_probability(campaign: Campaign, one: Start) -> float:
-    return tail_probability(one.fall, one.count, campaign.patterns.degrees_of_freedom)
+def _tail_probability(campaign: Campaign, one: Start, variance: float = 1.0) -> float:
+    return tail_probability(one.fall / variance, one.count, campaign.patterns.degrees_of_freedom)
 
 
 def _best_amplitudes(one: Start, whitened_residual: FloatArray, price: float) -> Start:

@@ -166,7 +166,7 @@ def _all_made_by(
     observations, whitening, start = campaign.observations, campaign.whitening, families[effect][0]
     for value, k in signals:
         change = value * start.columns.columns[:, k]
-        needed = needed_distance(float(np.sum(whitening.full(change) ** 2)), len(change))
+        needed = needed_distance(len(change))
         seen = observations.with_values(observations.base + change)
         if unexplained(seen, whitening, [[one] for one in families[rival]], needed) >= needed * (1.0 - ROUNDING):
             return False

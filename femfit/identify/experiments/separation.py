@@ -16,7 +16,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.decision.constants import NONLINEAR_PRICE, TIE, TIE_SHARE
+from femfit.identify.decision.constants import NONLINEAR_PRICE, TIE
 from femfit.identify.decision.scoring import parameter_price
 from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING
 from femfit.identify.noise.whitening import Whitening
@@ -29,13 +29,13 @@ _VARIANTS = 12
 """Combinations of trial values of two effects' nonlinear parameters that are tried; more would take too long."""
 
 
-def needed_distance(explained: float, readings: int, more_parameters: float = 0.0) -> float:
+def needed_distance(readings: int, more_parameters: float = 0.0) -> float:
     """Distance from which a diagnosis leaves the wrong one of two explanations out, in 19 of 20 campaigns.
 
     The weighted sums of squares differ by delta^2 with a standard deviation of 2 delta; they must differ by the tie of
     the decision, and by what the right explanation pays for its further parameters.
     """
-    tie = max(TIE, TIE_SHARE * explained) + max(more_parameters, 0.0) * parameter_price(np.zeros(readings))
+    tie = TIE + max(more_parameters, 0.0) * parameter_price(np.zeros(readings))
     return float(ALMOST_SURELY + np.sqrt(ALMOST_SURELY**2 + tie))
 
 

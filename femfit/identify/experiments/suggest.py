@@ -200,7 +200,7 @@ def _direct(experiment: Experiment, a: Refit, b: Refit) -> float | None:
         return None
     first, second = (_read(experiment.effect, experiment.calibration, fit) for fit in (a, b))
     apart = float(np.linalg.norm((first - second) / np.array(list(experiment.calibration.reads.values()))))
-    return apart if apart >= needed_distance(0.0, 1) else None
+    return apart if apart >= needed_distance(1) else None
 
 
 def _read(effect: str, calibration: Calibration, fit: Refit) -> FloatArray:
@@ -225,9 +225,8 @@ def _joint(
         smallest = np.inf
         for truth, rival in ((a, b), (b, a)):
             change = change_of(observations, truth.effects)
-            explained = float(np.sum(whitening.full(change) ** 2))
             more = parameters_of(truth.effects) - parameters_of(rival.effects)
-            needed = needed_distance(explained, len(change), more)
+            needed = needed_distance(len(change), more)
             starts = starting_points([added.effect for added in rival.effects], observations, whitening, rival.effects)
             seen = observations.with_values(observations.base + change)
             apart = unexplained(seen, whitening, starts, needed)

@@ -146,7 +146,11 @@ def _common_distance(observations: Observations) -> FloatArray:
 
 
 def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, patterns: FloatArray) -> NoiseModel:
-    """The noise with the scatter of mounts and runs, by restricted maximum likelihood with weak priors."""
+    """The noise with the scatter of mounts and runs, by restricted maximum likelihood with weak priors.
+
+    A prior yields where the mounts or runs agree so much better with each other than it assumes that what they show
+    alone, with all that so few of them leave open, is a tighter bound.
+    """
     whitening = Whitening(observations, noise, chains)
     columns, _ = random_columns(observations, 1.0, np.ones(len(noise.channels)))
     basis = orthonormal_basis(whitening.serial(np.concatenate([patterns, _common_distance(observations)], axis=1)))
@@ -173,16 +177,51 @@ def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, 
 
     best = optimize.minimize(cost, np.zeros(len(prior)), method="L-BFGS-B", bounds=[(-4.0, 6.0)] * len(prior)).x
     scale = prior * np.exp(best)
+    wide = scale * _student(np.concatenate([[mounts], runs]) - 1.0 + weight)
+    assumed = np.concatenate([[mounts], runs]) - 1.0 < weight
+    for k in range(len(scale)):
+        own, others = (group == k) & ~second, (group != k) & ~second
+        beside = (root[:, others] * (scale**2)[group[others]]) @ root[:, others].T + np.eye(len(root))
+        alone, alone_wide = _from_differences(root[:, own], seen, beside)
+        if alone_wide < wide[k]:
+            scale[k], wide[k], assumed[k] = alone, alone_wide, False
     # One run has no offset of its own, nor a re-mount where the file has no mounts
     placed_again = bool("mount" in observations.given or runs.max() > 1)
-    scale[np.concatenate([[not placed_again], runs < 2])] = 0.0
-    many = np.concatenate([[mounts], runs]) - 1.0 + weight
-    wide = stats.t.isf(TEST_LEVEL, many) / stats.norm.isf(TEST_LEVEL)
+    absent = np.concatenate([[not placed_again], runs < 2])
+    scale[absent], wide[absent] = 0.0, 0.0
     return replace(
         noise,
         mount_m=float(scale[0]),
         run=scale[1:],
-        test_mount_m=float(wide[0] * scale[0]),
-        test_run=wide[1:] * scale[1:],
-        mount_assumed=placed_again and mounts - 1.0 < PRIOR_MOUNT_DOF,
+        test_mount_m=float(wide[0]),
+        test_run=wide[1:],
+        mount_assumed=placed_again and bool(assumed[0]),
     )
+
+
+def _student(degrees_of_freedom: FloatArray) -> FloatArray:
+    """Student's quantile over the normal one, at the tests' level."""
+    return np.asarray(stats.t.isf(TEST_LEVEL, degrees_of_freedom) / stats.norm.isf(TEST_LEVEL))
+
+
+def _from_differences(columns: FloatArray, y: FloatArray, covariance: FloatArray) -> tuple[float, float]:
+    """The scatter of mounts, or runs, as their differences alone show it, and the same as tests use it.
+
+    A difference on which the readings have the information l is estimated with the variance s^2 + 1 / l. The mean of n
+    such squares, with Student's quantile for n, bounds what all groups may share; 1 / l of it is the readings' own.
+
+    Parameters
+    ----------
+    columns : array, shape (q, groups)
+        What each group does to readings y of this covariance.
+    """
+    whitened = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([columns, y]))
+    _, length, directions = np.linalg.svd(whitened[:, :-1], full_matrices=False)
+    length = length[: columns.shape[1] - 1]  # what all groups share is in the patterns
+    if not len(length) or length[-1] < 1e-6 * length[0]:
+        return np.inf, np.inf
+    shifts = directions[: len(length)] @ (whitened[:, :-1].T @ whitened[:, -1]) / length**2
+    read = float(np.mean(length**-2.0))
+    total = max(float(np.mean(shifts**2)), read)
+    wide = total * float(_student(np.array(len(shifts)))) ** 2
+    return float(np.sqrt(total - read)), float(np.sqrt(wide - read))

@@ -23,6 +23,10 @@ _NEXT_TO, _AS_GOOD = 1e-2, 1e-2
 squares, whose standard deviation is 1 and more, rises by no more than this."""
 
 
+_MOST_EVALUATIONS = 60
+"""Numerical: steps after which a search is ended; nearly all of them need fewer than twenty."""
+
+
 @dataclass(frozen=True, eq=False)
 class Refit:
     """Effects fitted to the readings.
@@ -39,6 +43,8 @@ class Refit:
         Whether the parameter stands at a bound.
     precision : array, shape (p,)
         Of what is known of the free parameters beforehand, each over its plausible range; zero for nothing.
+    converged : bool
+        Whether no step lowers the sum of squares any more; false where the search was ended.
     """
 
     effects: tuple[AddedEffect, ...]
@@ -48,6 +54,7 @@ class Refit:
     active: BoolArray
     precision: FloatArray
     start: tuple[Start, ...]
+    converged: bool = True
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -146,12 +153,12 @@ def refit(
         diff_step=np.full(len(x0), 1e-5),
         xtol=1e-6,
         ftol=1e-8,
-        max_nfev=60,
+        max_nfev=_MOST_EVALUATIONS,
     )
     x = _at_bounds(with_prior, solution.x, low, high)
     best = residual(x)
     active, jacobian = (x == low) | (x == high), np.asarray(solution.jac)[: len(best)]
-    fit = Refit(effects_at(x), free, best, jacobian, active, root**2, tuple(start))
+    fit = Refit(effects_at(x), free, best, jacobian, active, root**2, tuple(start), bool(solution.status > 0))
     return replace(fit, effects=_with_intervals(fit, x, width))
 
 
