@@ -14,6 +14,7 @@ from femfit.field.settings import SolverSettings
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
 LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer only costs elements
 LEVEL_RATIO = 4.0  # of the room from one step of the layer's width to the next
+SHORTEST_STEP = 0.02  # of the outer offset: a shorter edge where two steps nearly meet is no use, and may not be meshed
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,7 @@ def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon,
         ]
         if free.is_empty or any(one.geom_type != "Polygon" or one.interiors for one in wider):
             break
-        outlines, room = [one.simplify(0.0) for one in wider], LEVEL_RATIO * room
+        outlines, room = [one.simplify(SHORTEST_STEP * layout.outer_offset) for one in wider], LEVEL_RATIO * room
     return outlines[0], outlines[1]
 
 

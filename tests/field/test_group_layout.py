@@ -84,3 +84,14 @@ def test_no_group_is_stretched_beyond_the_limit(count):
         assert near > 0.0
         assert far / near <= SETTINGS.stretch_limit * (1.0 + 1e-9)
         assert own.outer_offset >= layout.outer_offset
+
+
+def test_no_edge_of_the_layer_is_too_short_to_be_meshed():
+    # Two steps of the layer round this plunger met within 0.1 um at 1.0999087 mm, and the solver could not draw that.
+    actuator = read_actuator(Path(__file__).parents[2] / "geometry" / "plunger-solenoid.toml")
+    layout = layout_of(actuator, SETTINGS)
+    for distance in (1.0999086569638599e-3, *np.linspace(0.5e-3, 9e-3, 41)):
+        own = layout_of_group(actuator, (float(distance),), layout, SETTINGS)
+        for outline in layer_outlines(actuator, own):
+            edges = np.hypot(*np.diff(np.array(outline.exterior.coords), axis=0).T)
+            assert edges.min() > 0.02 * own.inner_offset, distance
