@@ -8,29 +8,29 @@ from cyclopts import Parameter, validators
 
 def trial(
     *,
-    drawing: Annotated[tuple[Path, ...], Parameter(negative=())],
+    drawing: Path,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     cases: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 60,
     seed: int = 1,
     workers: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 2,
     json: Path | None = None,
 ) -> None:
-    """How often would the diagnosis be right on this actuator? Hide effects in simulated campaigns, and count.
+    """How often would the diagnosis be right on this actuator? Hide errors in simulated campaigns, and count.
 
-    The truths are other physics than femfit's effects: field solutions of changed drawings, relays, heat. What is
-    hidden stands in a key that is opened after the diagnosis; its hash stands in the manifest before. Each campaign is
-    diagnosed as femfit diagnose would, from its files.
+    Hidden are numbers of the drawing that are off (remanence, turns, saturating iron), of which the field is solved
+    again, and errors of the bench (stage, meters, resistance, temperatures), which act by their definition. Each
+    campaign is diagnosed from its files as femfit diagnose would.
 
     Parameters
     ----------
-    drawing : tuple of Path
-        Actuator file; repeat for more.
+    drawing : Path
+        Actuator file.
     output : Path
-        Directory for cases, keys, answers and results; field solutions in it are used again.
+        Directory for campaigns, what was hidden in them, diagnoses and results; field solutions in it are used again.
     cases : int
         How many campaigns; 60 take some minutes.
     seed : int
-        Of the cases.
+        Of the campaigns.
     workers : int
         Processes.
     json : Path
@@ -38,17 +38,21 @@ def trial(
     """
     from femfit.cli.output import write_json
     from femfit.cli.progress import progress
-    from femfit.core.outputs import RESULT, TABLE, require_outputs
+    from femfit.core.outputs import RESULT, require_outputs
     from femfit.trial.counts import trial_data, trial_lines
-    from femfit.trial.run import TrialOptions, make_trial, run_trial, write_cases_csv
+    from femfit.trial.run import diagnose_campaigns, make_campaigns, prepare_device
 
-    require_outputs(list(drawing), (output / "cases.csv", TABLE), (json or output / "results.json", RESULT))
-    options = TrialOptions(cases=cases, seed=seed, workers=workers)
-    with progress("solve and measure", "campaigns") as show:
-        commitments = make_trial(drawing, output, options, show)
+    results = json or output / "results.json"
+    require_outputs([drawing], (results, RESULT))
+    with progress("solve the fields", "points") as show:
+        device = prepare_device(
+            drawing, output, workers=workers, progress=lambda done: show(done.points_done, done.points)
+        )
+    numbers = make_campaigns(device, output, cases, seed)
     with progress("diagnose", "campaigns") as show:
-        judgements = run_trial(output, commitments, options, show)
-    write_cases_csv(judgements, output / "cases.csv")
-    write_json(json or output / "results.json", trial_data(judgements))
-    print("\n".join(trial_lines(judgements)))
-    print(f"written: {output / 'cases.csv'}, one line a campaign")
+        outcomes = diagnose_campaigns(output, numbers, workers=workers, progress=show)
+    write_json(results, trial_data(outcomes))
+    print("\n".join(trial_lines(outcomes)))
+    if len(numbers) < cases:
+        print(f"left out: {cases - len(numbers)} campaigns of which the device cannot show what they were to hide")
+    print(f"written: {results}")

@@ -1,1 +1,1 @@
-"""The hidden-effect trial: campaigns with a truth of other physics than the effects', and how the diagnosis does."""
+"""How often the diagnosis would be right on a device: campaigns on a virtual bench with a hidden error, and counts."""

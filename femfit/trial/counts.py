@@ -1,20 +1,40 @@
 """What a trial counted: how often the diagnosis would be right on a device."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from statistics import median
 from typing import Any
 
-from femfit.trial.intervals import Share
-from femfit.trial.judge import Judgement
+from scipy import stats
+
+from femfit.trial.run import Outcome
 
 SHOWN = 1.0
-"""Smallest size, in standard deviations of a reading, of the hidden effects that are counted together."""
+"""Smallest size, in standard deviations of a reading, of the hidden errors that are counted together."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """A counted share."""
+
+    hits: int
+    of: int
+
+    @property
+    def value(self) -> float:
+        """Hits over cases; NaN where there are none."""
+        return self.hits / self.of if self.of else float("nan")
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """Exact 95 % limits (C. J. Clopper and E. S. Pearson, Biometrika 26 (1934) 404); 0 and 1 without cases."""
+        low = float(stats.beta.ppf(0.025, self.hits, self.of - self.hits + 1)) if self.hits else 0.0
+        high = float(stats.beta.ppf(0.975, self.hits + 1, self.of - self.hits)) if self.hits < self.of else 1.0
+        return low, high
 
 
 @dataclass(frozen=True)
 class Count:
-    """How many cases of a group had an outcome."""
+    """How many campaigns of a group had an outcome."""
 
     group: str
     outcome: str
@@ -23,80 +43,68 @@ class Count:
     def __str__(self) -> str:
         low, high = self.share.ci95
         percent = f" ({100 * self.share.value:.0f} %, 95 % between {100 * low:.0f} and {100 * high:.0f} %)"
-        return f"{self.group}: {self.outcome} in {self.share.hits} of {self.share.of}{percent if self.share.of else ''}"
+        return f"{self.group}: {self.outcome} in {self.share.hits} of {self.share.of}{percent}"
 
 
-def counts(judgements: Sequence[Judgement]) -> list[Count]:
-    """Count a trial; groups without any case are left out."""
-    single = [j for j in judgements if len(j.effects) == 1 and j.level >= SHOWN]
-    groups: list[tuple[str, list[Judgement], list[tuple[str, Callable[[Judgement], bool]]]]] = [
+def counts(outcomes: Sequence[Outcome]) -> list[Count]:
+    """Count a trial; groups without any campaign are left out."""
+    single = [one for one in outcomes if len(one.hidden) == 1 and one.level >= SHOWN]
+    groups: list[tuple[str, list[Outcome], dict[str, Callable[[Outcome], bool]]]] = [
         (
             "Nothing hidden",
-            [j for j in judgements if not j.effects],
-            [("an effect was named", lambda j: bool(j.named))],
+            [one for one in outcomes if not one.hidden],
+            {"an effect was named": lambda one: bool(one.classes)},
         ),
         (
-            "One effect hidden",
+            "One error hidden",
             single,
-            [
-                ("it stood among the names", lambda j: j.in_class[0]),
-                ("it was named first", lambda j: j.first),
-                ("it was named and called certain", lambda j: j.in_class[0] and j.confident),
-                ("a wrong name was called certain", lambda j: j.confident and not j.in_class[0]),
-                ("the right channel was pointed at", lambda j: bool(j.right_channel)),
-            ],
+            {
+                "it stood among the names": lambda one: all(one.found),
+                "it was named first": lambda one: one.named_first,
+                "it was named and called certain": lambda one: all(one.found) and one.certain,
+                "a wrong name was called certain": lambda one: one.certain and not all(one.found),
+                "the right channel was pointed at": lambda one: one.right_channel,
+            },
         ),
         (
-            "Two effects hidden",
-            [j for j in judgements if len(j.effects) == 2 and j.level >= SHOWN],
-            [
-                ("both stood among the names", lambda j: all(j.in_class)),
-                ("a third was named beside them", lambda j: j.spurious > 0),
-            ],
+            "Two errors hidden",
+            [one for one in outcomes if len(one.hidden) == 2 and one.level >= SHOWN],
+            {
+                "both stood among the names": lambda one: all(one.found),
+                "a third was named beside them": lambda one: one.spurious > 0,
+            },
         ),
         (
             "A cause that femfit does not know",
-            [j for j in single if j.withheld_verdict],
-            [
-                ("a wrong name was called certain", lambda j: j.withheld_confident),
-                ("a wrong name was given, not certain", lambda j: bool(j.withheld_named) and not j.withheld_confident),
-            ],
+            [one for one in single if one.withheld_certain is not None],
+            {
+                "a wrong name was called certain": lambda one: bool(one.withheld_certain),
+                "a wrong name was given, not certain": lambda one: one.withheld_named and not one.withheld_certain,
+            },
         ),
         (
-            "One small effect hidden",
-            [j for j in judgements if len(j.effects) == 1 and j.level < SHOWN],
-            [("it stood among the names", lambda j: j.in_class[0])],
+            "One small error hidden",
+            [one for one in outcomes if len(one.hidden) == 1 and one.level < SHOWN],
+            {"it stood among the names": lambda one: all(one.found)},
         ),
     ]
     return [
         Count(group, outcome, Share(sum(map(hit, cases)), len(cases)))
-        for group, cases, outcomes in groups
+        for group, cases, hits in groups
         if cases
-        for outcome, hit in outcomes
+        for outcome, hit in hits.items()
     ]
 
 
-def by_effect(judgements: Sequence[Judgement]) -> Mapping[str, Mapping[str, Share]]:
-    """Truth in the class, named first, and misnamed when withheld, by hidden effect of 1 sigma or more."""
-    cases = [j for j in judgements if len(j.effects) == 1 and j.level >= SHOWN]
-    result = {}
-    for name in sorted({j.effects[0] for j in cases}):
-        own = [j for j in cases if j.effects[0] == name]
-        result[name] = {
-            "in_class": Share(sum(j.in_class[0] for j in own), len(own)),
-            "first": Share(sum(j.first for j in own), len(own)),
-            "misnamed": Share(sum(j.withheld_twins_verdict == "named" for j in own), len(own)),
-        }
-    return result
+def by_error(outcomes: Sequence[Outcome]) -> dict[str, Share]:
+    """How often each single hidden error of 1 sigma or more stood among the names."""
+    cases = [one for one in outcomes if len(one.hidden) == 1 and one.level >= SHOWN]
+    names = sorted({one.hidden[0] for one in cases})
+    own = {name: [one.found[0] for one in cases if one.hidden[0] == name] for name in names}
+    return {name: Share(sum(found), len(found)) for name, found in own.items()}
 
 
-def unseen_over_noise(judgements: Sequence[Judgement]) -> float | None:
-    """Median error on runs that were not fitted, over that of a perfect model, where an effect was named and added."""
-    values = [j.unseen_over_floor for j in judgements if j.unseen_over_floor is not None and j.effects and j.named]
-    return median(values) if values else None
-
-
-def trial_data(judgements: Sequence[Judgement]) -> dict[str, Any]:
+def trial_data(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """A trial as JSON-ready data."""
     return {
         "counts": [
@@ -107,25 +115,17 @@ def trial_data(judgements: Sequence[Judgement]) -> dict[str, Any]:
                 "of": count.share.of,
                 "ci95": list(count.share.ci95),
             }
-            for count in counts(judgements)
+            for count in counts(outcomes)
         ],
-        "unseen_over_noise": unseen_over_noise(judgements),
-        "by_effect": {
-            name: {what: [share.hits, share.of] for what, share in shares.items()}
-            for name, shares in by_effect(judgements).items()
-        },
-        "cases": [judgement.to_dict() for judgement in judgements],
+        "by_error": {name: [share.hits, share.of] for name, share in by_error(outcomes).items()},
+        "cases": [one.to_dict() for one in outcomes],
     }
 
 
-def trial_lines(judgements: Sequence[Judgement]) -> list[str]:
+def trial_lines(outcomes: Sequence[Outcome]) -> list[str]:
     """What the command prints."""
-    lines = [str(count) for count in counts(judgements)]
-    error = unseen_over_noise(judgements)
-    if error is not None:
-        lines.append(f"Error on runs left out, the named effect added: {error:.2f} times that of a perfect model")
-    lines.append("Which effects: named / hidden, of 1 standard deviation of a reading or more")
-    return lines + [
-        f"  {name:<32}{shares['in_class'].hits}/{shares['in_class'].of}"
-        for name, shares in by_effect(judgements).items()
+    return [
+        *map(str, counts(outcomes)),
+        "Which errors: named / hidden, of 1 standard deviation of a reading or more",
+        *(f"  {name:<32}{share.hits}/{share.of}" for name, share in by_error(outcomes).items()),
     ]

@@ -1,169 +1,168 @@
-"""The whole trial: make the cases, seal the keys, diagnose, open the keys, judge."""
+"""The trial: solve the device, measure campaigns with hidden errors, diagnose their files as the command does, judge.
 
-import csv
+::
+
+    model.json                     what the diagnosis compares with
+    campaigns/0001/data.csv        what was measured
+    campaigns/0001/hidden.json     what was hidden; read after the diagnosis
+    campaigns/0001/diagnosis.json  what it said
+"""
+
+import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from femfit.core.atomic import replacing, write_json
-from femfit.core.errors import DomainError, FemfitError
+import numpy as np
+
+from femfit.core.atomic import write_json
+from femfit.core.errors import DomainError
 from femfit.core.processes import process_pool
 from femfit.device.load import read_actuator
-from femfit.device.parts import Actuator
-from femfit.model.actuator_model import ActuatorModel
-from femfit.trial.campaign.case import Case, Order, make_case
-from femfit.trial.campaign.files import read_key, write_case, write_manifest
-from femfit.trial.campaign.orders import draw_orders
-from femfit.trial.engine import CaseFiles, diagnose_case, read_case, unseen_rms
-from femfit.trial.judge import Judgement, judge
-from femfit.trial.truth.bench_effects import possible_effects, twins_of
-from femfit.trial.truth.families import Truth, load_truth
+from femfit.field.sweep import Progress, run_sweep
+from femfit.fit.build import fit_model
+from femfit.identify.decision.diagnose import diagnose
+from femfit.model.json_file import read_model, write_model
+from femfit.tables.measurement_file import read_measurement
+from femfit.trial.hidden import Device, possible_errors, solve_device
+from femfit.trial.virtual_bench import LEVELS, make_campaign
 
-Progress = Callable[[int, int], None]
-"""Takes how many cases are done, and of how many."""
+Report = Callable[[int, int], None]
+"""Takes how many campaigns are done, and of how many."""
 
+ONE, TWO = 0.45, 0.25
+"""Part of the campaigns with one and with two hidden errors; the others hide nothing."""
 
-@dataclass(frozen=True)
-class CampaignKind:
-    """What is measured in a case: static bench tables, unless a study brings another kind.
+_TWINS = {"force_offset": ("constant_force",)}
+"""Effects that do the same to every channel of a bench as an error: left out of the catalogue together with it."""
 
-    Parameters
-    ----------
-    effects : callable
-        The effects that an actuator can have and such a campaign can show.
-    make : callable
-        Takes the truth, the drawing's model and the order of a case; returns the case.
-    families : tuple of str or None
-        Field solutions that the truths use; all that the drawing admits where None.
-    """
-
-    effects: Callable[[Truth], list[str]] = possible_effects
-    make: Callable[[Truth, ActuatorModel, Order], Case] = lambda truth, _model, order: make_case(truth, order)
-    families: tuple[str, ...] | None = None
+_POINTED_AT = 0.5
+"""A channel is a right answer to "where" if an error shows there by this part of the most it does anywhere."""
 
 
 @dataclass(frozen=True)
-class TrialOptions:
-    """How a trial is made.
+class Outcome:
+    """One campaign and what was said of it.
 
     Parameters
     ----------
-    withhold : bool
-        Whether single effects are diagnosed again with the effect out of the catalogue.
-    further : callable, optional
-        Further answers to a case, for methods to compare with: takes its files, returns lists of names by method.
+    classes : tuple of tuple of str
+        Each name with what it cannot be told from, itself first.
+    found : tuple of bool
+        Per hidden error, whether some class has it.
+    spurious : int
+        Classes without any hidden error.
+    withheld_named, withheld_certain : bool or None
+        With the hidden error out of the catalogue; None where that was not tried.
     """
 
-    cases: int = 60
-    seed: int = 1
-    workers: int = 2
-    withhold: bool = True
-    further: Callable[[CaseFiles], dict[str, list[str]]] | None = None
-    kind: CampaignKind = CampaignKind()
+    number: int
+    hidden: tuple[str, ...]
+    level: float
+    verdict: str
+    classes: tuple[tuple[str, ...], ...]
+    found: tuple[bool, ...]
+    named_first: bool
+    certain: bool
+    spurious: int
+    right_channel: bool
+    withheld_named: bool | None
+    withheld_certain: bool | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return asdict(self)
 
 
-def make_trial(
-    drawings: Sequence[Path], directory: Path, options: TrialOptions, progress: Progress | None = None
-) -> dict[int, str]:
-    """Solve the drawings and their changed forms, measure the cases and seal their keys."""
-    say = progress or (lambda _done, _total: None)
-    kind, truths, models, files = options.kind, {}, {}, {}
-    for drawing in drawings:
-        actuator = read_actuator(drawing)
-        truths[actuator.name] = load_truth(actuator, directory / "tables", kind.families, options.workers)
-        files[actuator.name], models[actuator.name] = _drawing_model(actuator, directory / "tables", options.workers)
-    possible = {name: kind.effects(truth) for name, truth in truths.items()}
-    commitments = {}
-    for order in draw_orders(possible, options.cases, options.seed):
+def prepare_device(drawing: Path, directory: Path, *, workers: int, progress: Progress | None = None) -> Device:
+    """Sweep a drawing and fit its model as a user would; and solve its changed forms for the virtual bench."""
+    actuator = read_actuator(drawing)
+    table = run_sweep(actuator, directory / "sweep", workers=workers, progress=progress)
+    write_model(fit_model(table).model, directory / "model.json")
+    return solve_device(actuator, directory / "forms", workers=workers, progress=progress)
+
+
+def make_campaigns(device: Device, directory: Path, cases: int, seed: int) -> list[int]:
+    """Measure and write campaigns; the numbers of those in which the device can show what they were to hide."""
+    rng = np.random.default_rng(seed)
+    possible = possible_errors(device.actuator)
+    turn: list[str] = []
+    made = []
+    for number in range(1, cases + 1):
+        share = (number * 7) % 20 / 20.0  # twenty campaigns hold the shares exactly
+        count = 1 if share < ONE else 2 if share < ONE + TWO else 0
+        turn = turn if len(turn) >= count else [*turn, *(str(name) for name in rng.permutation(possible))]
+        errors, turn = tuple(dict.fromkeys(turn[:count])), turn[count:]
+        level = float(rng.choice(LEVELS)) if errors else 0.0
         try:
-            case = kind.make(truths[order.actuator], models[order.actuator], order)
-        except DomainError:  # this actuator cannot show so much of it: one case fewer
+            campaign = make_campaign(device, errors, level, np.random.default_rng([seed, number]))
+        except DomainError:
             continue
-        commitments[order.number] = write_case(case, files[order.actuator], directory)
-        say(order.number, options.cases)
-    write_manifest(directory, options.seed, commitments)
-    return commitments
+        place = directory / "campaigns" / f"{number:04d}"
+        place.mkdir(parents=True, exist_ok=True)
+        campaign.rows.to_csv(place / "data.csv", index=False, float_format="%.9g")
+        key = {"level": level, "hidden": campaign.hidden, "over_noise": campaign.over_noise}
+        write_json(place / "hidden.json", key)
+        made.append(number)
+    return made
 
 
-def _drawing_model(actuator: Actuator, tables: Path, workers: int) -> tuple[Path, ActuatorModel]:
-    """The model of the drawing as it is, solved and fitted once."""
-    from femfit.field.sweep import run_sweep  # noqa: PLC0415  the solver loads only where tables are made
-    from femfit.fit.build import fit_model  # noqa: PLC0415
-    from femfit.model.json_file import read_model, write_model  # noqa: PLC0415
-
-    path = tables / f"{actuator.name}.json"
-    if not path.exists():
-        sweep = run_sweep(actuator, tables / f"sweep-{actuator.name}", workers=workers)
-        write_model(fit_model(sweep).model, path)
-    return path, read_model(path)
-
-
-def run_trial(
-    directory: Path, commitments: Mapping[int, str], options: TrialOptions, progress: Progress | None = None
-) -> list[Judgement]:
-    """Diagnose and judge a trial's cases.
-
-    Returns
-    -------
-    list of Judgement
-        In the order of the cases; what was answered is written to ``answers/`` case by case.
-    """
+def diagnose_campaigns(
+    directory: Path, numbers: Sequence[int], *, workers: int, progress: Report | None = None
+) -> list[Outcome]:
+    """Diagnose and judge campaigns that were written, each from its files."""
     say = progress or (lambda _done, _total: None)
-    solve = partial(_one, directory, options)
-    found: list[Judgement] = []
-    if options.workers == 1:
-        for item in commitments.items():
-            found.append(solve(*item))
-            say(len(found), len(commitments))
+    solve = partial(_diagnose, directory)
+    found: list[Outcome] = []
+    say(0, len(numbers))
+    if workers == 1:
+        for number in numbers:
+            found.append(solve(number))
+            say(len(found), len(numbers))
         return found
-    with process_pool(options.workers) as pool:
-        for future in as_completed([pool.submit(solve, *item) for item in commitments.items()]):
+    with process_pool(workers) as pool:
+        for future in as_completed([pool.submit(solve, number) for number in numbers]):
             found.append(future.result())
-            say(len(found), len(commitments))
-    return sorted(found, key=lambda judgement: judgement.case)
+            say(len(found), len(numbers))
+    return sorted(found, key=lambda outcome: outcome.number)
 
 
-def _one(directory: Path, options: TrialOptions, number: int, commitment: str) -> Judgement:
-    """Diagnose a case, open its key, try it without the effect, judge."""
-    files = read_case(directory / "cases" / f"{number:04d}")
-    answers: dict[str, Any] = {"full": diagnose_case(files)}
-    if options.further is not None:
-        answers["baselines"] = options.further(files)
-    named = tuple(entry["name"] for entry in answers["full"]["missing"])
-    try:
-        answers["unseen_rms"] = unseen_rms(files, named)
-    except FemfitError as error:
-        answers["unseen_error"] = str(error)
-    key = read_key(directory, number, commitment)  # from here on the truth is known; nothing above is changed
-    hidden = key["order"]["effects"]
-    if options.withhold and len(hidden) == 1 and key["order"]["level"] >= 1.0:
-        answers["withheld"] = diagnose_case(files, tuple(hidden))
-        twins = twins_of(hidden[0])
-        answers["withheld_twins"] = diagnose_case(files, twins) if len(twins) > 1 else answers["withheld"]
-    write_json(directory / "answers" / f"{number:04d}.json", answers)
-    return judge(key, answers)
+def _diagnose(directory: Path, number: int) -> Outcome:
+    place = directory / "campaigns" / f"{number:04d}"
+    model, data = read_model(directory / "model.json"), read_measurement(place / "data.csv")
+    said = diagnose(model, data, bootstrap=0).to_dict()
+    write_json(place / "diagnosis.json", said)
+    key = json.loads((place / "hidden.json").read_text(encoding="utf-8"))  # nothing above is changed from here on
+    hidden = tuple(key["hidden"])
+    withheld = None
+    if len(hidden) == 1:
+        withheld = diagnose(model, data, exclude=(*hidden, *_TWINS.get(hidden[0], ())), bootstrap=0).to_dict()
+    return judge(number, key, said, withheld)
 
 
-def write_cases_csv(judgements: Sequence[Judgement], path: Path) -> None:
-    """Write one line a case."""
-    rows = [_flat(judgement) for judgement in judgements]
-    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def _flat(judgement: Judgement) -> dict[str, Any]:
-    data = judgement.to_dict()
-    baselines = data.pop("baselines")
-    flat = {name: _cell(value) for name, value in data.items()}
-    return flat | {f"baseline_{name}": "|".join(found) for name, found in baselines.items()}
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return "|".join("/".join(item) if isinstance(item, tuple) else str(item) for item in value)
-    return value
+def judge(
+    number: int, key: Mapping[str, Any], said: Mapping[str, Any], withheld: Mapping[str, Any] | None = None
+) -> Outcome:
+    """Compare the diagnosis with what was hidden; ``withheld`` is that without the hidden error in the catalogue."""
+    hidden = tuple(key["hidden"])
+    classes = tuple(tuple(one["class"]) for one in said["missing"])
+    channels: set[str] = set()
+    for shown in key["over_noise"].values():
+        channels |= {name for name, size in shown.items() if size >= _POINTED_AT * max(shown.values())}
+    return Outcome(
+        number=number,
+        hidden=hidden,
+        level=key["level"],
+        verdict=said["verdict"],
+        classes=classes,
+        found=tuple(any(name in members for members in classes) for name in hidden),
+        named_first=bool(classes) and classes[0][0] in hidden,
+        certain=bool(said["confident"]),
+        spurious=sum(not set(members) & set(hidden) for members in classes),
+        right_channel=said["where"]["channel"] in channels,
+        withheld_named=None if withheld is None else bool(withheld["missing"]),
+        withheld_certain=None if withheld is None else bool(withheld["confident"]),
+    )

@@ -13,12 +13,11 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from femfit.cli.progress import progress
 from femfit.core.atomic import write_json
-from femfit.trial.counts import by_effect, trial_data
-from femfit.trial.run import CampaignKind, TrialOptions, make_trial, run_trial, write_cases_csv
 from support.trial_study.baselines import baseline_names
+from support.trial_study.run import CampaignKind, TrialOptions, make_trial, run_trial, write_cases_csv
 from support.trial_study.series_case import make_series_case, sizing_record
 from support.trial_study.series_effects import SERIES_EFFECTS
-from support.trial_study.table import trial_table
+from support.trial_study.table import by_effect, trial_table
 
 DRAWINGS = {"bench": ("emaws-rig", "plunger-solenoid", "biased-electromagnet"), "series": ("emaws-rig",)}
 
@@ -55,7 +54,7 @@ def main():
         judgements = run_trial(given.output, commitments, options, show)
     lines = trial_table(judgements)
     write_cases_csv(judgements, given.output / "cases.csv")
-    data = trial_data(judgements) | {"table": [line.to_dict() for line in lines]}
+    data = {"cases": [one.to_dict() for one in judgements], "table": [line.to_dict() for line in lines]}
     write_json(given.output / "results.json", data)
     print("\n".join(line.text() for line in lines))
     print("\nby hidden effect of 1 and 3 sigma: in class, first, misnamed when withheld")

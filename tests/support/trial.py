@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femfit.trial.truth.bench import Points
+from support.trial_study.truth.bench import Points
 
 FAMILIES = ("core", "memory", "magnets", "layer", "ring")
 """Field solutions that the tests of the trial use."""

@@ -1,12 +1,20 @@
-"""Field solutions of one actuator, solved once for all tests of the trial."""
+"""Field solutions of one actuator, solved once for all tests of the study of the diagnosis."""
 
 from pathlib import Path
 
 import pytest
 
 from femfit.device.load import read_actuator
-from femfit.trial.truth.families import load_truth
 from support.trial import FAMILIES
+from support.trial_study.truth.families import load_truth
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """The study's own truths take two minutes of field solutions; the command's bench is tested without them."""
+    for item in items:
+        if "rig_truth" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.long)
 
 
 @pytest.fixture(scope="session")

@@ -8,11 +8,10 @@ import pytest
 
 from femfit.core.errors import RunDirectoryError
 from femfit.tables.measurement_file import read_bench_table
-from femfit.trial.campaign.case import Order, make_case
-from femfit.trial.campaign.files import read_key, write_case
-from femfit.trial.campaign.noise import Meter, measured
-from femfit.trial.campaign.orders import SHARES, draw_orders
-from femfit.trial.campaign.plan import drawn_options, make_plan
+from support.trial_study.campaign.case import Order, make_case
+from support.trial_study.campaign.files import read_key, write_case
+from support.trial_study.campaign.orders import SHARES, draw_orders
+from support.trial_study.campaign.plan import drawn_options, make_plan
 
 ORDER = Order(7, "emaws-rig", ("hall_drift", "force_gain"), 3.0, 11)
 
@@ -36,14 +35,6 @@ def test_campaigns_have_repeats_and_some_hundreds_of_rows(rig_truth, number):
     assert 2 <= case.rows["run"].nunique() <= 5
     assert set(case.unseen["run"]) == {case.rows["run"].max() + 1}
     assert case.rows["distance_m"].min() > 0.015
-
-
-def test_a_meter_scatters_and_correlates_as_it_says():
-    meter, n = Meter(sigma=2e-3, rho=0.5, full_scale=1.0), 20000
-    noise = measured(np.zeros(n), meter, np.zeros(n, dtype=int), np.random.default_rng(1))
-    assert noise.std() == pytest.approx(2e-3, rel=0.05)  # 20,000 readings worth 12,000: 0.6 % standard error, steps 1 %
-    assert np.corrcoef(noise[1:], noise[:-1])[0, 1] == pytest.approx(0.5, abs=0.03)
-    np.testing.assert_allclose(noise / meter.step, np.round(noise / meter.step), atol=1e-9)
 
 
 def test_mounts_scatter_by_what_the_plan_says(rig_truth):

@@ -2,8 +2,7 @@
 
 import pytest
 
-from femfit.trial.intervals import Share
-from femfit.trial.judge import judge
+from support.trial_study.judge import judge
 from support.trial_study.table import trial_table
 
 KEY = {
@@ -61,14 +60,6 @@ def test_a_misfit_needs_no_covariate_in_the_channel_where_the_effect_is_even():
 def test_the_error_on_the_unseen_run_is_taken_over_that_of_a_perfect_model():
     found = judged(answer("unexplained"), unseen_rms={"hall_V": 2e-3, "force_N": 1e-4})
     assert found.unseen_over_floor == pytest.approx((0.5 * (4.0 + 1.0)) ** 0.5)
-
-
-def test_intervals_are_the_exact_ones():
-    # Clopper and Pearson: no hit in n leaves 1 - 0.025^(1/n)
-    assert Share(0, 100).ci95 == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 100.0)))
-    assert Share(100, 100).ci95[1] == 1.0
-    low, high = Share(5, 50).ci95
-    assert (low, high) == pytest.approx((0.0333, 0.2181), abs=1e-4)  # as printed in tables
 
 
 def test_the_table_says_what_was_missed():

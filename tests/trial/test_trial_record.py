@@ -8,7 +8,7 @@ from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.model.json_file import read_model, write_model
 from femfit.tables.measurement_file import read_time_series
-from femfit.trial.campaign.case import Order
+from support.trial_study.campaign.case import Order
 from support.trial_study.levitated_body import Body, MovingTruth
 from support.trial_study.record import Recorder, closed_loop
 from support.trial_study.series_case import make_series_case, sizing_record

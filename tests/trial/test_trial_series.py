@@ -7,8 +7,8 @@ from benchmarks.hidden_effect_trial import series_kind
 
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.measurement_file import read_measurement
-from femfit.trial.judge import judge
-from femfit.trial.run import TrialOptions, make_trial, run_trial
+from support.trial_study.judge import judge
+from support.trial_study.run import TrialOptions, make_trial, run_trial
 
 CASES = 4
 

@@ -5,8 +5,8 @@ import json
 
 import pytest
 
-from femfit.trial.run import CampaignKind, TrialOptions, make_trial, run_trial, write_cases_csv
 from support.trial import FAMILIES
+from support.trial_study.run import CampaignKind, TrialOptions, make_trial, run_trial, write_cases_csv
 from support.trial_study.table import trial_table
 
 

@@ -1,7 +1,7 @@
 """The constants of the decision, each with its kind and source.
 
 *Derived* follows from something else. *Conventional* is a usual level. *Calibrated* was set by trials with known truth:
-seeds 1 to 6 of ``femfit trial`` (docs/trial.md, 2026), whose reported table is of another seed. *Assumed* is an
+seeds 1 to 6 of the hidden-effect study (docs/trial.md, 2026), whose reported table is of another seed. *Assumed* is an
 engineer's judgement with no calibration behind it.
 """
 

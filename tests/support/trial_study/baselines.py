@@ -17,7 +17,7 @@ from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.observations import Observations
 from femfit.identify.signatures.columns import effect_columns, why_untestable
-from femfit.trial.engine import CaseFiles
+from support.trial_study.engine import CaseFiles
 
 SOMETHING = "something"
 """What a method answers that can see a misfit and not name it."""

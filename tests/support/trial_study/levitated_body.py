@@ -17,8 +17,8 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import GRAVITY
-from femfit.trial.truth.families import Truth
-from femfit.trial.truth.thermal import COPPER_PER_K
+from support.trial_study.truth.families import Truth
+from support.trial_study.truth.thermal import COPPER_PER_K
 
 _SUBSTEPS = 5
 _MOTION, _CURRENT, _EDDY, _BRISTLE, _HEAT, _SEEN = slice(0, 2), 2, slice(3, 5), 5, 6, 7

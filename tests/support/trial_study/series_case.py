@@ -7,11 +7,11 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
-from femfit.trial.campaign.case import Case, Order
-from femfit.trial.truth.families import Truth
+from support.trial_study.campaign.case import Case, Order
 from support.trial_study.levitated_body import Body, MovingTruth
 from support.trial_study.record import Recorder, Trajectory, closed_loop, record, window_change
 from support.trial_study.series_effects import SERIES_EFFECTS
+from support.trial_study.truth.families import Truth
 
 _TRIES = 12
 _SIZING_SAMPLES = 800

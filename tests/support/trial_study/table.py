@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass
 from statistics import fmean, median
 from typing import Any
 
-from femfit.trial.intervals import Share
-from femfit.trial.judge import Judgement
+from femfit.trial.counts import Share
+from support.trial_study.judge import Judgement
 
 
 @dataclass(frozen=True)
@@ -169,3 +169,17 @@ def _baselines(judgements: Sequence[Judgement]) -> list[Line]:
             Line(method, "one effect: mean number of names", None, count),
         ]
     return lines
+
+
+def by_effect(judgements: Sequence[Judgement]) -> dict[str, dict[str, Share]]:
+    """Truth in the class, named first, and misnamed when withheld, by hidden effect of 1 sigma or more."""
+    cases = [j for j in judgements if len(j.effects) == 1 and j.level >= 1.0]
+    result = {}
+    for name in sorted({j.effects[0] for j in cases}):
+        own = [j for j in cases if j.effects[0] == name]
+        result[name] = {
+            "in_class": Share(sum(j.in_class[0] for j in own), len(own)),
+            "first": Share(sum(j.first for j in own), len(own)),
+            "misnamed": Share(sum(j.withheld_twins_verdict == "named" for j in own), len(own)),
+        }
+    return result

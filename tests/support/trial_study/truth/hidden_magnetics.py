@@ -5,12 +5,12 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import MU_0
 from femfit.device.parts import Region
-from femfit.trial.truth.bench import Hidden, Points
-from femfit.trial.truth.families import Truth
-from femfit.trial.truth.field_table import Fields
-from femfit.trial.truth.off_axis import displaced
-from femfit.trial.truth.preisach import relay_ensemble
-from femfit.trial.truth.thermal import REFERENCE_C
+from femfit.trial.field_table import Fields
+from support.trial_study.truth.bench import Hidden, Points
+from support.trial_study.truth.families import Truth
+from support.trial_study.truth.off_axis import displaced
+from support.trial_study.truth.preisach import relay_ensemble
+from support.trial_study.truth.thermal import REFERENCE_C
 
 _REMANENCE_PER_K, _REMANENCE_PER_K2 = -1.15e-3, -1.0e-6
 """Sintered NdFeB between 20 and 100 degC, of the order of data sheets: its curve bends downwards."""
@@ -73,7 +73,7 @@ def magnet_temperature(truth: Truth, generator: np.random.Generator) -> Hidden:
     return Hidden("magnet_temperature", typical=1.0, limit=2.5, unit="", fields=field, constants={"bend": bend})
 
 
-def magnet_demagnetisation(truth: Truth, generator: np.random.Generator) -> Hidden:  # noqa: ARG001
+def magnet_demagnetisation(truth: Truth, generator: np.random.Generator) -> Hidden:
     """A magnet whose layer next to the gap has lost part of its remanence."""
     family = truth.families["layer"]
     return Hidden(
@@ -102,7 +102,7 @@ def position_dependent_inductance(truth: Truth, generator: np.random.Generator) 
     )
 
 
-def lateral_misalignment(truth: Truth, generator: np.random.Generator) -> Hidden:  # noqa: ARG001
+def lateral_misalignment(truth: Truth, generator: np.random.Generator) -> Hidden:
     """A body beside the axis: the three-dimensional solution of a magnet, or a plunger's eccentric gap."""
     if "bore" in truth.families:
         family = truth.families["bore"]

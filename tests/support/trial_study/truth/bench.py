@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.trial.truth.families import Truth
-from femfit.trial.truth.field_table import Fields
+from femfit.trial.field_table import Fields
+from support.trial_study.truth.families import Truth
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,7 +83,7 @@ def relay_ensemble(coercive: float, interaction: float, spread: float, parts: in
     coercive : float
         Median half width, in the input's unit.
     """
-    from scipy.stats import norm  # noqa: PLC0415
+    from scipy.stats import norm
 
     quantile = norm.ppf((np.arange(parts) + 0.5) / parts)
     centre, log_width = np.meshgrid(interaction * quantile, spread * quantile)

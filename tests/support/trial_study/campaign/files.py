@@ -18,7 +18,7 @@ import numpy as np
 
 from femfit.core.atomic import write_json
 from femfit.core.errors import RunDirectoryError
-from femfit.trial.campaign.case import Case
+from support.trial_study.campaign.case import Case
 
 
 def write_case(case: Case, model: Path, directory: Path) -> str:

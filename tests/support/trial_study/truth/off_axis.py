@@ -21,7 +21,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
-from femfit.trial.truth.drawing_variants import is_magnet, is_soft
+from support.trial_study.truth.drawing_variants import is_magnet, is_soft
 
 _ORDERS, _ANGLES = 5, 40
 _INSET = 0.35
@@ -76,7 +76,7 @@ def has_one_core(actuator: Actuator) -> bool:
 
 
 def _core(actuator: Actuator) -> Any:
-    import shapely  # noqa: PLC0415
+    import shapely
 
     return shapely.union_all([shapely.Polygon(part.vertices_m) for part in actuator.fixed if is_soft(part)])
 

@@ -9,15 +9,13 @@ import pandas as pd
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import DomainError
-from femfit.trial.campaign.noise import Meter, drawn_meters, measured
-from femfit.trial.campaign.plan import Plan, PlanOptions, drawn_options, make_plan
-from femfit.trial.campaign.size import effect_over_noise, even_channels, size_for
-from femfit.trial.truth.bench import Hidden, true_readings
-from femfit.trial.truth.bench_effects import BENCH_EFFECTS, twins_of
-from femfit.trial.truth.families import Truth
-
-LEVELS = (0.5, 1.0, 3.0)
-"""Sizes of a hidden effect: rms over the table in noise sigmas of the most affected channel."""
+from femfit.trial.virtual_bench import Meter, measured
+from support.trial_study.campaign.noise import drawn_meters
+from support.trial_study.campaign.plan import Plan, PlanOptions, drawn_options, make_plan
+from support.trial_study.campaign.size import effect_over_noise, even_channels, size_for
+from support.trial_study.truth.bench import Hidden, true_readings
+from support.trial_study.truth.bench_effects import BENCH_EFFECTS, twins_of
+from support.trial_study.truth.families import Truth
 
 _COMPLETE = 0.6
 """Part of the campaigns that measure every channel and both temperatures."""

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.trial.campaign.noise import Meter
-from femfit.trial.truth.bench import Hidden, Points, true_readings
-from femfit.trial.truth.families import Truth
+from femfit.trial.virtual_bench import Meter
+from support.trial_study.truth.bench import Hidden, Points, true_readings
+from support.trial_study.truth.families import Truth
 
 _EVEN = 0.9
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from femfit.trial.truth.bench import Channels, Hidden, Points
-from femfit.trial.truth.families import Truth
-from femfit.trial.truth.thermal import REFERENCE_C
+from support.trial_study.truth.bench import Channels, Hidden, Points
+from support.trial_study.truth.families import Truth
+from support.trial_study.truth.thermal import REFERENCE_C
 
 
-def hall_offset(truth: Truth, generator: np.random.Generator) -> Hidden:  # noqa: ARG001
+def hall_offset(truth: Truth, generator: np.random.Generator) -> Hidden:
     """A quiescent voltage that is not the data sheet's."""
     sign = float(generator.choice([-1.0, 1.0]))
     return Hidden(
@@ -15,12 +15,12 @@ def hall_offset(truth: Truth, generator: np.random.Generator) -> Hidden:  # noqa
         typical=0.02,
         limit=0.3,
         unit="V",
-        reading=lambda size, values, at: {"hall_V": values["hall_V"] + sign * size},  # noqa: ARG005
+        reading=lambda size, values, at: {"hall_V": values["hall_V"] + sign * size},
         constants={"sign": sign},
     )
 
 
-def hall_drift(truth: Truth, generator: np.random.Generator) -> Hidden:  # noqa: ARG001
+def hall_drift(truth: Truth, generator: np.random.Generator) -> Hidden:
     """Warming up over the whole campaign, with a random walk of a seventh of it."""
     sign, share, seed = (
         float(generator.choice([-1.0, 1.0])),
@@ -66,7 +66,7 @@ def hall_saturation(truth: Truth, generator: np.random.Generator) -> Hidden:
     quiescent = element.quiescent_V if element else 0.0
     del generator
 
-    def reading(size: float, values: Channels, at: Points) -> Channels:  # noqa: ARG001
+    def reading(size: float, values: Channels, at: Points) -> Channels:
         room = 1.0 / max(size, 1e-9)
         return {"hall_V": quiescent + room * np.tanh((values["hall_V"] - quiescent) / room)}
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.trial.truth.bench import Points
-from femfit.trial.truth.families import Truth
-from femfit.trial.truth.thermal import Temperatures, ThermalNetwork, heat
+from support.trial_study.truth.bench import Points
+from support.trial_study.truth.families import Truth
+from support.trial_study.truth.thermal import Temperatures, ThermalNetwork, heat
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from femfit.trial.campaign.case import LEVELS, Order
-from femfit.trial.truth.bench_effects import twins_of
+from femfit.trial.virtual_bench import LEVELS
+from support.trial_study.campaign.case import Order
+from support.trial_study.truth.bench_effects import twins_of
 
 SHARES = {0: 0.3, 1: 0.45, 2: 0.25}
 """Part of the cases with so many effects."""

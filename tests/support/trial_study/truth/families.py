@@ -4,22 +4,17 @@ Where everything is linear, fields are at most quadratic in a remanence, so thre
 bore's eccentricity enters by its square; saturation and the holder's iron are blended with the drawing.
 """
 
-import hashlib
-import json
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from functools import partial
-from importlib.metadata import version
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import MissingPartError
-from femfit.core.processes import process_pool
 from femfit.device.parts import Actuator
-from femfit.trial.truth import drawing_variants as drawn
-from femfit.trial.truth.field_table import Fields, FieldTable, load_field_table, save_field_table, solve_field_table
+from femfit.trial.field_table import Fields, FieldTable, solve_drawings
+from support.trial_study.truth import drawing_variants as drawn
 
 _ECCENTRICITY = (0.5, 0.8)
 """Of the clearance."""
@@ -105,13 +100,7 @@ def family_drawings(actuator: Actuator) -> dict[str, dict[float, Actuator]]:
     return result
 
 
-def load_truth(
-    actuator: Actuator,
-    cache: Path,
-    families: Collection[str] | None = None,
-    workers: int = 2,
-    progress: Callable[[str], None] | None = None,
-) -> Truth:
+def load_truth(actuator: Actuator, cache: Path, families: Collection[str] | None = None, workers: int = 2) -> Truth:
     """The field solutions of an actuator, from the cache or solved.
 
     Parameters
@@ -119,41 +108,16 @@ def load_truth(
     families : collection of str or None
         Those needed; all that the drawing admits where None.
     """
-    cache.mkdir(parents=True, exist_ok=True)
     wanted = {
         name: members for name, members in family_drawings(actuator).items() if families is None or name in families
     }
     drawings = {"base": actuator} | {
         f"{name}{value:+.3g}": drawing for name, members in wanted.items() for value, drawing in members.items()
     }
-    files = {name: cache / f"{actuator.name}-{name}-{_digest(drawing)}.npz" for name, drawing in drawings.items()}
-    left = [name for name, file in files.items() if not file.exists()]
-    if left and progress:
-        progress(f"Solving {len(left)} drawings of {actuator.name}")
-    solve = partial(
-        solve_field_table,
-        distances=(0.8 * actuator.sweep.distances_m[0], 1.06 * actuator.sweep.distances_m[-1]),
-        current=1.05 * max(map(abs, actuator.sweep.currents_A)),
-    )
-    for name, table in zip(left, _each(solve, [drawings[name] for name in left], workers), strict=True):
-        save_field_table(table, files[name])
-    tables = {name: load_field_table(file) for name, file in files.items()}
+    tables = solve_drawings(drawings, cache / f"fields-{actuator.name}", workers=workers)
     result = {}
     for name, members in wanted.items():
         values = tuple(value for value in members if value != 0.0)
         reference = tables[f"{name}+0"] if 0.0 in members else tables["base"]
         result[name] = Family(values, tuple(tables[f"{name}{value:+.3g}"] for value in values), reference)
     return Truth(actuator, tables["base"], result)
-
-
-def _each(solve: Callable[[Actuator], FieldTable], drawings: Sequence[Actuator], workers: int) -> Iterator[FieldTable]:
-    if workers == 1 or len(drawings) < 2:
-        yield from map(solve, drawings)
-        return
-    with process_pool(min(workers, len(drawings))) as pool:
-        yield from pool.map(solve, drawings)
-
-
-def _digest(actuator: Actuator) -> str:
-    text = json.dumps([asdict(actuator), version("ngsolve")], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from femfit.trial.truth.bench import Channels, Hidden, Points
-from femfit.trial.truth.families import Truth
-from femfit.trial.truth.thermal import COPPER_PER_K, REFERENCE_C
+from support.trial_study.truth.bench import Channels, Hidden, Points
+from support.trial_study.truth.families import Truth
+from support.trial_study.truth.thermal import COPPER_PER_K, REFERENCE_C
 
 _STEP_M, _PITCH_M = 2.5e-6, 1e-3
 """A stage's smallest step and its leadscrew's pitch."""
@@ -29,7 +29,7 @@ def distance_offset(truth: Truth, generator: np.random.Generator) -> Hidden:
     )
 
 
-def distance_scale(truth: Truth, generator: np.random.Generator) -> Hidden:  # noqa: ARG001
+def distance_scale(truth: Truth, generator: np.random.Generator) -> Hidden:
     """A stage with a wrong pitch, zeroed at the face."""
     sign, periodic = float(generator.choice([-1.0, 1.0])), float(generator.uniform(0.0, 3e-6))
     return Hidden(
@@ -78,7 +78,7 @@ def force_gain(truth: Truth, generator: np.random.Generator) -> Hidden:
     sign, bend = float(generator.choice([-1.0, 1.0])), float(generator.uniform(-0.1, 0.1))
     scale = _largest_force(truth)
 
-    def reading(size: float, values: Channels, at: Points) -> Channels:  # noqa: ARG001
+    def reading(size: float, values: Channels, at: Points) -> Channels:
         force = values["force_N"]
         return {"force_N": force * (1.0 + sign * size * (1.0 + bend * force / scale))}
 
@@ -104,7 +104,7 @@ def _added_force(name: str, truth: Truth, generator: np.random.Generator) -> Hid
         typical=0.02 * scale,
         limit=0.3 * scale,
         unit="N",
-        reading=lambda size, values, at: {"force_N": values["force_N"] + sign * size},  # noqa: ARG005
+        reading=lambda size, values, at: {"force_N": values["force_N"] + sign * size},
         constants={"sign": sign},
     )
 
@@ -133,7 +133,7 @@ def end_stop_contact(truth: Truth, generator: np.random.Generator) -> Hidden:
     )
 
 
-def coil_temperature(truth: Truth, generator: np.random.Generator) -> Hidden:  # noqa: ARG001
+def coil_temperature(truth: Truth, generator: np.random.Generator) -> Hidden:
     """Copper that warms; size 1 is copper's coefficient."""
     resistance = truth.actuator.coil.resistance_ohm
 
@@ -144,7 +144,7 @@ def coil_temperature(truth: Truth, generator: np.random.Generator) -> Hidden:  #
     return Hidden("coil_temperature", typical=1.0, limit=1.3, unit="", reading=reading)
 
 
-def flux_integrator_drift(truth: Truth, generator: np.random.Generator) -> Hidden:  # noqa: ARG001
+def flux_integrator_drift(truth: Truth, generator: np.random.Generator) -> Hidden:
     """An integrator with an offset voltage, set to zero before each run."""
     sign = float(generator.choice([-1.0, 1.0]))
     return Hidden(
