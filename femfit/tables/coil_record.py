@@ -1,7 +1,8 @@
 """Coil records as files, read and written block by block: CSV, Parquet, raw float32 with a sidecar.
 
-A raw record holds interleaved little-endian float32 columns without header. Its sidecar, ``NAME.toml`` or ``NAME.json``
-beside it, says ``sample_rate_Hz``, ``columns`` and, where it is not 0, ``start_s``.
+A raw record holds interleaved little-endian float32 columns without header, a row each sample time; missing samples are
+NaN. Its sidecar, ``NAME.toml`` or ``NAME.json`` beside it, says ``sample_rate_Hz``, ``columns`` and, where it is not 0,
+``start_s``.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +19,7 @@ import pyarrow.parquet as pq
 
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing, write_json
-from femfit.core.errors import TableError
+from femfit.core.errors import OutputError, TableError
 from femfit.core.finding import listing
 from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
@@ -40,6 +41,8 @@ _HEAD = 2**16
 """Bytes of a text record by which its layout is found."""
 
 _HIGHEST_RATE_HZ = 1e12
+_LONGEST_GAP = 2**24
+"""Missing samples in a block up to which they are written to a raw record, as NaN."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +113,10 @@ class CoilRecord:
             for batch in file.iter_batches(batch_size=rows, columns=headers):
                 table = batch.to_pandas()
                 for header in headers:  # moments of a clock count from the record's first one
-                    if pd.api.types.is_datetime64_any_dtype(table[header].dtype):
-                        first = table[header].iloc[0] if first is None else first
-                        table[header] = (table[header] - first).dt.total_seconds()
+                    if table[header].dtype.kind in "mM":
+                        first = table[header].dropna().iloc[:1] if first is None or first.empty else first
+                        begin = pd.NaT if first.empty else first.iloc[0]
+                        table[header] = (table[header] - begin).dt.total_seconds()
                 yield table
 
     def _text_tables(self, rows: int) -> Iterator[pd.DataFrame]:
@@ -224,7 +228,12 @@ def _raw_layout(path: Path) -> dict[str, Any]:
         raise TableError(
             f"{path} needs a sidecar {path.stem}.toml or {path.stem}.json beside it, with sample_rate_Hz and columns."
         )
-    data = read_settings(sides[0], 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]')
+    data, *others = (read_settings(side, 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]') for side in sides)
+    if others and others[0] != data:
+        raise TableError(
+            f"{path} has two sidecars that differ, {sides[0].name} and {sides[1].name}. Delete the one that does not "
+            "belong to it."
+        )
     rate, columns, start = data.get("sample_rate_Hz"), data.get("columns"), data.get("start_s", 0.0)
     named = isinstance(columns, list) and len(columns) > 0 and all(isinstance(name, str) for name in columns)
     rate, start = finite_number(rate), finite_number(start)
@@ -261,7 +270,12 @@ class RecordWriter:
             raise TableError(
                 f"An integrated record is written as .csv, .parquet, .bin, .raw or .f32; instead received {path.name}."
             )
-        self._start = 0.0
+        if self.path.suffix in RAW_SUFFIXES and self.path.with_suffix(".toml").exists():
+            raise OutputError(
+                f"{self.path.with_suffix('.toml')} would be taken for the sidecar of {self.path.name}. Choose another "
+                "name, or delete that file."
+            )
+        self._start, self._last = 0.0, np.nan
         self._rows = 0
         self._open = ExitStack()
         self._file: BinaryIO | None = None
@@ -289,7 +303,23 @@ class RecordWriter:
                 self._file, index=False, header=first, float_format="%.10g"
             )
         elif self._file is not None:
-            np.stack([block[name] for name in self.columns[1:]], axis=1).astype(_RAW).tofile(self._file)
+            self._evenly_spaced(block).astype(_RAW).tofile(self._file)
+
+    def _evenly_spaced(self, block: Mapping[str, FloatArray]) -> FloatArray:
+        """The rows of a raw record, with NaN for each sample that a gap of the clock left out."""
+        time = block["time_s"]
+        values = np.stack([block[name] for name in self.columns[1:]], axis=1)
+        steps = np.diff(time, prepend=time[0] - self.sample_time if np.isnan(self._last) else self._last)
+        places = np.cumsum(np.maximum(np.rint(steps / self.sample_time), 1.0)).astype(np.intp) - 1
+        self._last = float(time[-1])
+        if places[-1] - len(time) > _LONGEST_GAP:
+            raise TableError(
+                f"{self.path} cannot hold a gap of {places[-1] - len(time):.3g} samples: a raw record has a row for "
+                "each sample time. Write .parquet or .csv."
+            )
+        rows = np.full((places[-1] + 1, values.shape[1]), np.nan)
+        rows[places] = values
+        return rows
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import TableError
+from femfit.core.errors import OutputError, TableError
 from femfit.tables.coil_record import RecordWriter, open_coil_record
 
 
@@ -114,3 +114,32 @@ def test_a_file_that_is_absent_or_no_table_is_refused(tmp_path):
     (tmp_path / "a.parquet").write_text("no parquet")
     with pytest.raises(TableError, match="cannot be read"):
         open_coil_record(tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize("name", ["a.f32", "a.csv", "a.parquet"])
+def test_a_gap_keeps_the_times_of_what_follows(name, table, tmp_path):
+    gapped = table.drop(index=[*range(10, 60), *range(300, 340), 999]).reset_index(drop=True)
+    blocks = list(open_coil_record(written(gapped, tmp_path / name)).blocks())
+    np.testing.assert_allclose(np.concatenate([block.time for block in blocks]), gapped["time_s"], atol=1e-12)
+    np.testing.assert_allclose(np.concatenate([block.voltage for block in blocks]), gapped["coil_voltage_V"], 1e-9)
+
+
+def test_two_sidecars_that_differ_are_refused(table, tmp_path):
+    written(table, tmp_path / "a.f32")
+    (tmp_path / "a.toml").write_text('sample_rate_Hz = 500\ncolumns = ["coil_voltage_V", "hall_T"]\n')
+    with pytest.raises(TableError, match="two sidecars"):
+        open_coil_record(tmp_path / "a.f32")
+    with pytest.raises(OutputError, match=r"a\.toml"):
+        written(table, tmp_path / "a.f32")
+
+
+@pytest.mark.parametrize("kind", ["datetime64[us]", "timedelta64[us]"])
+@pytest.mark.parametrize("rows", [300, 2**18])
+def test_a_clock_of_moments_counts_from_the_first_one_that_is_known(kind, rows, table, tmp_path):
+    moments = pd.Series((1e6 * table["time_s"] + 5e6).round().astype("int64")).astype(kind)
+    moments[:3] = pd.NaT
+    moments[500] = pd.NaT
+    table.assign(time_s=moments).to_parquet(tmp_path / "a.parquet")
+    blocks = list(open_coil_record(tmp_path / "a.parquet").blocks(rows=rows))
+    time = np.concatenate([block.time for block in blocks])
+    np.testing.assert_allclose(time, np.delete(np.arange(3, 1000), 497) / 1000 - 0.003, atol=1e-12)
