@@ -30,6 +30,9 @@ STRENGTH_SIGMA = 1e-2
 """Believed size of a play's or a lag's strength, relative to largest field over largest current: it decides between
 columns that the runs do not tell apart."""
 
+LEAST_SHARE = 0.01
+"""Conventional: a current below zero by more than this part of the largest one is a second polarity, and no offset."""
+
 FOLDS = 6
 """Stretches that are left out in turn to find the model's error."""
 
@@ -73,6 +76,12 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
         if top <= 0.0:
             raise FitError(f"A lab run must reach a current > 0 A; instead the largest is {top:g} A.")
         terms = usual_terms(top)
+    low = min(float(run.current.min()) for run in paths)
+    if low < -LEAST_SHARE * top:
+        raise FitError(
+            f"A lab run must stay between 0 A and its largest current, {top:g} A, to which the magnet was cycled; "
+            f"instead it goes down to {low:g} A. Record and integrate one polarity at a time."
+        )
     matrices = [_means(field_columns(terms, precycled(terms), run.time, run.current)[1], ROW_STEPS) for run in paths]
     whole, target = np.concatenate(matrices), np.concatenate([_means(run.field, ROW_STEPS) for run in paths])
     used = np.flatnonzero(np.any(whole != 0.0, axis=0))

@@ -116,6 +116,13 @@ def test_a_run_without_current_is_refused():
         identify_field([])
 
 
+def test_a_run_of_both_polarities_is_refused():
+    time = np.arange(5000) / 100.0
+    current = 2.0 * np.sin(time)
+    with pytest.raises(FitError, match="one polarity"):
+        identify_field([LabRun(time, current, 0.1 * current)])
+
+
 @pytest.mark.parametrize("least", [0.0, -1.2])
 def test_a_swept_field_becomes_a_field_model(least, levitation_model):
     hall = levitation_model.sensor.field
