@@ -301,3 +301,13 @@ def test_the_manifest_says_how_the_table_was_read(tmp_path, law):
         "F_N": 1,
     }
     assert manifest["versions"]["femfit"]
+
+
+def test_a_first_row_that_goes_on_as_the_others_is_not_taken_for_the_currents(tmp_path):
+    """Forces of even round numbers, with distances 1, 2, 3 mm beside them and no row of currents."""
+    (tmp_path / "m.csv").write_text("1,30,20,10\n2,15,10,5\n3,7,5,2\n")
+    with pytest.raises(TableError, match="row of forces"):
+        read_foreign_table([tmp_path / "m.csv"], ImportOptions(form="matrix", units={"distance": "mm"}))
+    (tmp_path / "m.csv").write_text("0,0.5,1,1.5\n1,30,40,50\n2,15,20,25\n")
+    options = ImportOptions(form="matrix", units={"distance": "mm"})
+    assert len(read_foreign_table([tmp_path / "m.csv"], options).rows) == 6

@@ -68,8 +68,7 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
         return False
     if np.isnan(values[0, 0]):
         return True
-    goes_on = _monotone(values[:, 0]) and np.ptp(np.diff(values[:, 0])) <= _EVEN * abs(np.diff(values[:, 0]).mean())
-    return bool(values[0, 0] == 0 and not goes_on and _is_axis(values[0, 1:]))
+    return bool(values[0, 0] == 0 and not _goes_on(values[:, 0]) and _is_axis(values[0, 1:]))
 
 
 def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[Finding]]:
@@ -118,18 +117,23 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
     )
     text = f"{raw.source} was read as a matrix: {rows} down, {columns} across ({why})."
     findings = [Finding("matrix", "info", text)]
-    if not named and not _is_axis(across):
-        findings.append(_uneven(across, columns))
+    if not named and (not _is_axis(across) or (raw.numbers[0, 0] != 0 and _goes_on(raw.numbers[:, 0]))):
+        findings.append(_no_axis(across, columns))
     return points, uses, findings
 
 
-def _uneven(across: FloatArray, columns: str) -> Finding:
+def _goes_on(column: FloatArray) -> bool:
+    """Whether the corner is one more number of the first column, so that the first row is a row like the others."""
+    return _monotone(column) and bool(np.ptp(np.diff(column)) <= _EVEN * abs(np.diff(column).mean()))
+
+
+def _no_axis(across: FloatArray, columns: str) -> Finding:
     shown = ", ".join(f"{value:g}" for value in across[:3])
     return Finding(
         "matrix-axis",
         "error",
-        f"The first row ({shown}, ...), which was taken for the {columns}s, is neither even nor round: it looks like a "
-        "row of forces.",
+        f"The first row ({shown}, ...), which was taken for the {columns}s, looks like a row of forces: its numbers "
+        "are neither even nor round, or its first cell goes on as the first column does.",
         "If it is, name the axis: --columns 'd [mm],0 A,0.5 A,1 A'; if it is not, give --accept matrix-axis.",
     )
 
