@@ -162,7 +162,7 @@ def _bench_table(
     rows, used, findings = _read_columns(raw, path, BENCH_COLUMNS, columns, units)
     unknown = [str(one) for one in findings if one.code == "unused-column"]
     _require_bench([column.name for column in used], path, unknown)
-    sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A"))
+    sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A"), used)
     given = tuple(
         name
         for name in BENCH_COLUMNS
@@ -218,7 +218,7 @@ def _complete_bench(rows: pd.DataFrame) -> pd.DataFrame:
 def _time_series(
     raw: RawTable, path: Path, columns: Mapping[str, str] | None, units: Mapping[str, str] | None
 ) -> TimeSeries:
-    values, _, findings = _read_columns(raw, path, SERIES_COLUMNS, columns, units)
+    values, used, findings = _read_columns(raw, path, SERIES_COLUMNS, columns, units)
     given = tuple(name for name in SERIES_COLUMNS if name in values and bool(values[name].notna().any()))
     missing = [] if "time_s" in given else ["time_s"]
     if not any(name in SERIES_CHANNELS for name in given):
@@ -229,7 +229,7 @@ def _time_series(
             f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). Rename the columns "
             "or add them."
         )
-    sidecar = read_sidecar(path, SERIES_CHANNELS)
+    sidecar = read_sidecar(path, SERIES_CHANNELS, used)
     rows, lost = _complete_series(values)
     if lost:
         findings.append(Finding("cells", "info", f"{lost} rows without a time were left out.", size=float(lost)))

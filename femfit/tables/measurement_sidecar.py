@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
-from femfit.tables.measurement_columns import match_column
+from femfit.tables.header import same_header
+from femfit.tables.measurement_columns import UsedColumn, match_column
 from femfit.tables.settings_file import finite_number, read_settings
 
 
@@ -21,21 +23,22 @@ class Sidecar:
     findings: tuple[Finding, ...] = ()
 
 
-def read_sidecar(measurement: Path, channels: Sequence[str]) -> Sidecar:
+def read_sidecar(measurement: Path, channels: Sequence[str], used: Sequence[UsedColumn] = ()) -> Sidecar:
     """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement.
 
     Returns
     -------
     Sidecar
-        Empty where there is none. A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``.
+        Empty where there is none. A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or
+        ``force_mN = 0.2``, or with the header of its column, whose unit it then has.
     """
     for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
         if file.is_file() and file != measurement:
-            return _parsed(file, channels)
+            return _parsed(file, channels, used)
     return Sidecar()
 
 
-def _parsed(file: Path, channels: Sequence[str]) -> Sidecar:
+def _parsed(file: Path, channels: Sequence[str], used: Sequence[UsedColumn]) -> Sidecar:
     data = read_settings(file, "force_N = 2e-4")
     declared = data.pop("noise", {})
     if not isinstance(declared, dict):
@@ -44,8 +47,17 @@ def _parsed(file: Path, channels: Sequence[str]) -> Sidecar:
     findings: list[Finding] = []
     texts = {key: str(data.pop(key)) for key in ("test_object", "notes") if key in data}
     for key, value in (data | declared).items():
-        column = match_column(key, channels)
+        own = (column for column in used if column.name in channels and same_header(key, column.header))
+        column = match_column(key, channels) if key in channels else next(own, match_column(key, channels))
+        if key not in declared and isinstance(value, dict):
+            column = None  # a table of another kind of file, a drawing's [hall] say
         if column is None:
+            near = get_close_matches(key[:100], channels, n=1)
+            if key in declared or (near and not isinstance(value, dict)):
+                raise TableError(
+                    f"{quoted(key)!r} in {file} is no channel of this kind of file, so that its noise would be lost. "
+                    f"{f'Did you mean {near[0]}? ' if near else ''}The channels are {', '.join(channels)}."
+                )
             text = f"{quoted(key)!r} in {file.name} is no channel of this kind of file ({', '.join(channels)})"
             findings.append(Finding("unused-setting", "info", f"{text} and was not used."))
             continue

@@ -97,6 +97,12 @@ def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model)
     declared = compare(levitation_model, replace(rising, declared_noise=NOISE))
     assert declared.verdict == "fails"
     assert by_channel(declared)["hall_V"].noise_source == "declared"
+    repeated = compare(levitation_model, replace(table, declared_noise=NOISE))
+    both = compare(levitation_model, replace(campaign(levitation_model, 15, runs=8), declared_noise=NOISE))
+    for one in (repeated, both):
+        said = {finding.column for finding in one.findings if finding.code == "declared-noise"}
+        assert said == {name for name, channel in by_channel(one).items() if channel.noise_source == "repeats"}
+    assert said
 
 
 def test_maps_hold_every_reading_once(levitation_model):

@@ -136,3 +136,29 @@ def test_a_delimiter_at_the_end_of_each_line_is_no_column(tmp_path):
 def test_names_without_rows_are_said_to_be_that(tmp_path):
     with pytest.raises(TableError, match="column names and no row below them"):
         read_bench_table(written(tmp_path, "current_A,distance_m,force_N\n"))
+
+
+@pytest.mark.parametrize(
+    ("noise", "part"),
+    [
+        ("[noise]\nforce_n_N = 2e-4\n", "Did you mean force_N"),
+        ("[noise]\nwibble = 1.0\n", "flux_linkage_Wb"),
+        ("forceN = 2e-4\n", "Did you mean force_N"),
+    ],
+)
+def test_a_noise_that_belongs_to_no_channel_is_refused_and_not_lost(tmp_path, noise, part):
+    with pytest.raises(TableError, match=part):
+        read_bench_table(written(tmp_path, CONTRACT, noise))
+
+
+def test_a_noise_under_a_column_s_header_is_in_that_column_s_unit(tmp_path):
+    text = "Strom (A);Luftspalt (mm);Kraft (mN)\n0,5;2;250\n1,0;2;480\n"
+    for key in ("Kraft", '"Kraft (mN)"', "force_mN"):
+        table = read_bench_table(written(tmp_path, text, f"[noise]\n{key} = 0.2\n"))
+        assert table.declared_noise == {"force_N": pytest.approx(2e-4)}
+    assert read_bench_table(written(tmp_path, text, "[noise]\nforce_N = 0.2\n")).declared_noise == {"force_N": 0.2}
+
+
+def test_a_drawing_of_the_same_name_is_no_sidecar(tmp_path):
+    table = read_bench_table(written(tmp_path, CONTRACT, "schema = 1\n[coil]\nturns = 100\n[hall]\nz_mm = 1.0\n"))
+    assert not table.declared_noise

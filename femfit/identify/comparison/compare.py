@@ -14,7 +14,7 @@ from femfit.identify.comparison.law_shape import ShapeMisfit, shape_misfit
 from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.comparison.where import Where, where_it_fails
-from femfit.identify.decision.campaign import considered_effects, gather, untested_channels
+from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
 from femfit.identify.decision.diagnosis_text import SCATTERED, mount_words
 from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
@@ -200,7 +200,7 @@ def compare(
         whitening = Whitening(observations, noise or _scatter_as_noise(observations), chains_of(observations))
         test, verdict = None, "compare_only"
     else:
-        noise, findings, whitening = campaign.noise, untested_channels(campaign), campaign.whitening
+        noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening
         test = judge_model(campaign)
         verdict = {"fits": "agrees", "own_misfit": "wrong_shape", "fails": "fails"}[test.outcome]
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
 from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.constants import LEAST_REPEATS_AGAINST_DECLARED
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start
@@ -133,9 +135,23 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     return Campaign(observations, whitening, patterns, tuple(starts), untestable)
 
 
-def untested_channels(campaign: Campaign) -> list[Finding]:
-    """Say which channels have too few readings to be tested."""
+def campaign_remarks(campaign: Campaign) -> list[Finding]:
+    """Say which channels have too few readings to be tested, and where repeats replaced a declared noise."""
     tested = set(campaign.patterns.patterns.channel.tolist())
     names = [name for c, name in enumerate(campaign.observations.channels) if c not in tested]
     text = f"{', '.join(names)}: too few readings to be tested."
-    return [Finding("too-few-readings", "warning", text)] if names else []
+    few = [Finding("too-few-readings", "warning", text)] if names else []
+    return [*few, *_replaced_noise(campaign.observations, campaign.noise)]
+
+
+def _replaced_noise(observations: Observations, noise: NoiseModel) -> list[Finding]:
+    findings = []
+    for c, name in enumerate(observations.channels):
+        if name in observations.declared_noise and noise.source[name] == "repeats":
+            sigma, said = amount(float(noise.sigma[c]), name), amount(observations.declared_noise[name], name)
+            text = (
+                f"The noise of {name} was taken as {sigma} from {noise.repeats[c]:.0f} repeats, not as the declared "
+                f"{said}: at least {LEAST_REPEATS_AGAINST_DECLARED} repeats say it to 10 %, of this bench."
+            )
+            findings.append(Finding("declared-noise", "info", text, column=name))
+    return findings

@@ -10,7 +10,7 @@ from femfit.core.finding import Finding
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.where import Where, where_it_fails
-from femfit.identify.decision.campaign import Campaign, considered_effects, gather, untested_channels
+from femfit.identify.decision.campaign import Campaign, campaign_remarks, considered_effects, gather
 from femfit.identify.decision.confidence import look_alikes
 from femfit.identify.decision.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
@@ -145,7 +145,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
             and chosen
             and chosen.fit.converged
         ),
-        findings=(*observations.findings, *untested_channels(campaign)),
+        findings=(*observations.findings, *campaign_remarks(campaign)),
         campaign=campaign,
         decision=decision,
     )

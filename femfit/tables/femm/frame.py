@@ -199,8 +199,8 @@ def _say(frame: FemFrame, winding: FemWinding, others: Sequence[float], findings
             "frame",
             "info",
             f"Distances are counted from the electromagnet's face at the file's z = {frame.face_mm:.9g} mm to the "
-            f"nearest point of the moving part; in the file it is {frame.distance_mm:.9g} mm. That face is z = 0 of the "
-            f"drawing, {turned}.",
+            f"nearest point of the moving part; in the file it is {frame.distance_mm:.9g} mm. That face is z = 0 of "
+            f"the drawing, {turned}.",
             f"Count from another height with --face-mm: {_listed(others)}." if others else "",
         )
     )
