@@ -77,7 +77,7 @@ def run(
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
-        with steps.timed("begin report"):
+        with steps.timed("first half of the report"):
             begun = _begin_report(parts, table, reference, directory)
         steps.say(f"{directory / REPORT} can be read; the laws and the loop follow")
         with steps.timed("rank laws"):

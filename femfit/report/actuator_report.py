@@ -3,10 +3,12 @@
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
+from femfit.audit.carried import COLD_C, WARM_C, carried_range
 from femfit.core.amount import axis_scale
 from femfit.core.constants import GRAVITY
 from femfit.device.parts import Actuator
@@ -15,6 +17,7 @@ from femfit.fit.law_fit import LawFit
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.ranking import TARGET, Ranking
 from femfit.fit.rows import FitRows
+from femfit.model.actuator_model import ActuatorModel
 from femfit.report.content import ReportContent
 from femfit.report.cutaway import OffScreenPicture, draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
@@ -33,15 +36,14 @@ from femfit.report.model_figures import hall_figure, ranking_figure, residual_fi
 from femfit.report.numbers import NOTHING, percent, quantity, significant
 from femfit.report.page import Drawing, picture_uri, render
 from femfit.report.parts import all_regions, saturates
-from femfit.report.rating import USUAL_KNEES, Rating, copper_share, iron_loads, rate
+from femfit.report.rating import SMALL, USUAL_KNEES, Rating, copper_share, growth, iron_loads, rate
 from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
 
 Draw = Callable[[Actuator, FieldSample], OffScreenPicture]
 
-CUTAWAY, HOW = "cutaway", "how the cut-away was drawn"
+DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
-SMALL = 1e-3
-"""Forces below this part of the largest one are none: what is left of the solver's errors."""
+CUTAWAY, HOW = "cutaway", "how the cut-away was drawn"
 
 
 def draw_figures(
@@ -72,7 +74,8 @@ def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
 def _facts(content: ReportContent) -> dict[str, Any]:
     model, actuator, rows = content.model, content.actuator, content.rows
     grid = None if rows is None else sweep_grid(rows)
-    rating = rate(model, actuator)
+    rating = rate(model, actuator, grid)
+    iron = () if actuator is None or content.strongest is None else iron_loads(actuator, content.strongest)
     return {
         "title": model.name,
         "lead": "" if actuator is None else actuator.description,
@@ -85,7 +88,9 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "rating": rating,
         "stroke_table": [] if rating is None else _stroke_rows(rating),
         "copper_share": None if actuator is None else copper_share(actuator),
-        "iron": () if actuator is None or content.strongest is None else iron_loads(actuator, content.strongest),
+        "iron": iron,
+        "growth": growth(model, content.strongest.current_A) if iron and content.strongest else None,
+        "carried": _carried(model),
         "usual_knees": USUAL_KNEES,
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
         "field": _field_facts(content),
@@ -103,7 +108,8 @@ def _facts(content: ReportContent) -> dict[str, Any]:
 def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     model, actuator, rows = content.model, content.actuator, content.rows
     figures: dict[str, Drawing] = {}
-    rating = rate(model, actuator)
+    grid = None if rows is None else sweep_grid(rows)
+    rating = rate(model, actuator, grid)
     if actuator is not None:
         distance = content.field.distance_m if content.field else float(np.median(actuator.sweep.distances_m))
         figures["actuator"] = partial(actuator_figure, actuator, distance)
@@ -112,7 +118,6 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     if rating is not None:
         figures["stroke"] = partial(stroke_figure, rating, content.weight if content.levitates else None)
         figures["coil"] = partial(coil_figure, rating)
-    grid = None if rows is None else sweep_grid(rows)
     if grid is not None:
         weight = content.weight if content.levitates else None
         figures["force-curves"] = partial(force_curves_figure, grid, weight)
@@ -129,6 +134,13 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     if content.study is not None:
         figures |= loop_figures(content.study)
     return figures
+
+
+def _carried(model: ActuatorModel) -> list[str]:
+    """What ``femfit audit`` says of the weight, with a cold and a warm coil."""
+    if model.circuit is None or model.motion is None:
+        return []
+    return list(dict.fromkeys(str(carried_range(model, celsius)) for celsius in (COLD_C, WARM_C)))
 
 
 def _fitted_forces(content: ReportContent, rows: FitRows, ranking: Ranking) -> list[tuple[str, Any]]:
@@ -216,7 +228,7 @@ def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) 
             "unit": unit,
             "changes_sign": changes_sign(grid),
             "table": [
-                (significant(1e3 * d, 4), *(significant(factor * f, 4) for f in grid.force[:, k]))
+                (significant(1e3 * d, 4), *(_force_cell(factor * f, factor * largest) for f in grid.force[:, k]))
                 for k, d in enumerate(grid.distances)
             ],
         }
@@ -224,6 +236,10 @@ def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) 
     if sample is not None and sample.self_force_N and sample.force_N:
         facts["self_force"] = (sample.self_force_N, abs(sample.self_force_N / sample.force_N))
     return facts
+
+
+def _force_cell(force: float, largest: float) -> str:
+    return "0" if abs(force) < 1e-6 * largest else significant(force, 4)  # below it are the solver's errors
 
 
 def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] | None:
@@ -301,13 +317,16 @@ def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
 
 def _provenance(content: ReportContent) -> dict[str, Any]:
     manifest = {} if content.sweep is None else content.sweep.manifest
-    versions = {**(manifest.get("versions") or {}), **(content.model.provenance.get("versions") or {})}
+    swept, fitted = (record.get("versions") or {} for record in (manifest, content.model.provenance))
+    versions = {**{name: version(name) for name in DRAWN_WITH}, **swept, **fitted}
     hashes = list(content.hashes)
     if manifest.get("configuration_hash"):
         hashes.insert(0, ("sweep configuration", str(manifest["configuration_hash"])))
     return {
         "versions": sorted((str(name), str(value)) for name, value in versions.items()),
-        "settings": [(str(k).replace("_", " "), str(v)) for k, v in (manifest.get("settings") or {}).items()],
+        "settings": [
+            (str(k).replace("_", " "), str(v)) for k, v in (manifest.get("settings") or {}).items() if v is not None
+        ],
         "hashes": hashes,
         "times": [(name, quantity(seconds, "s")) for name, seconds in content.timings_s],
         "notes": () if content.fit is None else content.fit.notes,

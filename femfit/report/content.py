@@ -98,4 +98,4 @@ def picture_point(actuator: Actuator, model: ActuatorModel, rows: FitRows) -> tu
 def strongest_point(actuator: Actuator) -> tuple[float, float]:
     """Smallest distance in m and largest current in A of the sweep: where iron carries the most flux."""
     axes = actuator.sweep
-    return min(axes.distances_m), max(axes.currents_A, key=abs)
+    return min(axes.distances_m), max(axes.currents_A, key=lambda current: (abs(current), current))

@@ -186,7 +186,7 @@ def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCel
         number = cells.regions.index(f"{'fixed' if k < fixed else 'moving'}:{region.name}")
         soft[number] = is_iron(region.material)
         lines.append(_permeability_line(region, cells.relative_permeability[cells.point_region == number]))
-    _light_parts(axes, actuator, sample)
+    _light_parts(axes, actuator, sample, 1.22)
     shown_triangles = soft[cells.triangle_region]
     if shown_triangles.any():
         low, high = _range(cells.relative_permeability[soft[cells.point_region]])
@@ -202,7 +202,8 @@ def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCel
 
 def _permeability_line(region: Region, values: FloatArray) -> str:
     low, high = _range(values)
-    found = plain(low) if high < 1.001 * low else f"{significant(low)} to {significant(high)}"
+    ends = dict.fromkeys((significant(low), significant(high)) if high > 1.001 * low else (plain(low),))
+    found = " to ".join(ends)
     kind = "saturates" if isinstance(region.material, NonlinearMaterial) else "linear"
     kind = "recoil" if region.material.remanence_T else kind
     name = region.name.replace("_", " ")
@@ -242,7 +243,7 @@ def point_title(sample: FieldSample) -> str:
     return words("point", "title", distance=distance, current=current, force=quantity(force, "N", 4), sense=sense)
 
 
-def _light_parts(axes: "Axes", actuator: Actuator, sample: FieldSample) -> None:
+def _light_parts(axes: "Axes", actuator: Actuator, sample: FieldSample, legend: float = 1.01) -> None:
     draw_outlines(axes, actuator, sample.distance_m, edge=INK, opacity=LIGHT)
     kinds = {kind_of(region.material, moving=False) for region in actuator.fixed} | {"winding"}
     kinds |= {kind_of(region.material, moving=True) for region in actuator.moving.regions}
@@ -251,7 +252,7 @@ def _light_parts(axes: "Axes", actuator: Actuator, sample: FieldSample) -> None:
         for kind in COLOURS
         if kind in kinds
     ]
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=1.2)
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(legend, 1.0), handlelength=1.2)
 
 
 def _in_window(cells: FieldCells, triangles: Any, sample: FieldSample) -> BoolArray:

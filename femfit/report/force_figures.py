@@ -86,7 +86,7 @@ def coil_figure(rating: Rating) -> "Figure":
     for ax, name in zip(panels, ("inductance", "time", "motor_constant"), strict=True):
         ax.set(xlabel=words("coil", "distance"), ylabel=words("coil", name))
     for ax in panels[:2]:
-        ax.set_ylim(bottom=0.0)
+        ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
     panels[0].legend(loc="best")
     return figure
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
 
 LARGEST_BYTES = 3_000_000
 """A report is one file that can be sent by mail."""
-
-DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
 Drawing = Callable[[], "Figure | bytes"]
 """Makes a picture: a figure, or the bytes of a PNG file."""
@@ -67,7 +64,6 @@ def _environment() -> "Environment":
         "version": __version__,
         "style": (templates / "report.css").read_text(encoding="utf-8"),
         "script": (templates / "report.js").read_text(encoding="utf-8"),
-        "drawn_with": {name: version(name) for name in DRAWN_WITH},
         "unfinished": "",
     }
     return environment

@@ -1,20 +1,20 @@
 """What coil and iron allow: currents at the supply, continuous rating, force over the stroke, knee of the iron."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from scipy.interpolate import RegularGridInterpolator
 
+from femfit.audit.carried import WARM_C, resistance_at
 from femfit.core.arrays import FloatArray
-from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
 from femfit.device.bh_curve import BHCurve
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial, Material
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.field_sample import FieldSample
 from femfit.report.parts import all_regions, is_iron, standing_corners
-
-WARM_C = 100.0
-"""Of a warm coil (conventional): 80 K above 20 degC, and just within thermal class 105 of IEC 60085."""
+from femfit.report.sweep_grid import SweepGrid
 
 HEAT_TRANSFER_W_M2_K = 10.0
 """Of a small body in still air, convection and radiation together (conventional: about 5 + 5)."""
@@ -25,7 +25,13 @@ KNEE_STEP, KNEE_FIELD = 1.1, 1.5
 USUAL_KNEES = "soft steel about 1.4 T, power ferrite about 0.25 T"
 """For iron that is drawn without a curve: knees of the library's own curves by the rule above."""
 
+SMALL = 1e-3
+"""Forces below this part of the largest one are none: what is left of the solver's errors."""
+
 POINTS = 161
+FEWEST = 5
+"""Points below half of the current; a parabola has three unknowns."""
+
 LEVELS = 9
 """Most distances in the table over the stroke."""
 
@@ -110,15 +116,29 @@ class Rating:
         return np.unique(np.linspace(0, len(self.distance_m) - 1, LEVELS).round().astype(int))
 
 
-def rate(model: ActuatorModel, actuator: Actuator | None) -> Rating | None:
-    """Rate a coil; None where the model has no circuit."""
+def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None = None) -> Rating | None:
+    """Rate a coil; None where the model has no circuit.
+
+    Forces are the model's, and with a grid also what the model misses the sweep by, so that they agree with its table.
+    """
     circuit, box = model.circuit, model.validity
     if circuit is None:
         return None
-    cold = circuit.resistance_ohm
-    warm = cold * (1.0 + COPPER_TEMPERATURE_COEFFICIENT * (WARM_C - REFERENCE_TEMPERATURE))
-    voltage = max(circuit.voltage_max_V, circuit.voltage_min_V, key=abs)
-    other = min(circuit.voltage_max_V, circuit.voltage_min_V, key=abs)
+    cold, warm = circuit.resistance_ohm, resistance_at(circuit.resistance_ohm, WARM_C)
+    distance = np.linspace(box.distance_min_m, box.distance_max_m, POINTS)
+    missed = _missed(model, grid)
+
+    def drawn(current: float) -> float:
+        return float(np.clip(current, box.current_min_A, box.current_max_A))
+
+    def force(current: float) -> FloatArray:
+        at = np.full_like(distance, drawn(current))
+        return np.asarray(model.force(distance, at) + missed(np.column_stack([at, distance])))
+
+    ends = (circuit.voltage_max_V, circuit.voltage_min_V)
+    # Of a supply that is the same in both directions, the one that attracts more
+    voltage = max(ends, key=lambda end: (abs(end), float(force(end / warm)[0])))
+    other = min(ends) if voltage == max(ends) else max(ends)
     wanted = [("cold", voltage / cold, REFERENCE_TEMPERATURE), ("warm", voltage / warm, WARM_C)]
     magnet = model.has_magnet
     if magnet and voltage * other < 0.0 and box.current_min_A < 0.0 < box.current_max_A:
@@ -128,21 +148,19 @@ def rate(model: ActuatorModel, actuator: Actuator | None) -> Rating | None:
         surface = _enclosing_surface(actuator)
         heat = HEAT_TRANSFER_W_M2_K * surface * (WARM_C - REFERENCE_TEMPERATURE)
         wanted.append(("rated", float(np.copysign(np.sqrt(heat / warm), voltage)), WARM_C))
-    if magnet:
+    largest = max(float(np.abs(force(current)).max()) for _, current, _ in wanted)
+    if magnet and float(np.abs(force(0.0)).max()) > SMALL * largest:
         wanted.append(("idle", 0.0, REFERENCE_TEMPERATURE))
-    distance = np.linspace(box.distance_min_m, box.distance_max_m, POINTS)
     section = _wire_section_mm2(actuator)
     feeds, forces = [], {}
     for name, current, temperature in wanted:
-        drawn = float(np.clip(current, box.current_min_A, box.current_max_A))
-        forces[name] = model.force(distance, drawn)
+        forces[name] = force(current)
         ohm = cold if temperature == REFERENCE_TEMPERATURE else warm
         density = None if section is None else abs(current) / section
         near, far = float(forces[name][0]), float(forces[name][-1])
-        feeds.append(Feed(name, current, drawn, temperature, ohm * current**2, density, near, far))
+        feeds.append(Feed(name, current, drawn(current), temperature, ohm * current**2, density, near, far))
     reference = next(feed.drawn_A for feed in reversed(feeds) if feed.name in {"rated", "warm"})
     slope = -model.magnetics.coenergy_derivatives(distance, np.full_like(distance, reference), ((1, 1),))[0]
-    smallest = float(np.clip(0.0, box.current_min_A, box.current_max_A))
     return Rating(
         voltage_V=voltage,
         cold_ohm=cold,
@@ -151,10 +169,58 @@ def rate(model: ActuatorModel, actuator: Actuator | None) -> Rating | None:
         distance_m=distance,
         forces_N=forces,
         inductance_H=model.inductance(distance, reference),
-        idle_inductance_H=model.inductance(distance, smallest),
+        idle_inductance_H=model.inductance(distance, drawn(0.0)),
         motor_constant=np.asarray(slope) / np.sqrt(cold),
         surface_m2=surface,
     )
+
+
+def _missed(model: ActuatorModel, grid: SweepGrid | None) -> Callable[[FloatArray], FloatArray]:
+    """Sweep minus model at points (current, distance), linear between the sweep's own; zero without a grid."""
+    if grid is None or min(grid.force.shape) < 2:
+        return lambda points: np.zeros(len(points))
+    i, d = np.meshgrid(grid.currents, grid.distances, indexing="ij")
+    residual = grid.force - model.force(d, i, extrapolate=True)
+    return RegularGridInterpolator((grid.currents, grid.distances), residual, bounds_error=False, fill_value=None)
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What the second half of the sweep's largest current adds to the force at the shortest distance.
+
+    Parameters
+    ----------
+    expected_N : float
+        Without saturation, where the force is a + b i + c i^2: by the force at smaller currents.
+    """
+
+    half_A: float
+    full_A: float
+    gained_N: float
+    expected_N: float
+
+    @property
+    def limited(self) -> bool:
+        """Whether saturation takes a tenth of it or more (conventional)."""
+        return self.gained_N < 0.9 * self.expected_N
+
+
+def growth(model: ActuatorModel, current: float) -> Growth | None:
+    """How the force grows to a current, by the model; None where it knows too few smaller currents."""
+    low = model.validity.distance_min_m
+    i = np.linspace(0.0, current, 41)
+    i = i[(i >= model.validity.current_min_A) & (i <= model.validity.current_max_A)]
+    force = np.asarray(model.force(low, i))
+    half = np.abs(i) <= 0.5 * abs(current) * (1.0 + 1e-9)
+    if np.count_nonzero(half) < FEWEST:
+        return None
+    powers = (0, 1, 2) if model.has_magnet else (2,)
+    columns = np.column_stack([(i / current) ** power for power in powers])
+    whole = columns @ np.linalg.lstsq(columns[half], force[half], rcond=None)[0]
+    middle = int(np.argmin(np.abs(i - 0.5 * current)))
+    sign = np.copysign(1.0, whole[-1] - whole[middle])
+    gained, expected = force[-1] - force[middle], whole[-1] - whole[middle]
+    return Growth(float(i[middle]), float(i[-1]), float(sign * gained), float(sign * expected))
 
 
 def _enclosing_surface(actuator: Actuator) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import femfit
+from femfit.audit.audit_model import audit_model
 from femfit.core.errors import FemfitError, RunDirectoryError
 from femfit.fit.build import fit_model
 from femfit.report.actuator_report import draw_figures, render_report
@@ -183,6 +184,21 @@ def test_without_pyvista_the_map_remains_and_the_reason_is_said(other_page):
     assert "cutaway" not in other_page.images
     assert "field" in other_page.images
     assert "There is no three-dimensional view: no EGL here." in other_page.text
+
+
+def test_a_current_beyond_the_sweep_has_no_force_at_the_supplys_voltage(rig_content, rig_figures):
+    strong = replace(rig_content.model, circuit=replace(rig_content.model.circuit, voltage_max_V=40.0))
+    page = Page(render_report(replace(rig_content, model=strong), rig_figures))
+    assert "sweep to that current to know the force at 40 V" in page.text
+    assert "At 40 V." not in page.text
+
+
+def test_report_and_audit_say_the_same_of_the_weight(rig_content, rig_figures):
+    page = Page(render_report(rig_content, rig_figures))
+    (held,) = (one for one in audit_model(rig_content.model).findings if one.code == "held_range")
+    said = held.sentence.rstrip(".").split("; ")
+    assert said
+    assert all(one in page.text for one in said if "reference" not in one)
 
 
 def test_names_from_the_file_cannot_write_markup(other_page):

@@ -1,6 +1,7 @@
 """What coil and iron allow follows from resistance, heat and the B-H curve."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from femfit.device.bh_curve import BHCurve
 from femfit.device.load import read_actuator
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.report.content import levitates, picture_point, strongest_point
-from femfit.report.rating import HEAT_TRANSFER_W_M2_K, copper_share, iron_loads, knee_T, rate
+from femfit.report.rating import HEAT_TRANSFER_W_M2_K, copper_share, growth, iron_loads, knee_T, rate
+from femfit.report.sweep_grid import sweep_grid
 from support.actuators import GEOMETRY
 
 
@@ -62,6 +64,41 @@ def test_a_model_without_a_drawing_is_rated_at_the_supply_alone(rig_content):
     assert rating.feed("rated") is None
     assert rating.reference.name == "warm"
     assert rate(replace(rig_content.model, circuit=None), None) is None
+
+
+def test_a_force_in_proportion_to_the_current_is_not_said_to_be_limited_by_saturation(rig_content, plunger_content):
+    for content in (rig_content, plunger_content):  # F = a + b i and F = c i^2
+        grown = growth(content.model, content.model.validity.current_max_A)
+        assert grown.gained_N == pytest.approx(grown.expected_N, rel=0.02)
+        assert not grown.limited
+    box = rig_content.model.validity
+    flat = SimpleNamespace(force=lambda d, i: np.tanh(2.0 * i) + 0.0 * d, has_magnet=True, validity=box)
+    assert growth(flat, box.current_max_A).limited
+    assert growth(replace(rig_content.model, validity=replace(box, current_min_A=1.3)), 1.4) is None
+
+
+def test_a_supply_of_both_signs_is_rated_at_the_one_that_attracts(rig_content):
+    model = replace(
+        rig_content.model, circuit=replace(rig_content.model.circuit, voltage_min_V=-3.0, voltage_max_V=3.0)
+    )
+    assert rate(model, None).voltage_V == 3.0
+    box = replace(model.validity, current_min_A=-1.4)
+    turned = SimpleNamespace(
+        circuit=model.circuit, validity=box, has_magnet=True, inductance=lambda d, i: 0.0 * d,
+        magnetics=model.magnetics,
+        force=lambda d, i: -0.1 * np.asarray(i) + 0.0 * d,
+    )  # fmt: skip
+    assert rate(turned, None).voltage_V == -3.0
+
+
+def test_forces_at_the_swept_currents_are_those_of_the_sweep(rig_content):
+    grid = sweep_grid(rig_content.rows)
+    off = replace(grid, force=1.04 * grid.force)  # a model that misses its table by 4 %
+    strong = replace(rig_content.model, circuit=replace(rig_content.model.circuit, voltage_max_V=40.0))
+    cold = rate(strong, rig_content.actuator, off).feed("cold")
+    assert cold.drawn_A == grid.currents[-1]
+    assert cold.force_near_N == pytest.approx(off.force[-1, 0], rel=1e-9)
+    assert cold.force_far_N == pytest.approx(off.force[-1, -1], rel=1e-9)
 
 
 def test_the_copper_fills_as_much_of_the_winding_as_its_wires(plunger_content):
