@@ -83,10 +83,11 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
 
 def _distance_rows(axes: SweepAxes, distance: float, result: Result) -> dict[str, Any]:
     nothing = np.full(len(axes.currents_A), math.nan)
+    rows = result.get("rows", {})
     return {
         "current_A": np.array(axes.currents_A),
         "distance_m": np.full(len(axes.currents_A), distance),
         **dict.fromkeys(FIELD_COLUMNS, nothing),
         "status": result["status"],
-        **result.get("rows", {}),
+        **{name: np.array(values, dtype=np.float64) if None in values else values for name, values in rows.items()},
     }

@@ -75,7 +75,9 @@ class DistanceTask:
             if len(self.mesh.distances) == 1:
                 raise
             problem = MESHES.problem(self.mesh.of(self.distance))
-        return {"rows": problem.rows(self.distance, self.mesh.actuator.sweep.currents_A)}
+        rows = problem.rows(self.distance, self.mesh.actuator.sweep.currents_A)
+        # JSON has no NaN: a current without a field is null
+        return {"rows": {name: [None if one != one else one for one in values] for name, values in rows.items()}}
 
 
 @dataclass(frozen=True)

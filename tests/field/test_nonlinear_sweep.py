@@ -8,6 +8,7 @@ import pytest
 
 from femfit.core.sweep_columns import COLUMNS
 from femfit.field import nonlinear_point, sweep_task
+from femfit.field import sweep as sweep_module
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_summary import summarise
@@ -80,6 +81,9 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(whole, act
     assert summarise(table)["failed"] == 1
     assert len(read_sweep_table(tmp_path).valid_rows()) == 3
     sweep_task.MESHES.clear()
+    monkeypatch.setattr(sweep_module, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
+    again = run_sweep(few, tmp_path, workers=1, settings=QUICK)  # its journal is read, missing fields and all
+    pd.testing.assert_frame_equal(again.rows, table.rows, check_exact=True)
 
 
 def test_currents_of_both_signs_start_from_the_weakest_and_do_not_change_the_result(actuator):
