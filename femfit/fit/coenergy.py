@@ -15,7 +15,7 @@ from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_basis import U_DEGREE, CoenergyBasis
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import coenergy_system, determined
-from femfit.fit.rows import FitRows
+from femfit.fit.rows import FitRows, rms
 from femfit.fit.scaled_qp import Inequalities
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.magnetics import CoenergySpline
@@ -42,13 +42,16 @@ class CoenergyFit:
     Parameters
     ----------
     held_out : float
-        Rms error of the chosen basis on held-out rows, the larger of force (relative to itself) and flux linkage
-        (relative to its change over the distance).
+        Rms error by which the basis was chosen, the larger of force (relative to itself) and flux linkage (relative to
+        its change over the distance): on held-out rows, or on all rows where that is larger.
+    left_out_N : float
+        Rms error of the force with each inner row predicted by the others, at least that of the fit.
     """
 
     magnetics: CoenergySpline
     basis: CoenergyBasis
     held_out: float
+    left_out_N: float
     constraints: tuple[str, ...]
     active: tuple[str, ...]
     qp: QPSolution
@@ -83,10 +86,13 @@ def fit_coenergy(
     table = coefficients.reshape(basis.shape)
     if rows.flux_linkage is None and open_inductance_H:
         table = table + 0.5 * open_inductance_H * _square_of_current(basis)[None, :]
+    magnetics = _gauged(basis, table, rows)
+    own = rms(magnetics.force(rows.distance, rows.current) - rows.force)
     return CoenergyFit(
-        magnetics=_gauged(basis, table, rows),
+        magnetics=magnetics,
         basis=basis,
         held_out=held_out,
+        left_out_N=max(own, system.left_out_force_rms(basis)),
         constraints=names,
         active=active,
         qp=qp,

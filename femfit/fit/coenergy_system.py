@@ -88,35 +88,57 @@ class CoenergySystem:
         return np.concatenate(blocks), np.concatenate(value), np.concatenate(sigma)
 
     def held_out_errors(self, basis: CoenergyBasis) -> FloatArray:
-        """Rms error of force and of flux linkage on rows left out, as a part of their scales.
+        """Rms error of force and of flux linkage, as a part of their scales: on rows left out, or on all if larger.
 
-        One factorisation serves all folds: leaving out the rows B turns their residual r_B into
-        (1 - Q_B Q_B^T)^-1 r_B.
+        No outermost row is ever left out, and a saturating force is missed most where it is largest, at the least
+        distance and the largest current.
         """
-        undetermined = np.full(min(len(self.channels), JUDGED), np.inf)
+        judged = range(min(len(self.channels), JUDGED))
+        errors = self._squared_errors(basis)
+        if errors is None:
+            return np.full(len(judged), np.inf)
+        fitted, left_out, times = ([part[self._channel == k] for k in judged] for part in errors)
+        return np.array(
+            [np.sqrt(max(np.mean(a), np.sum(b) / np.sum(n))) for a, b, n in zip(fitted, left_out, times, strict=True)]
+        )
+
+    def left_out_force_rms(self, basis: CoenergyBasis) -> float:
+        """Rms error of the force in N with each inner row predicted by the others; outermost rows as fitted."""
+        errors = self._squared_errors(basis)
+        if errors is None:
+            return np.inf
+        fitted, left_out, times = (part[: len(self.rows.force)] for part in errors)
+        squares = np.where(times > 0, left_out / np.maximum(times, 1.0), fitted)
+        return float(np.sqrt(np.mean(squares * self.channels[0].scale ** 2)))
+
+    def _squared_errors(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Squared errors of every row of the columns over its scale: as fitted, summed where left out, and how often.
+
+        None if the rows do not determine the basis. One factorisation serves all folds: leaving out the rows B turns
+        their residual r_B into (1 - Q_B Q_B^T)^-1 r_B.
+        """
         matrix, value, sigma = self.equations(basis)
         weighted = matrix[:, determined(basis, self.rows)] / sigma[:, None]
         norms = np.linalg.norm(weighted, axis=0)
         if not np.all(norms > 0):
-            return undetermined
+            return None
         q_factor, triangle = np.linalg.qr(weighted / norms)
         if len(triangle) < len(norms) or np.min(np.abs(np.diag(triangle))) < 1e-10:
-            return undetermined
+            return None
         target = value / sigma
         residual = target - q_factor @ (q_factor.T @ target)
-        left_out = []
+        left_out, times = np.zeros(len(self._channel)), np.zeros(len(self._channel))
         for which in self._folds:
             part = q_factor[which]
             left = np.eye(part.shape[1]) - part.T @ part
             try:
-                left_out.append(residual[which] + part @ np.linalg.solve(left, part.T @ residual[which]))
+                errors = residual[which] + part @ np.linalg.solve(left, part.T @ residual[which])
             except np.linalg.LinAlgError:
-                return undetermined
-        equation = np.concatenate(self._folds)
-        relative = np.concatenate(left_out) * self._to_relative[equation]
-        return np.array(
-            [np.sqrt(np.mean(relative[self._channel[equation] == k] ** 2)) for k in range(len(undetermined))]
-        )
+                return None
+            left_out[which] += errors**2
+            times[which] += 1.0
+        scale = self._to_relative**2
+        return residual[: len(left_out)] ** 2 * scale, left_out * scale, times
 
     @cached_property
     def _to_relative(self) -> FloatArray:

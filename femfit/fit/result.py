@@ -100,7 +100,7 @@ def _lines(result: FitResult) -> list[str]:
     elif result.law is not None:
         lines += _law_lines(result.law)
     elif result.coenergy is not None:
-        lines += _coenergy_lines(result.coenergy)
+        lines += _coenergy_lines(result.coenergy, result.rows)
     if result.hall is not None:
         lines += _hall_lines(result.hall, model)
     return lines
@@ -139,11 +139,11 @@ def _derived_line(result: FitResult) -> str:
     return f"{text}; inductance {amount(state.inductance.min(), 'H', 4)} to {amount(state.inductance.max(), 'H', 4)}"
 
 
-def _coenergy_lines(fit: CoenergyFit) -> list[str]:
+def _coenergy_lines(fit: CoenergyFit, rows: FitRows) -> list[str]:
     return [
         (
-            f"B-spline of {fit.basis.shape[0]} x {fit.basis.shape[1]} coefficients (distance x current); error on "
-            f"points left out {100 * fit.held_out:.2g} %"
+            f"B-spline of {fit.basis.shape[0]} x {fit.basis.shape[1]} coefficients (distance x current); with each "
+            f"inner point left out in turn it misses the force by {amount(fit.left_out_N / rows.rms_force, '')}"
         ),
         *(f"constraint: {SHAPES[name]}" for name in fit.constraints),
         f"active constraints: {_active(fit.active)}",
@@ -198,6 +198,7 @@ def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
         "cells": list(fit.basis.cells),
         "current_degree": fit.basis.current_degree,
         "held_out_relative_rms": fit.held_out,
+        "left_out_force_rms_N": fit.left_out_N,
         "constraints": list(fit.constraints),
         "active": list(fit.active),
         "condition_scaled": fit.qp.condition_scaled,

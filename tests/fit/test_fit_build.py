@@ -55,7 +55,7 @@ def test_a_coenergy_that_the_sweep_does_not_determine_says_so():
 
     fit = fit_model(force_table(force, actuator=ACTUATOR, currents=np.linspace(0.0, 3.0, 6)), inductance_H=0.01)
     assert fit.model.misfit.force_rms_relative > 0.01
-    assert any("sweep more" in note for note in fit.notes)
+    assert any("too coarse" in note for note in fit.notes)
 
 
 def test_what_the_import_warned_of_is_passed_on():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import TableError
+from femfit.fit.build import fit_model
 from femfit.fit.coenergy import fit_coenergy
 from femfit.fit.coenergy_system import held_out_masks
 from femfit.fit.misfit import misfit_to_rows
@@ -101,3 +102,33 @@ def test_knots_lie_denser_where_the_flux_linkage_bends():
     # The core bends from 0.3 A, at the smallest distance, to beyond 1 A: nothing happens below.
     assert np.max(np.diff(breaks)) == pytest.approx(breaks[1] - breaks[0])
     assert breaks[1] > 2.0 * np.min(np.diff(breaks))
+
+
+HARD = SaturatingCircuit(core=400.0, saturation=5e-4)
+"""Bends earlier, so that force and misfit are largest at the least distance and the largest current."""
+
+COARSE = np.linspace(0.0, 1.0, 5), 1e-3 * np.array([0.1, 0.4, 0.8, 1.5, 2.5, 4.0, 6.0])
+
+
+def test_a_basis_is_judged_at_the_outermost_points_as_well():
+    # Judged on inner points alone, the basis missed the corner by 40 % of the rms force.
+    misfit = misfit_to_rows(fit_coenergy(rows_of(HARD.table(*COARSE))).magnetics, rows_of(HARD.table(*COARSE)))
+    assert misfit.force_share < 0.04
+
+
+def test_points_left_out_are_missed_by_no_less_than_all_points():
+    for table in (HARD.table(*COARSE), TRUTH.table(SIX, DISTANCES), full_table()):
+        rows = rows_of(table)
+        fit = fit_coenergy(rows)
+        assert fit.left_out_N >= misfit_to_rows(fit.magnetics, rows).force_rms_N
+
+
+def test_points_that_a_coarse_sweep_is_told_to_add_make_the_force_better():
+    coarse = fit_model(HARD.table(*COARSE))
+    (note,) = (note for note in coarse.notes if "too coarse" in note)
+    more_d = [1e-3 * float(text) for text in note.split("the distances ")[1].partition(" mm")[0].split(" and ")]
+    more_i = [float(text) for text in note.split("the currents ")[1].partition(" A,")[0].split(" and ")]
+    assert (more_d, more_i) == (pytest.approx([0.25e-3, 0.6e-3]), pytest.approx([0.625, 0.875]))
+    finer = fit_model(HARD.table(np.union1d(COARSE[0], more_i), np.union1d(COARSE[1], more_d)))
+    assert finer.misfit.force_share < 0.5 * coarse.misfit.force_share
+    assert not any("too coarse" in note for note in finer.notes)
