@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-MethodOption = Literal["trapezoid", "ffa1", "ffa2", "cs1", "cs2", "cs1-offset", "cs2-identified"]
+MethodOption = Literal["trapezoid", "ffa1", "ffa2", "cs1-offset", "cs2", "cs2-identified"]
 Positive = Number(gt=0.0)
 NotNegative = Number(gte=0.0)
 
@@ -20,7 +20,7 @@ def integrate(
     initial_field_T: Annotated[float | None, Parameter(name="--initial-field-T")] = None,
     zero_reading_s: Annotated[float | None, Parameter(validator=Positive)] = None,
     settling_s: Annotated[float | None, Parameter(validator=NotNegative)] = None,
-    still_A: Annotated[float, Parameter(name="--still-A", validator=Positive)] = 0.1,
+    still_A: Annotated[float | None, Parameter(name="--still-A", validator=Positive)] = None,
     current_to_field: Annotated[float | None, Parameter(validator=Positive)] = None,
     lab: Path | None = None,
     field_model: Path | None = None,
@@ -28,11 +28,11 @@ def integrate(
     distance_mm: Annotated[float | None, Parameter(validator=Positive)] = None,
     model_sigma: Annotated[float | None, Parameter(validator=Positive)] = None,
     smooth: Annotated[bool, Parameter(negative="")] = False,
-    coil_area_sigma: Annotated[float, Parameter(validator=NotNegative)] = 0.0,
-    reference_gain_sigma: Annotated[float, Parameter(validator=NotNegative)] = 0.0,
+    coil_area_sigma: Annotated[float | None, Parameter(validator=NotNegative)] = None,
+    reference_gain_sigma: Annotated[float | None, Parameter(validator=NotNegative)] = None,
     reference_offset_sigma_T: Annotated[
-        float, Parameter(name="--reference-offset-sigma-T", validator=NotNegative)
-    ] = 0.0,
+        float | None, Parameter(name="--reference-offset-sigma-T", validator=NotNegative)
+    ] = None,
     offset_sigma_uV: Annotated[float | None, Parameter(name="--offset-sigma-uV", validator=NotNegative)] = None,
     coverage: Annotated[float, Parameter(validator=Positive)] = 2.0,
     json: Path | None = None,
@@ -51,9 +51,10 @@ def integrate(
     coil_area : float
         Total area of the coil in m2; filters need it.
     method : str
-        trapezoid; ffa1 (initial zero reading); ffa2 (mean on each plateau); cs1, cs2 (Kalman filter with Hall probe,
-        with the current); cs1-offset (with the offset voltage as a second state); cs2-identified (with a field model).
-        Default: cs1-offset where the record has a Hall probe and an area is given, else ffa2.
+        trapezoid; ffa1 (offset from an initial zero reading); ffa2 (mean on each plateau); cs1-offset (Kalman filter
+        with a Hall probe, which estimates the offset voltage too); cs2, cs2-identified (the same with the current, by
+        a ratio, by a field model). Default: cs1-offset where the record has a Hall probe and an area is given, else
+        ffa2.
     initial_field_T : float
         Field at the record's begin (flux linkage in Wb without an area); default: 0, or the reference's first reading.
     zero_reading_s : float
@@ -61,9 +62,10 @@ def integrate(
     settling_s : float
         Of ffa2 after each ramp, until the eddy currents have decayed; default 1 s.
     still_A : float
-        Of ffa2: a current that moves by less in a second is on a plateau.
+        Of ffa2: a current that moves by less in a second is on a plateau; default 0.1 A.
     current_to_field : float
-        Of cs2, in A/T: the magnet's current over its field. Say by --reference-gain-sigma how well it is known.
+        Of cs2, in A/T: the magnet's current over its field. Say by --reference-gain-sigma how well it is known; it is
+        weighed as good to 1 % otherwise.
     lab : Path
         Of cs2-identified: a record with Hall probe and current of a cycled magnet, to identify its field from.
     field_model : Path
@@ -86,20 +88,20 @@ def integrate(
     reference_offset_sigma_T : float
         Standard uncertainty of the reference's zero.
     offset_sigma_uV : float
-        Of the offset voltage that a method leaves; default 20 (trapezoid, cs1, cs2), 5 (ffa1, ffa2) and 0 (cs1-offset,
-        cs2-identified, which estimate it).
+        Of the offset voltage that a method leaves; default 20 (trapezoid), 5 (ffa1, ffa2) and 0 (the filters, which
+        estimate it).
     coverage : float
         Coverage factor of the printed uncertainty.
     json : Path
         File for the result as JSON.
     """
-    from femfit.cli.output import progress_bar, write_json
+    from femfit.cli.output import write_json
+    from femfit.cli.progress import progress
     from femfit.core.outputs import RESULT, require_outputs
-    from femfit.integrate.constants import SETTLING_S
     from femfit.integrate.integrate_coil import integrate_coil
 
     require_outputs([record, lab, model, field_model, output], (json, RESULT))
-    with progress_bar(f"integrate {record.name}") as progress:
+    with progress(f"integrate {record.name}", "samples") as show:
         result = integrate_coil(
             record,
             method=method,
@@ -107,7 +109,7 @@ def integrate(
             output=output,
             initial_field_T=initial_field_T,
             zero_reading_s=zero_reading_s,
-            settling_s=SETTLING_S if settling_s is None else settling_s,
+            settling_s=settling_s,
             still_A=still_A,
             current_to_field_A_per_T=current_to_field,
             lab=lab,
@@ -121,7 +123,7 @@ def integrate(
             reference_offset_sigma_T=reference_offset_sigma_T,
             offset_sigma_V=None if offset_sigma_uV is None else 1e-6 * offset_sigma_uV,
             coverage=coverage,
-            progress=progress,
+            progress=show,
         )
     print(result)
     write_json(json, result.to_dict())

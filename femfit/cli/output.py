@@ -1,4 +1,4 @@
-"""What commands share: results as JSON, progress on standard error."""
+"""What commands share: results as JSON, what is being done on standard error."""
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -45,33 +45,3 @@ def status(text: str) -> Iterator[Callable[[str], None]]:
 
     with Console(stderr=True).status(text) as line:
         yield line.update
-
-
-@contextmanager
-def progress_bar(text: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A progress bar on standard error, quiet when that is no terminal.
-
-    Parameters
-    ----------
-    text : str
-        What is going on.
-
-    Yields
-    ------
-    callable or None
-        To be called with (done, total).
-    """
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(text)
-
-        def show(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
-        yield show

@@ -50,9 +50,12 @@ PLATEAU_FOLLOWS = 0.9
 
 # ---- what is assumed where the user says nothing
 
-OFFSET_SIGMA_V = {"trapezoid": 20e-6, "cs1": 20e-6, "cs2": 20e-6, "ffa1": 5e-6, "ffa2": 5e-6}
+OFFSET_SIGMA_V = {"trapezoid": 20e-6, "ffa1": 5e-6, "ffa2": 5e-6}
 """Standard uncertainty of the offset voltage that a method leaves. Chosen: 20 uV for an amplifier's own offset, 5 uV
-for what wanders after it was measured; the filters with an offset state estimate it."""
+for what wanders after it was measured; the filters estimate it."""
+
+FIRST_OFFSET_SIGMA_V = 20e-6
+"""Of the offset voltage at a record's begin, for the filters that estimate it. Chosen: an amplifier's own offset."""
 
 OFFSET_WANDER_V = 1e-6
 """How far the offset voltage walks in a second, V/sqrt(s), for the filters that estimate it. Chosen: a few microvolts
@@ -67,8 +70,12 @@ MODEL_ERROR_TIME_S = 1.0
 it. Chosen: the scale of a ramp."""
 
 SWEPT_SHARE = 0.01
-"""Of its largest field that a swept model is believed to be off by, remanence and eddy currents included. Chosen."""
+"""Of its largest field that a swept model, and of its field that a current over a ratio, is believed to be off by.
+Chosen: remanence, saturation and eddy currents."""
 
 SETTLING_S = 1.0
 """After each ramp, before ffa2 takes the mean voltage for the offset. Chosen: eddy currents of a small actuator decay
 in milliseconds; a magnet with a solid yoke needs tens of seconds."""
+
+STILL_A, STILL_V = 0.1, 1e-4
+"""A current, or where there is none a mean voltage, that moves by less in a second is on a plateau. Chosen."""

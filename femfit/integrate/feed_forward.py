@@ -1,23 +1,62 @@
-"""Plain integration, and integration of the voltage minus an estimated offset: trapezoid, FFA1, FFA2.
+"""Plain integration, and integration of the voltage minus an offset: trapezoid, FFA1, FFA2.
 
-B_k = B_(k-1) + (T_s / A) ((v_k + v_(k-1)) / 2 - v_o). A rule says what v_o is: nothing (trapezoid), the mean over a
-zero reading before the measurement (FFA1), or the mean over the last second in which the field stood still (FFA2).
-
-References
-----------
+B_k = B_(k-1) + (T_s / A) ((v_k + v_(k-1)) / 2 - v_o). The offset v_o is nothing (trapezoid), the mean over a zero
+reading at the record's begin (FFA1), or the mean over the last second in which the field stood still (FFA2).
 P. Arpaia et al., Sensors 22 (2022) 182, (7) and section 3.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from femfit.integrate.field_block import FieldBlock
+from femfit.core.arrays import FloatArray
+from femfit.integrate.constants import SETTLING_S, STILL_A, STILL_V
 from femfit.integrate.increments import LastSample, increments
-from femfit.integrate.offset_rules import BIN, OffsetRule, RuleState, Window
-from femfit.integrate.uncertainty import Noise, Responses, SensingCoil
+from femfit.integrate.uncertainty import FieldBlock, Noise, Responses, SensingCoil
 from femfit.tables.coil_block import CoilBlock
+
+WINDOW = 1.0
+"""Seconds over which a voltage is averaged for the offset."""
+
+BIN = 1e-3
+"""Seconds over which a current is averaged before it tells a plateau: white noise of single samples grows with their
+rate, and at 204.8 kS/s it would hide every plateau."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """Sums over the samples of a window that is not complete yet.
+
+    Parameters
+    ----------
+    current_min, current_max : float
+        Of the current's means over :data:`BIN`, A; infinite without a current.
+    bin_sum, bin_samples : float, int
+        Of the mean that is not complete yet, A and how many; at the window's end it is left out.
+    """
+
+    samples: int = 0
+    voltage_sum: float = 0.0
+    current_min: float = math.inf
+    current_max: float = -math.inf
+    bin_sum: float = 0.0
+    bin_samples: int = 0
+
+    def extended(self, voltage: FloatArray, current: FloatArray | None, bin_size: int) -> "Window":
+        """With more samples; the current is averaged over ``bin_size`` of them."""
+        low, high, bin_sum, bin_samples = self.current_min, self.current_max, self.bin_sum, self.bin_samples
+        if current is not None:
+            starts = np.concatenate([[0], np.arange(bin_size - bin_samples, len(current), bin_size)])
+            sums = np.add.reduceat(current, starts)
+            counts = np.diff(starts, append=len(current))
+            sums[0], counts[0] = sums[0] + bin_sum, counts[0] + bin_samples
+            means = sums[counts == bin_size] / bin_size
+            low, high = float(means.min(initial=low)), float(means.max(initial=high))
+            full = counts[-1] == bin_size
+            bin_sum, bin_samples = (0.0, 0) if full else (float(sums[-1]), int(counts[-1]))
+        total = self.voltage_sum + float(np.sum(voltage))
+        return Window(self.samples + len(voltage), total, low, high, bin_sum, bin_samples)
 
 
 @dataclass(frozen=True)
@@ -26,76 +65,100 @@ class FeedForwardState:
 
     Parameters
     ----------
-    field, variance : float
-        B in T and its accumulated noise variance.
-    elapsed : float
-        Integrated time in s.
+    field, variance, elapsed : float
+        B in T, its accumulated noise variance, and the integrated time in s.
+    offset, still, level : float
+        v_o in V; seconds since the last ramp, or of the zero reading; the last window's current, A.
+    zero_samples : int
+        In the mean of the zero reading.
     """
 
     last: LastSample
     field: float
-    variance: float
-    elapsed: float
-    window: Window
-    rule: RuleState
+    still: float
+    variance: float = 0.0
+    elapsed: float = 0.0
+    offset: float = 0.0
+    level: float = math.nan
+    zero_samples: int = 0
+    window: Window = field(default_factory=Window)
 
 
 @dataclass(frozen=True)
 class FeedForwardIntegrator:
-    """Trapezoid, FFA1 or FFA2, by the rule that estimates the offset.
+    """Trapezoid, FFA1 with a zero reading, FFA2 on plateaus.
 
     Parameters
     ----------
-    noise : Noise
-        Of the samples; the reference is not used.
-    initial_field, initial_sigma : float
-        B_0 and its standard uncertainty in T.
+    initial_field : float
+        B_0 in T.
+    zero_reading : float
+        Seconds at the record's begin in which the field is held and the offset read.
+    on_plateaus : bool
+        Whether the offset is read on plateaus, ``settling`` seconds after a ramp.
+    still_A : float
+        A window whose current moves by less is on a plateau; without a current its mean voltage tells.
     """
 
     coil: SensingCoil
     noise: Noise
     sample_time: float
-    rule: OffsetRule
     initial_field: float = 0.0
-    initial_sigma: float = 0.0
+    zero_reading: float = 0.0
+    on_plateaus: bool = False
+    settling: float = SETTLING_S
+    still_A: float = STILL_A
+    window: float = WINDOW
 
     def start(self) -> FeedForwardState:
-        """The state before the first sample."""
-        return FeedForwardState(
-            LastSample(), self.initial_field, self.initial_sigma**2, 0.0, Window(), self.rule.start()
-        )
+        """The state before the first sample: no ramp yet, so that the first still window counts."""
+        return FeedForwardState(LastSample(), self.initial_field, math.inf if self.on_plateaus else 0.0)
 
     def advance(self, state: FeedForwardState, block: CoilBlock) -> tuple[FeedForwardState, FieldBlock]:
         """Integrate a block."""
         last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
-        step, variance, offset, integrated = steps.field.copy(), steps.variance.copy(), np.zeros(len(block)), steps.dt
-        window, rule = state.window, state.rule
-        live = np.ones(len(block))
-        bin_size = min(max(1, round(BIN / self.sample_time)), self._window_samples())
-        for part in self._parts(window, len(block)):
-            offset[part] = rule.offset
-            if rule.hold:
-                step[part], variance[part], live[part] = 0.0, 0.0, 0.0
-            step[part] -= live[part] * rule.offset * steps.dt[part] / self.coil.area_m2
-            window = window.extended(block[part], bin_size)
-            if window.samples == self._window_samples():
-                rule, window = self.rule.update(rule, window), Window()
-        field = state.field + np.cumsum(step)
-        spread = state.variance + np.cumsum(variance)
-        elapsed = state.elapsed + np.cumsum(live * integrated)
-        nothing = np.full(len(block), np.nan)
-        zero = np.zeros(len(block))
+        size = max(1, round(self.window / self.sample_time))
+        bin_size = min(max(1, round(BIN / self.sample_time)), size)
+        offset, live = np.zeros(len(block)), np.ones(len(block))
+        now, begin = state, 0
+        while begin < len(block):
+            part = slice(begin, min(len(block), begin + size - now.window.samples))
+            offset[part] = now.offset
+            live[part] = not self._reads_zero(now)
+            current = None if block.current is None else block.current[part]
+            now = replace(now, window=now.window.extended(block.voltage[part], current, bin_size))
+            if now.window.samples == size:
+                now = replace(self._updated(now), window=Window())
+            begin = part.stop
+        field = state.field + np.cumsum(live * (steps.field - offset * steps.dt / self.coil.area_m2))
+        variance = state.variance + np.cumsum(live * steps.variance)
+        elapsed = state.elapsed + np.cumsum(live * steps.dt)
+        nothing, zero = np.full(len(block), np.nan), np.zeros(len(block))
         responses = Responses(field - self.initial_field, zero, zero, elapsed / self.coil.area_m2)
-        end = FeedForwardState(last, float(field[-1]), float(spread[-1]), float(elapsed[-1]), window, rule)
-        return end, FieldBlock(block.time, field, spread, offset, nothing, nothing, responses)
+        ends = {"field": float(field[-1]), "variance": float(variance[-1]), "elapsed": float(elapsed[-1])}
+        return replace(now, last=last, **ends), FieldBlock(
+            block.time, field, variance, offset, nothing, nothing, responses
+        )
 
-    def _window_samples(self) -> int:
-        return max(1, round(self.rule.window / self.sample_time))
+    def _reads_zero(self, state: FeedForwardState) -> bool:
+        return not self.on_plateaus and state.still < self.zero_reading - 1e-9
 
-    def _parts(self, window: Window, samples: int) -> Iterator[slice]:
-        """The block cut where windows end."""
-        begin, filled = 0, window.samples
-        while begin < samples:
-            end = min(samples, begin + self._window_samples() - filled)
-            yield slice(begin, end)
-            begin, filled = end, 0
+    def _updated(self, state: FeedForwardState) -> FeedForwardState:
+        """After a complete window, whose offset holds from the next sample on."""
+        seen, still = state.window, state.still + self.window
+        if self._reads_zero(state):
+            total = state.zero_samples + seen.samples
+            offset = (state.offset * state.zero_samples + seen.voltage_sum) / total
+            return replace(state, offset=offset, zero_samples=total, still=still)
+        if not self.on_plateaus:
+            return state
+        mean, level = seen.voltage_sum / seen.samples, 0.5 * (seen.current_min + seen.current_max)
+        if math.isinf(seen.current_min):
+            moves = abs(mean) > STILL_V
+        else:  # a wander too slow for one window shows against the window before
+            since = 0.0 if math.isnan(state.level) else abs(level - state.level)
+            moves = max(seen.current_max - seen.current_min, since) > self.still_A
+        if moves:
+            return replace(state, still=0.0, level=level)
+        settled = state.still >= self.settling - 1e-9
+        return replace(state, offset=mean if settled else state.offset, still=still, level=level)

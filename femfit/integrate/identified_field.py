@@ -1,21 +1,27 @@
-"""Identify a magnet's field for its current from lab runs: the bounded QP over polynomial, play operators, eddy lags.
+"""Where the field of a current is taken from: lab runs with a Hall probe, or a swept femfit model.
 
 Strengths of plays and lags are bounded below by zero: a loop runs in one direction, and an eddy current delays.
-
-References
-----------
-P. Arpaia et al., Sensors 22 (2022) 182, section 5 (the wish for a nonlinear current-to-field model).
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import DomainError, FitError, MissingPartError, TableError
+from femfit.effects.conditions import Conditions
 from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
-from femfit.integrate.field_of_current import FieldModel, FieldTerms, field_columns, precycled
+from femfit.integrate.constants import SWEPT_SHARE
+from femfit.integrate.field_of_current import FieldModel, FieldTerms, field_columns, field_model_of_sweep, precycled
+from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
+from femfit.integrate.uncertainty import SensingCoil
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of
+from femfit.tables.coil_record import open_coil_record
 
 PATH_INTERVAL = 0.01
 """Seconds of a lab run that are averaged to one step of the current's path."""
@@ -38,36 +44,20 @@ FOLDS = 6
 
 # Radii as fractions of the largest current: small ones for the loop's tips, large ones for its width.
 _RADII = (1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 3 / 8, 1 / 2)
+_LAG_TIMES_S = (3.0, 10.0, 30.0)
 
 
 @dataclass(frozen=True, eq=False)
 class LabRun:
-    """Currents and the field that a drift-free filter found, from a magnet cycled to its largest current before.
-
-    Parameters
-    ----------
-    time, current, field : array, shape (n,)
-        In s, A and T.
-    """
+    """Time in s, current in A and field in T, shape (n,), of a magnet that was cycled to its largest current before."""
 
     time: FloatArray
     current: FloatArray
     field: FloatArray
 
 
-def usual_terms(current_max: float, lag_times: Sequence[float] = (3.0, 10.0, 30.0)) -> FieldTerms:
-    """Polynomial of degree 7, seven play operators, three lags, for cycles up to a largest current."""
-    return FieldTerms(current_max, 7, tuple(current_max * fraction for fraction in _RADII), tuple(lag_times))
-
-
 def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> FieldModel:
-    """Fit the field to the current over lab runs.
-
-    Parameters
-    ----------
-    terms : FieldTerms or None
-        The usual ones for the largest current of the runs where None.
-    """
+    """Fit the field to the current over lab runs; without ``terms`` by those for the runs' largest current."""
     if not runs:
         raise FitError("A field model needs at least one lab run; instead received none.")
     paths = [_path(run) for run in runs]
@@ -75,25 +65,25 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
     if terms is None:
         if top <= 0.0:
             raise FitError(f"A lab run must reach a current > 0 A; instead the largest is {top:g} A.")
-        terms = usual_terms(top)
+        terms = FieldTerms(top, 7, tuple(top * fraction for fraction in _RADII), _LAG_TIMES_S)
     low = min(float(run.current.min()) for run in paths)
     if low < -LEAST_SHARE * top:
         raise FitError(
             f"A lab run must stay between 0 A and its largest current, {top:g} A, to which the magnet was cycled; "
             f"instead it goes down to {low:g} A. Record and integrate one polarity at a time."
         )
-    matrices = [_means(field_columns(terms, precycled(terms), run.time, run.current)[1], ROW_STEPS) for run in paths]
-    whole, target = np.concatenate(matrices), np.concatenate([_means(run.field, ROW_STEPS) for run in paths])
-    used = np.flatnonzero(np.any(whole != 0.0, axis=0))
-    whole = whole[:, used]
-    free = terms.degree + 1
-    lower = np.where(used < free, -np.inf, 0.0)
+    columns = [field_columns(terms, precycled(terms), run.time, run.current)[1] for run in paths]
+    matrix = np.concatenate([_means(part, ROW_STEPS) for part in columns])
+    field = np.concatenate([_means(run.field, ROW_STEPS) for run in paths])
+    current = np.concatenate([_means(run.current, ROW_STEPS) for run in paths])
+    used = np.flatnonzero(np.any(matrix != 0.0, axis=0))
+    lower = np.where(used <= terms.degree, -np.inf, 0.0)
+    sigmas = ROW_SIGMA * float(np.abs(field).max()), STRENGTH_SIGMA * float(np.abs(field).max()) / top
+    problem = _Problem(matrix[:, used], field, lower, *sigmas)
     names = [terms.names[k] for k in used]
-    problem = _Problem(whole, target, lower, float(np.abs(target).max()), top)
-    solution = solve_bounded_qp(*problem.rows(np.ones(len(target), dtype=np.bool_)), lower, names=names)
+    solution = solve_bounded_qp(*problem.rows(np.ones(len(field), dtype=np.bool_)), lower, names=names)
     coefficients = np.zeros(len(terms.names))
     coefficients[used] = solution.x
-    current = np.concatenate([_means(run.current, ROW_STEPS) for run in paths])
     return FieldModel(terms, coefficients, _left_out_rms(problem, current))
 
 
@@ -116,18 +106,14 @@ class _Problem:
     matrix: FloatArray
     target: FloatArray
     lower: FloatArray
-    field_max: float
-    current_max: float
+    row_sigma: float
+    strength_sigma: float
 
     def rows(self, kept: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Matrix, target and sigma of the kept rows, and one prior row for each bounded strength."""
-        bounded = np.flatnonzero(np.isfinite(self.lower))
-        prior = np.zeros((len(bounded), len(self.lower)))
-        prior[np.arange(len(bounded)), bounded] = 1.0
-        strength = STRENGTH_SIGMA * self.field_max / self.current_max
-        sigma = np.r_[np.full(int(kept.sum()), ROW_SIGMA * self.field_max), np.full(len(bounded), strength)]
-        target = np.r_[self.target[kept], np.zeros(len(bounded))]
-        return np.concatenate([self.matrix[kept], prior]), target, sigma
+        prior = np.eye(len(self.lower))[np.isfinite(self.lower)]
+        sigma = np.r_[np.full(int(kept.sum()), self.row_sigma), np.full(len(prior), self.strength_sigma)]
+        return np.concatenate([self.matrix[kept], prior]), np.r_[self.target[kept], np.zeros(len(prior))], sigma
 
 
 def _left_out_rms(problem: _Problem, current: FloatArray) -> float:
@@ -140,3 +126,54 @@ def _left_out_rms(problem: _Problem, current: FloatArray) -> float:
         x = active_set_least_squares(*problem.rows(others), problem.lower)
         squares.append(np.square(problem.matrix[reached] @ x - problem.target[reached]))
     return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def field_of_lab_record(lab: str | Path, coil_area_m2: float) -> FieldModel:
+    """Identify the field of a current from a record with a Hall probe, of a magnet that was cycled before."""
+    record = open_coil_record(Path(lab))
+    if not {"hall_T", "current_A"} <= set(record.columns):
+        raise TableError(f"A lab record needs hall_T and current_A; {record.path} has {', '.join(record.columns)}.")
+    blocks = record.blocks()
+    first = next(blocks)
+    integrator = make_integrator(IntegrationOptions("cs1-offset", SensingCoil(coil_area_m2)), first)
+    step = max(1, round(PATH_INTERVAL / integrator.sample_time))
+    parts = [
+        np.stack([_means(column, step) for column in (block.time, block.current, out.field) if column is not None])
+        for block, out in integrate_blocks(integrator, itertools.chain([first], blocks))
+    ]
+    return identify_field([LabRun(*np.concatenate(parts, axis=1))])
+
+
+def field_of_swept_model(
+    model: ActuatorModel, distance_m: float, *, of_flux: bool, sigma: float | None = None
+) -> tuple[FieldModel, tuple[float, float]]:
+    """The field of a current as a femfit model has it, with the moving part held, and between which currents in A.
+
+    Parameters
+    ----------
+    of_flux : bool
+        Whether the winding's flux linkage is meant, in Wb, and not the field at the Hall element, in T.
+    sigma : float or None
+        What the model is believed to be off by, in that unit; None is :data:`SWEPT_SHARE` of its largest.
+    """
+    sensor, domain = model.sensor, model.validity
+    if sensor is None and not of_flux:
+        raise MissingPartError(
+            f"The field of a current is that at the Hall element, and {model.name} has none. Leave out --coil-area to "
+            "compare flux linkages instead."
+        )
+    domain.require(np.array([distance_m]), np.array([domain.current_max_A]))
+    if domain.current_max_A <= 0.0:
+        raise DomainError(f"The model must reach a current > 0 A; {model.name} ends at {domain.current_max_A:g} A.")
+    conditions = Conditions(nominal=nominal_of(model))
+
+    def curve(current: FloatArray) -> FloatArray:
+        read = predict_readings(model, np.full(current.shape, distance_m), current, conditions)
+        if of_flux or sensor is None:
+            return read["flux_linkage_Wb"]
+        return np.asarray((read["hall_V"] - sensor.quiescent_V) / sensor.sensitivity_V_per_T)
+
+    currents = (domain.current_min_A, domain.current_max_A)
+    if sigma is None:
+        sigma = SWEPT_SHARE * float(np.abs(curve(np.linspace(*currents, 33))).max())
+    return field_model_of_sweep(curve, *currents, sigma), currents

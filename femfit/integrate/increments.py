@@ -1,26 +1,18 @@
-"""Field increments by the trapezoidal rule, (7), carried from block to block."""
+"""Field increments by the trapezoidal rule, from block to block: P. Arpaia et al., Sensors 22 (2022) 182, (7)."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import FloatArray
 from femfit.integrate.constants import GAP
-from femfit.integrate.uncertainty import Noise, SensingCoil, increment_variance
+from femfit.integrate.uncertainty import Noise, SensingCoil
 from femfit.tables.coil_block import CoilBlock
 
 
 @dataclass(frozen=True)
 class LastSample:
-    """What an integrator keeps of the past.
-
-    Parameters
-    ----------
-    time, voltage : float
-        Of the last sample; NaN before the first.
-    highest : float
-        Largest |voltage| so far: bounds what a gap may hide.
-    """
+    """Time and voltage of the last sample, NaN before the first; the largest |voltage| so far bounds a gap's secret."""
 
     time: float = float("nan")
     voltage: float = float("nan")
@@ -39,30 +31,31 @@ class Increments:
         Increment in T.
     variance : array, shape (n,)
         Of its noise in T^2, and across a gap of what the gap may hide.
-    gap : array of bool, shape (n,)
-        Whether samples are missing before this one.
     """
 
     dt: FloatArray
     field: FloatArray
     variance: FloatArray
-    gap: BoolArray
 
 
 def increments(
     last: LastSample, block: CoilBlock, coil: SensingCoil, noise: Noise, sample_time: float
 ) -> tuple[LastSample, Increments]:
-    """Trapezoids of a block, with the trapezoid that joins it to the block before."""
+    """Trapezoids of a block, with the trapezoid that joins it to the block before.
+
+    Two trapezoids share a sample's noise, so that the increments of n samples have the variance of n samples; the
+    paper's (11) takes them as independent and arrives at half of it.
+    """
     first = np.isnan(last.time)
     time = np.concatenate([[block.time[0] if first else last.time], block.time])
     voltage = np.concatenate([[block.voltage[0] if first else last.voltage], block.voltage])
     dt = np.diff(time)
-    variance = increment_variance(noise, coil, voltage, dt)
+    sample = noise.voltage.variance(voltage)
+    variance = np.square(dt / coil.area_m2) * (sample[1:] + sample[:-1]) / 2.0
     gap = dt > GAP * sample_time
-    highest = float(np.abs(block.voltage).max())
     if np.any(gap):
         before = np.maximum.accumulate(np.maximum(np.abs(voltage), last.highest))[:-1]
         variance += np.where(gap, np.square(dt * before / coil.area_m2), 0.0)
     field = dt * (voltage[1:] + voltage[:-1]) / (2.0 * coil.area_m2)
-    end = LastSample(float(time[-1]), float(voltage[-1]), max(last.highest, highest))
-    return end, Increments(dt, field, variance, gap)
+    highest = max(last.highest, float(np.abs(block.voltage).max()))
+    return LastSample(float(time[-1]), float(voltage[-1]), highest), Increments(dt, field, variance)

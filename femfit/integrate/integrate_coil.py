@@ -4,8 +4,7 @@ import itertools
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, field
-from html import escape
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,119 +15,47 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.outputs import FIELD_MODEL, RAW_SIDECAR, require_outputs
-from femfit.integrate.constants import LARGEST_VOLTAGE_V, OFFSET_SIGMA_V, SETTLING_S
-from femfit.integrate.field_block import FieldBlock
-from femfit.integrate.field_of_current import FieldModel, read_field_model, write_field_model
+from femfit.integrate.coil_integral import CoilIntegral
+from femfit.integrate.constants import (
+    FIRST_FIELD_SIGMA_T,
+    LARGEST_VOLTAGE_V,
+    OFFSET_SIGMA_V,
+    SETTLING_S,
+    STILL_A,
+    SWEPT_SHARE,
+)
+from femfit.integrate.field_of_current import FieldModel, field_of_ratio, read_field_model, write_field_model
+from femfit.integrate.identified_field import field_of_lab_record, field_of_swept_model
 from femfit.integrate.methods import (
     FEED_FORWARD,
+    FILTERS,
     IntegrationOptions,
     Method,
     integrate_blocks,
     make_integrator,
 )
+from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.record_watch import RecordWatch, Reference
-from femfit.integrate.reference_field import identified_field, swept_field
-from femfit.integrate.smoother import smooth_blocks
-from femfit.integrate.uncertainty import SensingCoil, Systematics
+from femfit.integrate.smoother import smooth as smoothed
+from femfit.integrate.uncertainty import FieldBlock, LinearSigma, SensingCoil, Systematics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_block import CoilBlock, joined_record
 from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, RecordWriter, open_coil_record
 
-
-@dataclass(frozen=True, eq=False)
-class CoilIntegral:
-    """What integrating a coil's voltage gave.
-
-    Parameters
-    ----------
-    quantity : str
-        ``field_T``, or ``flux_linkage_Wb`` without a coil area.
-    value, standard_uncertainty : float
-        At the record's end, in the quantity's unit.
-    parts : dict
-        Standard uncertainty at the end by source.
-    offset_V : float
-        Offset voltage that was taken off at the end.
-    rows : DataFrame or None
-        The record's columns with the quantity, its standard uncertainty and the offset; None where they were written.
-
-    Examples
-    --------
-    >>> import femfit as ff
-    >>> integral = ff.integrate_coil("record.csv", coil_area_m2=0.05)
-    >>> round(1e6 * integral.offset_V), list(integral.rows)[-1]
-    (10, 'offset_V')
-    """
-
-    record: str
-    method: Method
-    smoothed: bool
-    quantity: str
-    samples: int
-    sample_time_s: float
-    end_s: float
-    value: float
-    standard_uncertainty: float
-    coverage: float
-    parts: dict[str, float]
-    offset_V: float
-    findings: tuple[Finding, ...]
-    output: Path | None
-    field_model: Path | None
-    rows: pd.DataFrame | None = field(repr=False, default=None)
-    seconds: float = 0.0
-
-    @property
-    def expanded_uncertainty(self) -> float:
-        """Coverage factor times standard uncertainty."""
-        return self.coverage * self.standard_uncertainty
-
-    def __str__(self) -> str:
-        unit = self.quantity.rsplit("_", 1)[1]
-        given = ", ".join(f"{name.replace('_', ' ')} {part:.3g}" for name, part in self.parts.items() if part > 0.0)
-        none = [name.replace("_", " ") for name, part in self.parts.items() if part == 0.0]
-        how = f"{self.method}, smoothed" if self.smoothed else self.method
-        lines = [
-            (
-                f"{self.value:.9g} {unit} +- {self.expanded_uncertainty:.3g} {unit} (k = {self.coverage:g}) at "
-                f"{self.end_s:.6g} s, the record's end"
-            ),
-            (
-                f"{how}: {self.samples} samples, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
-                f"{1e6 * self.offset_V:.3g} uV at the end"
-            ),
-            f"standard uncertainty in {unit}: {given}" + (f"; nothing given for {', '.join(none)}" if none else ""),
-            *(f"{finding.code}: {finding}" for finding in self.findings),
-            *(f"written: {path}" for path in (self.field_model, self.output) if path is not None),
-        ]
-        return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready, without the rows."""
-        return {
-            "record": self.record,
-            "method": self.method,
-            "smoothed": self.smoothed,
-            "quantity": self.quantity,
-            "samples": self.samples,
-            "sample_time_s": self.sample_time_s,
-            "end": {
-                "time_s": self.end_s,
-                "value": self.value,
-                "standard_uncertainty": self.standard_uncertainty,
-                "expanded_uncertainty": self.expanded_uncertainty,
-                "coverage_factor": self.coverage,
-                "parts": self.parts,
-                "offset_V": self.offset_V,
-            },
-            "findings": [finding.as_dict() for finding in self.findings],
-            "output": None if self.output is None else str(self.output),
-            "seconds": self.seconds,
-        }
+USED_BY = {
+    "--zero-reading-s": ("ffa1",),
+    "--settling-s": ("ffa2",),
+    "--still-A": ("ffa2",),
+    "--current-to-field": ("cs2",),
+    "--lab": ("cs2-identified",),
+    "--field-model": ("cs2-identified",),
+    "--model": ("cs2-identified",),
+    "--smooth": FILTERS,
+    "--reference-gain-sigma": FILTERS,
+    "--reference-offset-sigma-T": FILTERS,
+}
+"""Options that not every method uses, with those that do."""
 
 
 def integrate_coil(
@@ -139,8 +66,8 @@ def integrate_coil(
     output: str | Path | None = None,
     initial_field_T: float | None = None,
     zero_reading_s: float | None = None,
-    settling_s: float = SETTLING_S,
-    still_A: float = 0.1,
+    settling_s: float | None = None,
+    still_A: float | None = None,
     current_to_field_A_per_T: float | None = None,
     lab: str | Path | None = None,
     field_model: str | Path | FieldModel | None = None,
@@ -148,9 +75,9 @@ def integrate_coil(
     distance_m: float | None = None,
     model_sigma: float | None = None,
     smooth: bool = False,
-    coil_area_sigma_m2: float = 0.0,
-    reference_gain_sigma: float = 0.0,
-    reference_offset_sigma_T: float = 0.0,
+    coil_area_sigma_m2: float | None = None,
+    reference_gain_sigma: float | None = None,
+    reference_offset_sigma_T: float | None = None,
     offset_sigma_V: float | None = None,
     coverage: float = 2.0,
     progress: Callable[[int, int], None] | None = None,
@@ -162,10 +89,10 @@ def integrate_coil(
     record : path or DataFrame
         ``time_s``, ``coil_voltage_V``, and ``hall_T`` or ``current_A`` for a filter.
     method : str
-        ``trapezoid``; ``ffa1`` (offset from a zero reading); ``ffa2`` (mean on each plateau); ``cs1``, ``cs2`` (Kalman
-        filter with a Hall probe, with the current); ``cs1-offset`` (with the offset voltage as a second state);
-        ``cs2-identified`` (with a field model). Default: ``cs1-offset`` where the record has a Hall probe and an area
-        is given, else ``ffa2``.
+        ``trapezoid``; ``ffa1`` (offset from a zero reading); ``ffa2`` (mean on each plateau); ``cs1-offset`` (Kalman
+        filter with a Hall probe, whose second state is the offset voltage); ``cs2``, ``cs2-identified`` (the same with
+        the current over a ratio, with a field model). Default: ``cs1-offset`` where the record has a Hall probe and an
+        area is given, else ``ffa2``.
     coil_area_m2 : float
         Total area of the coil; filters with a Hall probe or a ratio need it.
     output : path
@@ -173,8 +100,8 @@ def integrate_coil(
     initial_field_T : float
         Field at the record's begin (flux linkage without an area); default 0, or the reference's first reading.
     zero_reading_s, settling_s, still_A : float
-        Length of ffa1's zero reading; time that ffa2 waits after a ramp; how far a current may move in a second of a
-        plateau.
+        Length of ffa1's zero reading; time that ffa2 waits after a ramp (1 s by default); how far a current may move
+        in a second of a plateau (0.1 A).
     current_to_field_A_per_T : float
         Of cs2.
     lab, field_model : path
@@ -188,7 +115,7 @@ def integrate_coil(
     coil_area_sigma_m2, reference_gain_sigma, reference_offset_sigma_T, offset_sigma_V : float
         Standard uncertainties of what stays the same through the record; the gain's is relative.
     progress : callable
-        Called with samples done and in all.
+        Called with samples done and in all, where the record says how many there are.
 
     Raises
     ------
@@ -211,46 +138,55 @@ def integrate_coil(
     source = record if isinstance(record, pd.DataFrame) else open_coil_record(Path(record))
     columns = tuple(name for name in COLUMNS if name in source.columns)
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in columns else "ffa2")
-    if coil_area_m2 is None and chosen not in FEED_FORWARD and model is None:
-        raise TableError(f"{chosen} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
-    if chosen != "cs2-identified" and (lab is not None or field_model is not None):
-        raise TableError(
-            f"--lab and --field-model describe the field of a current for --method cs2-identified; {chosen} uses none. "
-            "Leave them out, or give that method."
-        )
+    given = {
+        "--coil-area": coil_area_m2,
+        "--zero-reading-s": zero_reading_s,
+        "--settling-s": settling_s,
+        "--still-A": still_A,
+        "--current-to-field": current_to_field_A_per_T,
+        "--lab": lab,
+        "--field-model": field_model,
+        "--model": model,
+        "--distance-mm": distance_m,
+        "--model-sigma": model_sigma,
+        "--smooth": smooth or None,
+        "--coil-area-sigma": coil_area_sigma_m2,
+        "--reference-gain-sigma": reference_gain_sigma,
+        "--reference-offset-sigma-T": reference_offset_sigma_T,
+    }
+    _require_fitting(chosen, {option for option, value in given.items() if value is not None})
     written = Path(field_model) if lab is not None and isinstance(field_model, str | Path) else None
     _require_free([record, lab, model, field_model if lab is None else None], output, written)
-    coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2, coil_area_sigma_m2)
-    known: FieldModel | None = None
-    currents = None
-    if model is not None:
-        if chosen != "cs2-identified" or lab is not None or field_model is not None or distance_m is None:
-            raise TableError(
-                "--model goes with --method cs2-identified and --distance-mm, without --lab and --field-model."
-            )
+    coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2)
+    known = _CurrentField()
+    if current_to_field_A_per_T is not None:
+        known = _of_ratio(current_to_field_A_per_T, reference_gain_sigma, reference_offset_sigma_T)
+    elif model is not None and distance_m is not None:
         swept = model if isinstance(model, ActuatorModel) else read_model(Path(model))
-        known, currents = swept_field(swept, distance_m, of_flux=coil_area_m2 is None, sigma=model_sigma)
+        field_, currents = field_of_swept_model(swept, distance_m, of_flux=coil_area_m2 is None, sigma=model_sigma)
+        known = _CurrentField(field_, currents)
     elif chosen == "cs2-identified":
-        known = _field_model(coil.area_m2, lab, field_model)
-        currents = (0.0, known.terms.current_max_A)
-        if written is not None:
-            write_field_model(known, written)
-    zero = max(reference_offset_sigma_T, 0.0 if known is None else known.rms_T)
-    offset = OFFSET_SIGMA_V.get(chosen, 0.0) if offset_sigma_V is None else offset_sigma_V
-    systematics = Systematics(coil_area_sigma_m2 / coil.area_m2, reference_gain_sigma, zero, offset)
+        known = _identified(coil, lab, field_model)
+    if written is not None and known.model is not None:
+        write_field_model(known.model, written)
+    systematics = Systematics(
+        (coil_area_sigma_m2 or 0.0) / coil.area_m2,
+        reference_gain_sigma or 0.0,
+        max(reference_offset_sigma_T or 0.0, known.model.rms_T if chosen == "cs2-identified" and known.model else 0.0),
+        OFFSET_SIGMA_V.get(chosen, 0.0) if offset_sigma_V is None else offset_sigma_V,
+    )
     options = IntegrationOptions(
         chosen,
         coil,
         initial_field_T,
         zero_reading_s,
-        settling_s,
-        still_A,
-        current_to_field_A_per_T,
-        known,
-        systematics,
+        SETTLING_S if settling_s is None else settling_s,
+        STILL_A if still_A is None else still_A,
+        known.model,
+        known.sigma,
     )
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
-    made = _stream(source, columns, options, quantity, currents, smooth=smooth, output=output, progress=progress)
+    made = _stream(source, columns, options, known, systematics, quantity, smooth, output, progress)
     end = made.last
     parts = {name: float(values[-1]) for name, values in end.responses.parts(systematics).items()}
     return CoilIntegral(
@@ -274,6 +210,61 @@ def integrate_coil(
     )
 
 
+def _require_fitting(method: Method, given: set[str]) -> None:
+    """Refuse options that would do nothing, and say what a method lacks."""
+    for option in sorted(given & USED_BY.keys()):
+        if method not in USED_BY[option]:
+            raise TableError(
+                f"{option} is for {' and '.join(USED_BY[option])}; {method} does not use it. Leave it out, or give "
+                "another --method."
+            )
+    if "--model" in given and ("--distance-mm" not in given or given & {"--lab", "--field-model"}):
+        raise TableError("--model goes with --distance-mm, without --lab and --field-model.")
+    for option, partner in (
+        ("--distance-mm", "--model"),
+        ("--model-sigma", "--model"),
+        ("--coil-area-sigma", "--coil-area"),
+    ):
+        if option in given and partner not in given:
+            raise TableError(f"{option} belongs to {partner} and does nothing without it. Give both, or neither.")
+    if method in FILTERS and not given & {"--coil-area", "--model"}:
+        raise TableError(f"{method} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
+    if method == "cs2" and "--current-to-field" not in given:
+        raise TableError(
+            "cs2 takes the current over the magnet's current-to-field ratio for a field: give that ratio in A/T with "
+            "--current-to-field."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _CurrentField:
+    """What is known of the field of a current: a model, the currents in A between which it holds, a ratio's error."""
+
+    model: FieldModel | None = None
+    currents: tuple[float, float] | None = None
+    sigma: LinearSigma | None = None
+    ratio: float | None = None
+
+
+def _of_ratio(ratio: float, gain_sigma: float | None, offset_sigma: float | None) -> _CurrentField:
+    floor = FIRST_FIELD_SIGMA_T if offset_sigma is None else offset_sigma
+    sigma = LinearSigma(floor, SWEPT_SHARE if gain_sigma is None else gain_sigma)
+    return _CurrentField(field_of_ratio(ratio, floor), None, sigma, ratio)
+
+
+def _identified(coil: SensingCoil, lab: str | Path | None, given: str | Path | FieldModel | None) -> _CurrentField:
+    if lab is None and given is None:
+        raise TableError(
+            "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
+            "magnet that was cycled before), --field-model FILE, or --model MODEL.json with --distance-mm."
+        )
+    if lab is not None:
+        model = field_of_lab_record(lab, coil.area_m2)
+    else:
+        model = given if isinstance(given, FieldModel) else read_field_model(Path(str(given)))
+    return _CurrentField(model, (0.0, model.terms.current_max_A))
+
+
 @dataclass(frozen=True, eq=False)
 class _Streamed:
     """What is left when a record has streamed past: its last block, and the rows where they were not written."""
@@ -289,9 +280,9 @@ def _stream(
     source: CoilRecord | pd.DataFrame,
     columns: tuple[str, ...],
     options: IntegrationOptions,
+    known: _CurrentField,
+    systematics: Systematics,
     quantity: str,
-    currents: tuple[float, float] | None,
-    *,
     smooth: bool,
     output: Path | None,
     progress: Callable[[int, int], None] | None,
@@ -300,9 +291,13 @@ def _stream(
     total = len(source) if isinstance(source, pd.DataFrame) else source.samples
     first = next(blocks)
     integrator = make_integrator(options, first)
-    record = itertools.chain([first], blocks)
-    pairs = smooth_blocks(integrator, record) if smooth else integrate_blocks(integrator, record)
-    watch = _watch(options, columns, quantity, integrator.sample_time, currents)
+    pairs = integrate_blocks(integrator, itertools.chain([first], blocks))
+    if smooth and isinstance(integrator, OffsetFilter):
+        whole = joined_record(itertools.chain([first], blocks))
+        pairs = iter([(whole, smoothed(integrator, whole))])
+    watch = _watch(options, columns, quantity, integrator.sample_time, known)
+    if progress is not None and total:
+        progress(0, total)
     seen, samples, corrected = watch.start(), 0, False
     value, unit = quantity.rsplit("_", 1)
     sigma_name = f"{value}_sigma_{unit}"
@@ -312,7 +307,7 @@ def _stream(
         for block, out in pairs:
             read = {"coil_voltage_V": block.voltage, "hall_T": block.hall, "current_A": block.current}
             table = {"time_s": block.time} | {name: there for name in columns if (there := read[name]) is not None}
-            table |= {quantity: out.field, sigma_name: out.sigma(options.systematics), "offset_V": out.offset}
+            table |= {quantity: out.field, sigma_name: out.sigma(systematics), "offset_V": out.offset}
             if writer is None:
                 kept.append(pd.DataFrame(table))
             else:
@@ -320,52 +315,30 @@ def _stream(
             seen = watch.advance(seen, block, out)
             samples += len(block)
             corrected |= bool(np.any(out.offset != 0.0))
-            if progress is not None:
-                progress(samples, total or samples)
+            if progress is not None and total:
+                progress(samples, total)
     findings = watch.findings(seen)
     if options.method == "ffa2" and not corrected:
-        findings += (_no_plateau(options.still_A),)
+        text = (
+            f"ffa2 found no settled plateau, on which the current moves by less than {options.still_A:g} A in a "
+            "second: nothing was taken off, and this is the plain integral."
+        )
+        remedy = "Give --still-A, a shorter --settling-s, or another method."
+        findings += (Finding("plateau", "warning", text, remedy),)
     rows = pd.concat(kept, ignore_index=True) if kept else None
     return _Streamed(out, samples, integrator.sample_time, findings, rows)
 
 
 def _watch(
-    options: IntegrationOptions,
-    columns: tuple[str, ...],
-    quantity: str,
-    sample_time: float,
-    currents: tuple[float, float] | None,
+    options: IntegrationOptions, columns: tuple[str, ...], quantity: str, sample_time: float, known: _CurrentField
 ) -> RecordWatch:
     """Compare the coil with the reference that the method uses, or with one that the record has besides."""
-    of_hall = options.of_hall or (options.method in FEED_FORWARD and "hall_T" in columns)
+    of_hall = options.method == "cs1-offset" or (options.method in FEED_FORWARD and "hall_T" in columns)
     reference: Reference | None = "hall_T" if of_hall else "current_A" if "current_A" in columns else None
-    scale = None
+    scale = None if known.ratio is None else 1.0 / known.ratio
     if of_hall and quantity == "field_T":
         scale = 1.0
-    elif options.method == "cs2" and options.current_to_field is not None:
-        scale = 1.0 / options.current_to_field
-    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, currents)
-
-
-def _no_plateau(still_A: float) -> Finding:
-    text = (
-        f"ffa2 found no settled plateau, on which the current moves by less than {still_A:g} A in a second: nothing "
-        "was taken off, and this is the plain integral."
-    )
-    return Finding("plateau", "warning", text, "Give --still-A, a shorter --settling-s, or another method.")
-
-
-def _field_model(area_m2: float, lab: str | Path | None, given: str | Path | FieldModel | None) -> FieldModel:
-    if lab is not None:
-        return identified_field(lab, area_m2)
-    if isinstance(given, FieldModel):
-        return given
-    if given is not None:
-        return read_field_model(Path(given))
-    raise TableError(
-        "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
-        "magnet that was cycled before), --field-model FILE, or --model MODEL.json with --distance-mm."
-    )
+    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, known.currents)
 
 
 def _require_free(read: list[Any], output: Path | None, field_model: Path | None) -> None:

@@ -2,15 +2,11 @@
 
 State (B, v_o): B_k = B_(k-1) + (T_s / A) ((v_k + v_(k-1)) / 2 - v_o), v_o a random walk. Every sample is predicted, and
 every few milliseconds the readings of the reference are compared, on average, with the predictions of the same samples:
-between two corrections the field is the coil's alone. The reference is a Hall probe (cs1-offset) or an identified model
-of the field for the current (cs2-identified). What lasts of that model's error belongs to the systematics; the filter
-weighs it as white noise of the density that an error of one second has.
+between two corrections the field is the coil's alone. The reference is a Hall probe, or a model of the field for the
+current, whose lasting error is weighed as white noise of the density that an error of one second has.
 
-References
-----------
-P. Arpaia et al., Sensors 22 (2022) 182, (7) and (13), with one state.
-Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001), 5.2
-(Kalman filter), 6.2.2 (integrated white noise).
+P. Arpaia et al., Sensors 22 (2022) 182, (7) and (13), with one state; Y. Bar-Shalom, X. Li and T. Kirubarajan,
+Estimation with Applications to Tracking and Navigation (Wiley, 2001), 5.2 (Kalman filter), 6.2.2 (integrated noise).
 """
 
 from dataclasses import dataclass, replace
@@ -19,11 +15,10 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.integrate.constants import MODEL_ERROR_TIME_S, OFFSET_SIGMA_V, OFFSET_WANDER_V
-from femfit.integrate.field_block import FieldBlock, joined, leading_unknown, unknown_block
+from femfit.integrate.constants import FIRST_OFFSET_SIGMA_V, MODEL_ERROR_TIME_S, OFFSET_WANDER_V
 from femfit.integrate.field_of_current import FieldModel, MagnetState
 from femfit.integrate.increments import Increments, LastSample, increments
-from femfit.integrate.uncertainty import Noise, SensingCoil
+from femfit.integrate.uncertainty import FieldBlock, Noise, Responses, SensingCoil
 from femfit.tables.coil_block import CoilBlock
 
 UPDATE_INTERVAL = 0.02
@@ -39,7 +34,7 @@ class Pending:
     elapsed, integral, variance : float
         Time in s, coil's field increment in T and its noise variance in T^2.
     raw, predicted, at, noise : float
-        Sums over these: reading (T or A), predicted field (T), elapsed time (s), variance (T^2).
+        Sums over the readings: reading (T or A), predicted field (T), elapsed time (s), variance (T^2).
     """
 
     samples: int = 0
@@ -75,15 +70,7 @@ class OffsetState:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """One correction of the filter, for the smoother.
-
-    Parameters
-    ----------
-    row : int
-        Sample of the block at which it happened.
-    predicted, predicted_covariance, mean, covariance : array
-        Field and offset with their responses, (2, 4), and their covariance, (2, 2), before and after.
-    """
+    """One correction of the filter, for the smoother: at which sample of the block, and what was before and after."""
 
     row: int
     elapsed: float
@@ -95,12 +82,10 @@ class Correction:
 
 @dataclass(frozen=True)
 class OffsetFilter:
-    """cs1-offset (Hall probe), or cs2-identified (current and a field model).
+    """With a Hall probe, or with the current and a field model.
 
     Parameters
     ----------
-    noise : Noise
-        White noise of voltage and reference; the reference's is not used with a field model.
     initial_field : float
         B_0 in T; NaN takes the reference's first reading.
     offset_sigma : float
@@ -114,7 +99,7 @@ class OffsetFilter:
     sample_time: float
     field_model: FieldModel | None = None
     initial_field: float = float("nan")
-    offset_sigma: float = OFFSET_SIGMA_V["cs1"]
+    offset_sigma: float = FIRST_OFFSET_SIGMA_V
     offset_wander: float = OFFSET_WANDER_V
     interval: float = UPDATE_INTERVAL
 
@@ -130,79 +115,65 @@ class OffsetFilter:
         self, state: OffsetState, block: CoilBlock, trace: list[Correction] | None = None
     ) -> tuple[OffsetState, FieldBlock]:
         """Filter a block; ``trace`` collects the corrections for the smoother."""
-        raw = self._raw(block)
-        unknown = leading_unknown(float(state.mean[0, 0]), raw)
-        if unknown:
-            before = unknown_block(block.time[:unknown])
-            if unknown == len(block):
-                return state, before
-            state, after = self.advance(state, block[unknown:], trace)
-            if trace is not None:
-                trace[:] = [replace(correction, row=correction.row + unknown) for correction in trace]
-            return state, joined([before, after])
-        last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
-        state = replace(self._acquired(state, block.time, raw), last=last)
-        size = len(block)
-        out = unknown_block(block.time)
-        window = max(1, round(self.interval / self.sample_time))
-        begin = 0
-        while begin < size:
-            end = min(size, begin + window - state.pending.samples)
-            state = self._predict(state, raw, steps, slice(begin, end), out)
-            if state.pending.samples == window:
-                state = self._correct(state, end - 1, out, trace)
-            begin = end
-        return state, out
-
-    def _raw(self, block: CoilBlock) -> FloatArray:
         raw = block.hall if self.field_model is None else block.current
         if raw is None:
             name = "hall_T" if self.field_model is None else "current_A"
             raise TableError(f"This filter needs {name}; instead received a record without it.")
-        return raw
+        columns = np.full((9, len(block)), np.nan)
+        out = FieldBlock(block.time, *columns[:5], Responses(*columns[5:]))
+        begin = 0
+        if np.isnan(state.mean[0, 0]):  # nothing is known before the first reading
+            begin = next(iter(np.flatnonzero(np.isfinite(raw)).tolist()), len(block))
+            if begin == len(block):
+                return state, out
+            state = self._acquired(state, block.time[begin], raw[begin])
+        last, steps = increments(state.last, block[begin:], self.coil, self.noise, self.sample_time)
+        window, first = max(1, round(self.interval / self.sample_time)), begin
+        while begin < len(block):
+            end = min(len(block), begin + window - state.pending.samples)
+            state = self._predict(state, raw[begin:end], steps, slice(begin - first, end - first), out, begin)
+            if state.pending.samples == window:
+                state = self._correct(state, end - 1, out, trace)
+            begin = end
+        return replace(state, last=last), out
 
-    def _acquired(self, state: OffsetState, time: FloatArray, raw: FloatArray) -> OffsetState:
-        """With a field to start from."""
-        if not np.isnan(state.mean[0, 0]):
-            return state
-        first = float(raw[0])
+    def _acquired(self, state: OffsetState, time: float, reading: float) -> OffsetState:
+        """With a field to start from, all of which came from the reference."""
         if self.field_model is not None and state.magnet is not None:
-            first = float(self.field_model.advance(state.magnet, time[:1], raw[:1])[1][0])
+            reading = float(self.field_model.advance(state.magnet, np.array([time]), np.array([reading]))[1][0])
         mean = state.mean.copy()
-        mean[0, :3] = first, first, 1.0  # all of it came from the reference
+        mean[0, :3] = reading, reading, 1.0
         return replace(state, mean=mean)
 
     def _predict(
-        self, state: OffsetState, raw: FloatArray, steps: Increments, part: slice, out: FieldBlock
+        self, state: OffsetState, readings: FloatArray, steps: Increments, rows: slice, out: FieldBlock, begin: int
     ) -> OffsetState:
         """Predict every sample of a part of the block, and sum up what the next correction needs."""
         p, mean, P, area = state.pending, state.mean, state.covariance, self.coil.area_m2
-        elapsed = p.elapsed + np.cumsum(steps.dt[part])
-        integral = p.integral + np.cumsum(steps.field[part])
-        variance = p.variance + np.cumsum(steps.variance[part])
-        late = elapsed / area
+        elapsed = p.elapsed + np.cumsum(steps.dt[rows])
+        integral = p.integral + np.cumsum(steps.field[rows])
+        variance = p.variance + np.cumsum(steps.variance[rows])
+        late, part = elapsed / area, slice(begin, begin + len(elapsed))
         out.field[part] = field = mean[0, 0] + integral - mean[1, 0] * late
         walk = self.offset_wander**2 * late**2 * elapsed / 3.0
         out.variance[part] = P[0, 0] - 2.0 * late * P[0, 1] + late**2 * P[1, 1] + variance + walk
         out.offset[part] = mean[1, 0]
         _write_responses(out, part, mean[0, 1:, None] - mean[1, 1:, None] * late, late)
-        readings = raw[part]
         used = np.isfinite(readings)
         own = readings[used]
-        return replace(
-            state,
-            pending=Pending(
-                p.samples + len(elapsed),
-                float(elapsed[-1]),
-                float(integral[-1]),
-                float(variance[-1]),
-                p.readings + len(own),
-                p.raw + float(own.sum()),
-                p.predicted + float(field[used].sum()),
-                p.at + float(elapsed[used].sum()),
-                p.noise + float(self.noise.reference.variance(own).sum()),
-            ),
+        noise = 0.0 if self.field_model is not None else float(self.noise.reference.variance(own).sum())
+        pending = Pending(
+            p.samples + len(elapsed),
+            float(elapsed[-1]),
+            float(integral[-1]),
+            float(variance[-1]),
+            p.readings + len(own),
+            p.raw + float(own.sum()),
+            p.predicted + float(field[used].sum()),
+            p.at + float(elapsed[used].sum()),
+            p.noise + noise,
         )
+        return replace(state, pending=pending)
 
     def _correct(self, state: OffsetState, row: int, out: FieldBlock, trace: list[Correction] | None) -> OffsetState:
         """Compare the mean reading with the mean prediction, at the window's last sample."""
@@ -216,10 +187,9 @@ class OffsetFilter:
         mean[0, 3] += tau / area
         predicted, covariance, magnet = mean.copy(), prior, state.magnet
         if p.readings:
-            magnet, z = self._reading(state, float(out.time[row]))
+            magnet, z, R = self._reading(state, float(out.time[row]))
             back = (tau - p.at / p.readings) / area
             H = np.array([1.0, back])
-            R = self._reading_variance(p)
             spread = float(H @ prior @ H) + R
             gain = prior @ H / spread
             # What the mean prediction of the readings' samples is, column by column.
@@ -236,22 +206,16 @@ class OffsetFilter:
             trace.append(Correction(row, tau, predicted, prior, mean, covariance))
         return OffsetState(state.last, mean, covariance, Pending(), magnet)
 
-    def _reading(self, state: OffsetState, time: float) -> tuple[MagnetState | None, float]:
-        """The reference's mean field since the last correction."""
+    def _reading(self, state: OffsetState, time: float) -> tuple[MagnetState | None, float, float]:
+        """The reference's mean field since the last correction, and its variance."""
         p = state.pending
         mean = p.raw / p.readings
         if self.field_model is None or state.magnet is None:
-            return None, mean
-        magnet, field = self.field_model.advance(
-            state.magnet, np.array([time - p.elapsed + p.at / p.readings]), np.array([mean])
-        )
-        return magnet, float(field[0])
-
-    def _reading_variance(self, p: Pending) -> float:
-        """Of the mean reading."""
-        if self.field_model is None:
-            return p.noise / p.readings**2
-        return self.field_model.rms_T**2 * max(1.0, MODEL_ERROR_TIME_S / max(p.elapsed, self.sample_time))
+            return None, mean, p.noise / p.readings**2
+        at = np.array([time - p.elapsed + p.at / p.readings])
+        magnet, field = self.field_model.advance(state.magnet, at, np.array([mean]))
+        lasting = max(1.0, MODEL_ERROR_TIME_S / max(p.elapsed, self.sample_time))
+        return magnet, float(field[0]), lasting * float(self.noise.reference.variance(field)[0])
 
 
 def _write_responses(out: FieldBlock, part: slice, rows: FloatArray, late: FloatArray) -> None:

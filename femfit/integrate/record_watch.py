@@ -24,7 +24,7 @@ from femfit.integrate.constants import (
     STUCK_SHARE,
     STUCK_TIME_S,
 )
-from femfit.integrate.field_block import FieldBlock
+from femfit.integrate.uncertainty import FieldBlock
 from femfit.tables.coil_block import CoilBlock
 
 Reference = Literal["hall_T", "current_A"]

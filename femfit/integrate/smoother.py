@@ -1,79 +1,22 @@
-"""Offline: what a Kalman filter would have said had it known the rest of the record (Rauch, Tung and Striebel).
+"""Offline: what the filter would have said had it known the rest of the record.
 
-For one state the backward recursion is affine and runs in parallel chunks; for two states it goes from
-correction to correction, and the coil's integral carries the samples between.
-
-References
-----------
-H. E. Rauch, F. Tung and C. T. Striebel, AIAA J. 3 (1965) 1445.
+H. E. Rauch, F. Tung and C. T. Striebel, AIAA J. 3 (1965) 1445. The backward recursion goes from correction
+to correction, and the coil's integral carries the samples between.
 """
 
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import TableError
-from femfit.integrate.feed_forward import FeedForwardIntegrator
-from femfit.integrate.field_block import FieldBlock
 from femfit.integrate.increments import increments
-from femfit.integrate.kalman import KalmanIntegrator
-from femfit.integrate.methods import AnyIntegrator
 from femfit.integrate.offset_filter import Correction, OffsetFilter
-from femfit.integrate.parallel_prefix import Folding, affine_recursion
-from femfit.integrate.uncertainty import Responses
-from femfit.tables.coil_block import CoilBlock, joined_record
+from femfit.integrate.uncertainty import FieldBlock, Responses
+from femfit.tables.coil_block import CoilBlock
 
 
-def smooth(integrator: KalmanIntegrator | OffsetFilter, record: CoilBlock) -> FieldBlock:
+def smooth(integrator: OffsetFilter, record: CoilBlock) -> FieldBlock:
     """Filter a whole record and smooth it; innovations stay the filter's."""
-    if isinstance(integrator, KalmanIntegrator):
-        return _smooth_one_state(integrator, record)
-    return _smooth_two_states(integrator, record)
-
-
-def smooth_blocks(integrator: AnyIntegrator, blocks: Iterable[CoilBlock]) -> Iterator[tuple[CoilBlock, FieldBlock]]:
-    """Smooth a record that comes in blocks, as one block."""
-    if isinstance(integrator, FeedForwardIntegrator):
-        raise TableError("Only a Kalman filter can be smoothed; choose cs1, cs2, cs1-offset or cs2-identified.")
-    record = joined_record(blocks)
-    yield record, smooth(integrator, record)
-
-
-def _smooth_one_state(integrator: KalmanIntegrator, record: CoilBlock) -> FieldBlock:
-    """x_s,k = x_k + C_k (x_s,k+1 - x_k+1^-), C_k = P_k / P_k+1^-, backwards."""
-    start = integrator.start()
-    _, out = integrator.advance(start, record)
-    _, steps = increments(start.last, record, integrator.coil, integrator.noise, integrator.sample_time)
-    x, P = out.field, out.variance
-    predicted_variance = P[:-1] + steps.variance[1:]
-    gain = P[:-1] / predicted_variance
-    back = slice(None, None, -1)
-
-    def smoothed(values: FloatArray, increment: FloatArray) -> FloatArray:
-        return _backwards(gain[back], (values[:-1] - gain * (values[:-1] + increment[1:]))[back], float(values[-1]))
-
-    field = smoothed(x, steps.field)
-    variance = _backwards((gain**2)[back], (P[:-1] - gain**2 * predicted_variance)[back], float(P[-1]))
-    still = np.zeros(len(x))
-    reference, unit = (smoothed(r, still) for r in (out.responses.reference, out.responses.reference_unit))
-    voltage = smoothed(out.responses.voltage_unit, steps.dt / integrator.coil.area_m2)
-    known = 0.0 if np.isnan(integrator.initial_field) else integrator.initial_field
-    responses = Responses(field - reference - (1.0 - unit) * known, reference, unit, voltage)
-    return replace(out, field=field, variance=variance, responses=responses)
-
-
-def _backwards(a: FloatArray, b: FloatArray, last: float) -> FloatArray:
-    """y_k = a_k y_(k-1) + b_k from the record's end on, in the record's order."""
-    if len(a) == 0:
-        return np.array([last])
-    folding = Folding(len(a))
-    values = folding.unfold(affine_recursion(folding.fold(a, 1.0), [folding.fold(b, 0.0)], [last])[0])
-    return np.concatenate([values[::-1], [last]])
-
-
-def _smooth_two_states(integrator: OffsetFilter, record: CoilBlock) -> FieldBlock:
     trace: list[Correction] = []
     start = integrator.start()
     _, out = integrator.advance(start, record, trace)

@@ -1,12 +1,7 @@
 """What is known of the sensors: noise, which averages out, and systematics, which do not.
 
 White noise is weighed by the filters; gains and offsets, which are one unknown number for a whole record, are carried
-through them as sensitivities.
-
-References
-----------
-P. Arpaia et al., Sensors 22 (2022) 182, eq. (11).
-JCGM 100:2008 (GUM), 4.2 and 4.3 (type A and B), 5.1 (combination), 6.2 (coverage factor).
+through them as sensitivities. JCGM 100:2008 (GUM), 4.2 and 4.3 (type A and B), 5.1 (combination).
 """
 
 import math
@@ -17,19 +12,15 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 
+# Second differences of white noise have six times its variance; the median of |normal| is 0.6745 sigma.
+_MEDIAN_TO_SIGMA = 1.0 / (0.6745 * math.sqrt(6.0))
+
 
 @dataclass(frozen=True)
 class SensingCoil:
-    """A coil with a known total area.
-
-    Parameters
-    ----------
-    area_m2 : float
-        Total area, > 0; 1 makes every field a flux linkage in Wb.
-    """
+    """A coil with a known total area in m2; 1 makes every field a flux linkage in Wb."""
 
     area_m2: float
-    area_sigma_m2: float = 0.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.area_m2) and self.area_m2 > 0.0):
@@ -37,8 +28,6 @@ class SensingCoil:
                 f"A coil's total area must be > 0 m2; instead received {self.area_m2:g}. Give turns x area of a turn; "
                 "for a coil wound the other way, change the sign of its voltage."
             )
-        if not (math.isfinite(self.area_sigma_m2) and self.area_sigma_m2 >= 0.0):
-            raise TableError(f"The area's uncertainty must be >= 0 m2; instead received {self.area_sigma_m2:g}.")
 
 
 @dataclass(frozen=True)
@@ -55,12 +44,14 @@ class LinearSigma:
 
 @dataclass(frozen=True)
 class Noise:
-    """White noise of each sample, which the filter weighs.
+    """What the filter weighs.
 
     Parameters
     ----------
+    voltage : LinearSigma
+        White noise of each sample, V.
     reference : LinearSigma
-        Of a reference reading (Hall probe, or field from the current), T.
+        White noise of each Hall reading, T; of a current's field its error, which lasts for about a second.
     initial_T : float
         Standard uncertainty of the field before the first sample.
     """
@@ -72,17 +63,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Systematics:
-    """Standard uncertainties of what stays the same through a record (type B, or type A of a calibration).
-
-    Parameters
-    ----------
-    reference_gain : float
-        Relative: Hall sensitivity, or current transducer with current-to-field ratio.
-    reference_offset_T : float
-        Of the reference's zero, its model's error included.
-    offset_voltage_V : float
-        Of the offset voltage that a method does not estimate itself, or of its estimate.
-    """
+    """Standard uncertainties of what stays the same through a record; gains are relative."""
 
     coil_gain: float = 0.0
     reference_gain: float = 0.0
@@ -109,11 +90,6 @@ class Responses:
     reference_unit: FloatArray
     voltage_unit: FloatArray
 
-    def variance(self, systematics: Systematics) -> FloatArray:
-        """Combined variance of independent systematics in T^2, shape (n,) (GUM 5.1.2)."""
-        parts = self.parts(systematics)
-        return np.asarray(sum(np.square(part) for part in parts.values()))
-
     def parts(self, systematics: Systematics) -> dict[str, FloatArray]:
         """Standard uncertainty in T that each source brings, shape (n,)."""
         return {
@@ -124,16 +100,45 @@ class Responses:
         }
 
 
-def increment_variance(noise: Noise, coil: SensingCoil, voltage: FloatArray, dt: FloatArray) -> FloatArray:
-    """Variance of B_k - B_(k-1) in T^2: the voltage's part of (11), twice.
-
-    Two trapezoids share a sample's noise, so that the increments of n samples have the variance of n samples; (11)
-    takes them as independent and arrives at half of it.
+@dataclass(frozen=True, eq=False)
+class FieldBlock:
+    """The integrated field, a value for each sample of a coil block, each an array of shape (n,).
 
     Parameters
     ----------
-    dt : array, shape (n,)
-        Between them, s.
+    field : array
+        B in T (a flux linkage in Wb where the coil's area is 1).
+    variance : array
+        Of white noise, in T^2.
+    offset : array
+        Estimated offset voltage in V.
+    innovation, innovation_variance : array
+        Reference minus prediction where a reading was used, NaN elsewhere; T and T^2.
     """
-    variance = noise.voltage.variance(voltage)
-    return np.asarray(np.square(dt / coil.area_m2) * (variance[1:] + variance[:-1]) / 2.0)
+
+    time: FloatArray
+    field: FloatArray
+    variance: FloatArray
+    offset: FloatArray
+    innovation: FloatArray
+    innovation_variance: FloatArray
+    responses: Responses
+
+    def sigma(self, systematics: Systematics) -> FloatArray:
+        """Combined standard uncertainty in T of noise and independent systematics (GUM 5.1.2)."""
+        parts = self.responses.parts(systematics).values()
+        return np.asarray(np.sqrt(self.variance + sum(np.square(part) for part in parts)))
+
+
+def white_sigma(values: FloatArray) -> float:
+    """Standard deviation of white noise on a slow signal, from second differences; NaN are left out.
+
+    It is at least 1e-9 of the largest value, so that noiseless data can be weighed.
+    """
+    known = values[np.isfinite(values)]
+    if len(known) < 3:
+        raise TableError(f"Noise cannot be evaluated from {len(known)} readings in the first block; give at least 3.")
+    bends = np.abs(np.diff(known, 2))
+    # The median of coarsely quantised readings may be 0; their mean is not.
+    centre = float(np.median(bends)) or 0.845 * float(np.mean(bends))
+    return max(centre * _MEDIAN_TO_SIGMA, 1e-9 * float(np.abs(known).max()), 1e-15)

@@ -10,10 +10,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from femfit.integrate.field_block import FieldBlock
-from femfit.integrate.methods import Method
+from femfit.integrate.uncertainty import FieldBlock
 
-COLOURS: Mapping[Method, str] = {
+COLOURS: Mapping[str, str] = {
     "trapezoid": "#d55e00",
     "ffa1": "#0072b2",
     "ffa2": "#e69f00",
@@ -31,7 +30,7 @@ MAGNIFIED = (0.1, 1e-3)
 """Half heights of the lower rows of Figure 7 about the field on the last flat-top, T."""
 
 
-def offsets_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: Sequence[Method]) -> Figure:
+def offsets_figure(blocks: Mapping[float, Mapping[str, FieldBlock]], methods: Sequence[str]) -> Figure:
     """Figures 5 and 6: the offset voltage that each method finds, a panel for each ramp rate.
 
     Parameters
@@ -52,7 +51,7 @@ def offsets_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods:
     return figure
 
 
-def fields_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: Sequence[Method]) -> Figure:
+def fields_figure(blocks: Mapping[float, Mapping[str, FieldBlock]], methods: Sequence[str]) -> Figure:
     """Figure 7: the field by method, a column for each ramp rate, magnified from row to row about the flat-tops.
 
     Parameters
@@ -85,9 +84,7 @@ def fields_figure(blocks: Mapping[float, Mapping[Method, FieldBlock]], methods: 
     return figure
 
 
-def flat_top_figure(
-    blocks: Mapping[Method, FieldBlock], flat_top: tuple[float, float], methods: Sequence[Method]
-) -> Figure:
+def flat_top_figure(blocks: Mapping[str, FieldBlock], flat_top: tuple[float, float], methods: Sequence[str]) -> Figure:
     """Figure 8: the last flat-top."""
     figure = _new_figure(2.8)
     axes = figure.subplots()

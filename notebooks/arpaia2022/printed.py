@@ -8,8 +8,6 @@ P. Arpaia et al., Sensors 22 (2022) 182, Tables 1 to 3.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from femfit.integrate.methods import Method
-
 
 @dataclass(frozen=True)
 class Printed:
@@ -27,7 +25,7 @@ class Printed:
     uncertainty_end: tuple[float, float, float]
 
 
-PAPER: Mapping[Method, Printed] = {
+PAPER: Mapping[str, Printed] = {
     "trapezoid": Printed(None, None, (112.14e-6, 119.98e-6, 59.90e-6), (194.48e-3, 104.23e-3, 60.34e-3)),
     "ffa1": Printed((3.3e-6, 6.8e-6, 6.8e-6), None, (59.25e-6, 8.03e-6, 53.02e-6), (100.25e-3, 9.38e-3, 25.97e-3)),
     "ffa2": Printed(

@@ -12,7 +12,7 @@ from femfit.integrate.uncertainty import LinearSigma, Noise, SensingCoil
 PAPER_SAMPLE_RATE = 204.8e3
 """Of the paper's converter in Hz; not printed there, but it makes 2 sqrt(P) = 65 uT of Table 3."""
 
-PAPER_COIL = SensingCoil(0.059394, 2.29e-6)
+PAPER_COIL = SensingCoil(0.059394)
 """161 turns on 16 layers, calibrated by flipping; section 2.2."""
 
 PAPER_CURRENT_TO_FIELD = 316.0

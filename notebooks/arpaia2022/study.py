@@ -11,24 +11,21 @@ P. Arpaia et al., Sensors 22 (2022) 182, Tables 1 to 3.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from arpaia2022.experiment import PAPER_RAMP_RATES, Experiment, ExperimentInputs
 from arpaia2022.indicators import AVERAGE, global_drift, total_uncertainty
+from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.printed import PAPER
 from arpaia2022.sensors import PAPER_COIL, PAPER_CURRENT_TO_FIELD, paper_noise
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.integrate.field_block import FieldBlock
+from femfit.integrate.feed_forward import FeedForwardIntegrator
 from femfit.integrate.field_of_current import FieldModel
-from femfit.integrate.methods import (
-    AnyIntegrator,
-    IntegrationOptions,
-    Method,
-    integrate_blocks,
-    make_integrator,
-)
+from femfit.integrate.methods import IntegrationOptions, make_integrator
+from femfit.integrate.offset_filter import OffsetFilter
+from femfit.integrate.uncertainty import FieldBlock
 
 SETTLING = 30.0
 """Seconds after the first flat-top's begin at which (17) starts here, and plateau errors are taken."""
@@ -36,7 +33,9 @@ SETTLING = 30.0
 EDDY_SETTLING = ((3.2, 32.0, 100.0), (20.0, 25.0, 30.0))
 """Ramp rates in A/s, and the seconds that FFA2 waits after each; section 3."""
 
-PAPER_METHODS: tuple[Method, ...] = ("trapezoid", "ffa1", "ffa2", "cs1", "cs2")
+AnyIntegrator: TypeAlias = FeedForwardIntegrator | KalmanIntegrator | OffsetFilter
+
+PAPER_METHODS: tuple[str, ...] = ("trapezoid", "ffa1", "ffa2", "cs1", "cs2")
 
 _CYCLES: Mapping[float, int] = {3.2: 3, 32.0: 4, 100.0: 4}
 
@@ -61,7 +60,7 @@ class Figures:
     """
 
     ramp_rate: float
-    method: Method
+    method: str
     offset_mean: float
     offset_range: tuple[float, float]
     drift: float
@@ -92,9 +91,9 @@ def experiment_figures(pieces: Iterable[Experiment], field_model: FieldModel | N
     tuple of Figures
         The paper's five, cs1-offset, and cs2-identified.
     """
-    extra: tuple[Method, ...] = ("cs1-offset",) if field_model is None else ("cs1-offset", "cs2-identified")
-    running: dict[Method, tuple[AnyIntegrator, Any]] = {}
-    parts: dict[Method, list[_Part]] = {method: [] for method in (*PAPER_METHODS, *extra)}
+    extra: tuple[str, ...] = ("cs1-offset",) if field_model is None else ("cs1-offset", "cs2-identified")
+    running: dict[str, tuple[AnyIntegrator, Any]] = {}
+    parts: dict[str, list[_Part]] = {method: [] for method in (*PAPER_METHODS, *extra)}
     for piece in pieces:
         inputs, flat_tops, measured = piece.inputs, piece.flat_tops, piece.after_zero_reading()
         for method, found in parts.items():
@@ -112,25 +111,27 @@ def experiment_figures(pieces: Iterable[Experiment], field_model: FieldModel | N
     return tuple(_figures(method, inputs.ramp_rate, found, flat_tops, reference) for method, found in parts.items())
 
 
-def _integrator(method: Method, source: Experiment, field_model: FieldModel | None) -> AnyIntegrator:
+def _integrator(method: str, source: Experiment, field_model: FieldModel | None) -> AnyIntegrator:
     inputs = source.inputs
-    starts = {"cs2": 0.0, "cs1-offset": None, "cs2-identified": None}
+    noise = paper_noise(method == "cs1", inputs.sample_rate) if method in PAPER_METHODS else None
+    if method in {"cs1", "cs2"}:
+        ratio, start = (None, inputs.remanence) if method == "cs1" else (PAPER_CURRENT_TO_FIELD, 0.0)
+        return KalmanIntegrator(PAPER_COIL, noise, 1.0 / inputs.sample_rate, ratio, start)
     options = IntegrationOptions(
         method,
         PAPER_COIL,
-        initial_field=starts.get(method, inputs.remanence),
+        initial_field=inputs.remanence if method in PAPER_METHODS else None,
         zero_reading=inputs.zero_reading,
         settling=float(np.interp(inputs.ramp_rate, *EDDY_SETTLING)),
-        current_to_field=PAPER_CURRENT_TO_FIELD,
-        field_model=field_model,
-        noise=paper_noise(method == "cs1", inputs.sample_rate) if method in PAPER_METHODS else None,
+        field_model=field_model if method == "cs2-identified" else None,
+        noise=noise,
     )
     return make_integrator(options, source.record)
 
 
 def experiment_fields(
-    experiment: Experiment, methods: Sequence[Method] = PAPER_METHODS, field_model: FieldModel | None = None
-) -> dict[Method, FieldBlock]:
+    experiment: Experiment, methods: Sequence[str] = PAPER_METHODS, field_model: FieldModel | None = None
+) -> dict[str, FieldBlock]:
     """What each method makes of a whole experiment, for pictures.
 
     Parameters
@@ -144,10 +145,11 @@ def experiment_fields(
         By method; ffa1's begins with the zero reading, the others' after it.
     """
     measured = experiment.after_zero_reading()
-    found: dict[Method, FieldBlock] = {}
+    found: dict[str, FieldBlock] = {}
     for method in methods:
         source = experiment if method == "ffa1" else measured
-        ((_, found[method]),) = integrate_blocks(_integrator(method, source, field_model), [source.record])
+        integrator = _integrator(method, source, field_model)
+        found[method] = integrator.advance(integrator.start(), source.record)[1]
     return found
 
 
@@ -160,7 +162,7 @@ class _Part:
     squares: tuple[float, int]  # sum, samples
 
 
-def _part(method: Method, source: Experiment, block: FieldBlock) -> _Part:
+def _part(method: str, source: Experiment, block: FieldBlock) -> _Part:
     time, zero = block.time, source.inputs.zero_reading
     begin, end = source.flat_tops[0][0] + SETTLING, source.flat_tops[-1][1]
     near = (np.abs(time - begin) <= 2.0 * AVERAGE) | (np.abs(time - end) <= 2.0 * AVERAGE)
@@ -181,7 +183,7 @@ def _end(parts: Sequence[_Part], flat_tops: Sequence[tuple[float, float]]) -> tu
 
 
 def _figures(
-    method: Method,
+    method: str,
     ramp_rate: float,
     parts: Sequence[_Part],
     flat_tops: Sequence[tuple[float, float]],

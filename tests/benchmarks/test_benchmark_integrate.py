@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.sensors import PAPER_COIL, PAPER_SAMPLE_RATE, paper_noise
 
-from femfit.integrate.kalman import KalmanIntegrator
 from femfit.tables.coil_block import CoilBlock
 from femfit.tables.coil_record import RecordWriter
 
@@ -44,7 +44,7 @@ def test_the_scalar_filter_alone():
     assert 2e6 * np.sqrt(state.variance) == pytest.approx(65.6, abs=0.1)
 
 
-@pytest.mark.parametrize("method", ["cs1", "cs1-offset"])
+@pytest.mark.parametrize("method", ["ffa2", "cs1-offset"])
 def test_the_whole_command(method, tmp_path):
     rng, done = np.random.default_rng(0), 0
     names = ["time_s", "coil_voltage_V", "hall_T"]

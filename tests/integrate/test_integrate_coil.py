@@ -20,7 +20,8 @@ GOOD = pd.DataFrame(
         "current_A": 1.0 - np.cos(TIME) + 1e-4 * RNG.normal(size=SAMPLES),
     }
 )
-OPTIONS = {"coil_area_m2": 0.01, "zero_reading_s": 0.5, "current_to_field_A_per_T": 10.0}
+AREA = {"coil_area_m2": 0.01}
+OPTIONS = {"ffa1": {"zero_reading_s": 0.5}, "cs2": {"current_to_field_A_per_T": 10.0}}
 ODD = {
     "as it is": GOOD,
     "all zero": GOOD.assign(coil_voltage_V=0.0, hall_T=0.0, current_A=0.0),
@@ -37,14 +38,14 @@ ODD = {
     "no voltage": GOOD.drop(columns="coil_voltage_V"),
 }
 METHODS = [("trapezoid", False), ("ffa1", False), ("ffa2", False)]
-METHODS += list(itertools.product(("cs1", "cs2", "cs1-offset"), (False, True)))
+METHODS += list(itertools.product(("cs2", "cs1-offset"), (False, True)))
 
 
 @pytest.mark.parametrize("name", ODD)
 @pytest.mark.parametrize(("method", "smooth"), METHODS)
 def test_an_odd_record_ends_in_a_result_or_in_one_sentence(name, method, smooth):
     try:
-        result = integrate_coil(ODD[name], method=method, smooth=smooth, **OPTIONS)
+        result = integrate_coil(ODD[name], method=method, smooth=smooth, **AREA, **OPTIONS.get(method, {}))
     except FemfitError as error:
         said = str(error)
     else:
@@ -64,3 +65,37 @@ def test_the_integral_of_a_known_voltage_is_the_flux_linkage():
     # The trapezoidal rule at 2 ms.
     assert result.value == pytest.approx(1.0 - np.cos(TIME[-1]), rel=1e-6)
     assert result.quantity == "flux_linkage_Wb"
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "named"),
+    [
+        ("cs1-offset", {"settling_s": 2.0}, "--settling-s is for ffa2"),
+        ("cs1-offset", {"current_to_field_A_per_T": 10.0}, "--current-to-field is for cs2"),
+        ("ffa1", {"zero_reading_s": 0.5, "still_A": 0.1}, "--still-A is for ffa2"),
+        ("ffa2", {"zero_reading_s": 0.5}, "--zero-reading-s is for ffa1"),
+        ("trapezoid", {"reference_gain_sigma": 1e-3}, "--reference-gain-sigma is for cs1-offset"),
+        ("trapezoid", {"smooth": True}, "--smooth is for cs1-offset"),
+        ("cs1-offset", {"distance_m": 0.02}, "--distance-mm belongs to --model"),
+        ("trapezoid", {"coil_area_m2": None, "coil_area_sigma_m2": 1e-6}, "--coil-area-sigma belongs to --coil-area"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(method, options, named):
+    with pytest.raises(TableError, match=named):
+        integrate_coil(GOOD, method=method, **AREA | options)
+
+
+@pytest.mark.parametrize("ratio", [10.0, 10.3])
+def test_the_current_over_a_ratio_ends_the_drift(ratio):
+    late = np.arange(0.0, 60.0, 5e-3)
+    field = 0.1 * (1.0 - np.cos(late))
+    voltage = 0.01 * 0.1 * np.sin(late) + 2e-5 + 1e-6 * np.random.default_rng(2).normal(size=len(late))
+    rows = pd.DataFrame({"time_s": late, "coil_voltage_V": voltage, "current_A": 10.0 * field})
+    result = integrate_coil(
+        rows, method="cs2", current_to_field_A_per_T=ratio, reference_gain_sigma=0.03, initial_field_T=0.0, **AREA
+    )
+    error = result.rows["field_T"].to_numpy() - field
+    # The plain integral ends 0.12 T off. The ratio may be 3 % off, of a field of 0.1 T on average.
+    assert np.abs(error[-2000:]).max() < 0.03 * 0.15
+    assert abs(error[-1]) < 2.0 * result.standard_uncertainty
+    assert result.offset_V == pytest.approx(2e-5, abs=5e-6)

@@ -1,36 +1,27 @@
 """Feed-forward and one-state integrators: online as offline, closed forms, the paper's figures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.sensors import PAPER_COIL, paper_noise
 
 from femfit.core.errors import TableError
 from femfit.integrate.feed_forward import FeedForwardIntegrator
-from femfit.integrate.field_block import joined
-from femfit.integrate.kalman import KalmanIntegrator
-from femfit.integrate.offset_rules import NoOffset, PlateauMean, ZeroReading
 from femfit.integrate.uncertainty import LinearSigma, Noise, SensingCoil
 from femfit.tables.coil_block import CoilBlock
+from support.field_blocks import run
 
 DT = 1e-3
 QUIET = Noise(LinearSigma(1e-6), LinearSigma(1e-5), 1e-3)
-PLATEAU = PlateauMean(window=0.05, settling=0.1)
 INTEGRATORS = {
-    "trapezoid": FeedForwardIntegrator(PAPER_COIL, QUIET, DT, NoOffset()),
-    "ffa1": FeedForwardIntegrator(PAPER_COIL, QUIET, DT, ZeroReading(duration=0.2, window=0.05)),
-    "ffa2": FeedForwardIntegrator(PAPER_COIL, QUIET, DT, PLATEAU),
+    "trapezoid": FeedForwardIntegrator(PAPER_COIL, QUIET, DT),
+    "ffa1": FeedForwardIntegrator(PAPER_COIL, QUIET, DT, zero_reading=0.2, window=0.05),
+    "ffa2": FeedForwardIntegrator(PAPER_COIL, QUIET, DT, on_plateaus=True, settling=0.1, window=0.05),
     "cs1": KalmanIntegrator(PAPER_COIL, QUIET, DT),
     "cs2": KalmanIntegrator(PAPER_COIL, QUIET, DT, current_to_field=316.0, initial_field=0.0),
 }
-
-
-def run(integrator, record, cuts=()):
-    """The field of a record, handed over in pieces."""
-    state, blocks = integrator.start(), []
-    for begin, end in zip([0, *cuts], [*cuts, len(record)], strict=True):
-        state, block = integrator.advance(state, record[begin:end])
-        blocks.append(block)
-    return joined(blocks)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +53,7 @@ def test_trapezoid_drifts_by_offset_over_area():
 
 def test_an_area_of_one_gives_the_flux_linkage():
     time = np.arange(1001) * DT
-    integrator = FeedForwardIntegrator(SensingCoil(1.0), QUIET, DT, NoOffset())
+    integrator = FeedForwardIntegrator(SensingCoil(1.0), QUIET, DT)
     assert run(integrator, CoilBlock(time, np.sin(time))).field[-1] == pytest.approx(1.0 - np.cos(1.0), rel=1e-6)
 
 
@@ -88,7 +79,7 @@ def test_plateau_mean_is_not_updated_on_ramps_and_while_eddy_currents_decay(expe
     record = experiment.record
     if not with_current:
         record = CoilBlock(record.time, record.voltage)
-    block = run(FeedForwardIntegrator(PAPER_COIL, QUIET, DT, PlateauMean(settling=30.0)), record)
+    block = run(FeedForwardIntegrator(PAPER_COIL, QUIET, DT, on_plateaus=True, settling=30.0), record)
     begin, end = experiment.flat_tops[0]
     waiting = (block.time > 61.1) & (block.time < begin + 30.0)
     assert len(np.unique(block.offset[waiting])) == 1
@@ -195,18 +186,19 @@ def test_plateaus_are_told_at_the_papers_sample_rate():
     time = np.arange(round(2.5 * rate)) / rate
     current = np.where(time < 1.0, 320.0, 320.0 - 3.2 * (time - 1.0)) + 0.064 * rng.normal(size=len(time))
     record = CoilBlock(time, np.full(len(time), 7e-6), None, current)
-    rule = PlateauMean(settling=0.0)
-    integrator = FeedForwardIntegrator(PAPER_COIL, QUIET, 1.0 / rate, rule)
+    integrator = FeedForwardIntegrator(PAPER_COIL, QUIET, 1.0 / rate, on_plateaus=True, settling=0.0)
     state, on_plateau = integrator.advance(integrator.start(), record[: round(1.2 * rate)])
     # The mean of the first second holds from there on; the ramp after it is no plateau.
     assert on_plateau.offset[-1] == pytest.approx(7e-6)
-    assert rule.update(rule.start(), state.window.extended(record[round(1.2 * rate) :], 205)).still == 0.0
+    state, on_ramp = integrator.advance(state, record[round(1.2 * rate) :])
+    assert len(np.unique(on_ramp.offset)) == 1
+    assert state.still == 0.0
 
 
 @pytest.mark.parametrize("cuts", [tuple(range(1, 5000)), (1, 130, 131, 3000)], ids=["sample by sample", "blocks"])
 def test_plateaus_are_told_online_as_offline_where_samples_are_averaged(cuts, stretch):
     fast = CoilBlock(stretch.time / 7.0, stretch.voltage, None, stretch.current)
-    integrator = FeedForwardIntegrator(PAPER_COIL, QUIET, DT / 7.0, PLATEAU)
+    integrator = replace(INTEGRATORS["ffa2"], sample_time=DT / 7.0)
     whole = run(integrator, fast)
     assert 1 < len(np.unique(whole.offset)) < 20
     np.testing.assert_allclose(run(integrator, fast, cuts).offset, whole.offset, rtol=1e-9)

@@ -7,7 +7,6 @@ import pytest
 from arpaia2022.sensors import PAPER_COIL
 
 from femfit.integrate.increments import LastSample, increments
-from femfit.integrate.kalman import KalmanIntegrator
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.smoother import smooth
 from femfit.integrate.uncertainty import LinearSigma, Noise
@@ -27,30 +26,39 @@ def made(samples, seed=1, wander=1e-6):
     return CoilBlock(time, voltage, field + 1e-5 * rng.normal(size=samples)), field
 
 
-def test_one_state_smoothing_is_the_batch_least_squares_solution():
+def test_smoothing_is_the_batch_least_squares_solution():
     record, _ = made(60)
-    integrator = KalmanIntegrator(PAPER_COIL, NOISE, DT, initial_field=0.4)
+    wander = 1e-5
+    integrator = OffsetFilter(PAPER_COIL, NOISE, DT, None, 0.4, offset_wander=wander, interval=DT)
     _, steps = increments(LastSample(), record, PAPER_COIL, NOISE, DT)
-    # Rows: prior of the first sample, each increment, each reading; weighted by their sigmas.
-    n = len(record)
-    difference = np.eye(n) - np.eye(n, k=-1)
-    step_sigma = np.sqrt(np.r_[NOISE.initial_T**2, steps.variance[1:]])
-    matrix = np.concatenate([difference / step_sigma[:, None], np.eye(n) / 1e-5])
-    right = np.r_[np.r_[0.4, steps.field[1:]] / step_sigma, record.hall / 1e-5]
-    normal = matrix.T @ matrix
-    expected = np.linalg.solve(normal, matrix.T @ right)
+    n, late = len(record), DT / PAPER_COIL.area_m2
+    # Unknown are field and offset of each sample; rows: the start, each step of both, each reading, by their sigmas.
+    rows, right = [], []
+    for k in range(n):
+        now, before = np.zeros((2, 2 * n)), np.zeros((2, 2 * n))
+        now[:, 2 * k : 2 * k + 2] = np.eye(2)
+        if k == 0:
+            covariance, step = np.diag([NOISE.initial_T**2, integrator.offset_sigma**2]), np.array([0.4, 0.0])
+        else:
+            before[:, 2 * k - 2 : 2 * k] = [[1.0, -late], [0.0, 1.0]]
+            walk = wander**2 * DT * np.array([[late**2 / 3.0, -late / 2.0], [-late / 2.0, 1.0]])
+            covariance, step = walk + np.diag([steps.variance[k], 0.0]), np.array([steps.field[k], 0.0])
+        weight = np.linalg.inv(np.linalg.cholesky(covariance))
+        rows += [weight @ (now - before), now[:1] / 1e-5]
+        right += [weight @ step, record.hall[k : k + 1] / 1e-5]
+    matrix = np.concatenate(rows)
+    expected = np.linalg.lstsq(matrix, np.concatenate(right), rcond=None)[0]
     smoothed = smooth(integrator, record)
-    # The normal equations' condition of 1e6 costs six of sixteen digits.
-    np.testing.assert_allclose(smoothed.field, expected, atol=1e-10)
-    np.testing.assert_allclose(smoothed.variance, np.diag(np.linalg.inv(normal)), rtol=1e-5)
+    # Rows whose weights are 1e6 apart cost six of sixteen digits.
+    np.testing.assert_allclose(smoothed.field, expected[::2], atol=1e-9)
+    np.testing.assert_allclose(smoothed.offset, expected[1::2], atol=1e-9)
+    spread = np.diag(np.linalg.inv(matrix.T @ matrix))[::2]
+    np.testing.assert_allclose(smoothed.variance, spread, rtol=1e-4)
 
 
-@pytest.mark.parametrize("two_states", [False, True], ids=["cs1", "cs1-offset"])
-def test_smoothing_halves_the_variance_inside_the_record_and_ends_where_the_filter_does(two_states):
+def test_smoothing_halves_the_variance_inside_the_record_and_ends_where_the_filter_does():
     record, truth = made(30_000)
-    integrator = KalmanIntegrator(PAPER_COIL, replace(NOISE, voltage=LinearSigma(3e-5)), DT)
-    if two_states:
-        integrator = OffsetFilter(PAPER_COIL, NOISE, DT, offset_wander=1e-6)
+    integrator = OffsetFilter(PAPER_COIL, NOISE, DT, offset_wander=1e-6)
     _, filtered = integrator.advance(integrator.start(), record)
     smoothed = smooth(integrator, record)
     inside = slice(3000, 27_000)
@@ -58,7 +66,7 @@ def test_smoothing_halves_the_variance_inside_the_record_and_ends_where_the_filt
     def rms(block):
         return np.sqrt(np.mean((block.field - truth)[inside] ** 2))
 
-    # A random walk's smoothed variance is half the filtered one, 0.71 in rms; that of two states is smaller still.
+    # A random walk's smoothed variance is half the filtered one, 0.71 in rms; with the offset it is smaller still.
     assert rms(smoothed) < 0.75 * rms(filtered)
     assert smoothed.field[-1] == filtered.field[-1]
     assert np.all(smoothed.variance[inside] < filtered.variance[inside])
@@ -82,18 +90,15 @@ def test_a_record_shorter_than_a_correction_is_only_filtered():
     )
 
 
-@pytest.mark.parametrize("two_states", [False, True], ids=["cs1", "cs1-offset"])
 @pytest.mark.parametrize(("name", "change"), [("reference", 1e-3), ("reference_unit", 1e-4), ("voltage_unit", 1e-6)])
-def test_a_smoothed_fields_responses_are_what_a_systematic_error_does_to_it(name, change, two_states):
+def test_a_smoothed_fields_responses_are_what_a_systematic_error_does_to_it(name, change):
     record, _ = made(3000)
     wrong = {
         "reference": replace(record, hall=record.hall * (1.0 + change)),
         "reference_unit": replace(record, hall=record.hall + change),
         "voltage_unit": replace(record, voltage=record.voltage + change),
     }[name]
-    integrator = KalmanIntegrator(PAPER_COIL, NOISE, DT)
-    if two_states:
-        integrator = OffsetFilter(PAPER_COIL, NOISE, DT)
+    integrator = OffsetFilter(PAPER_COIL, NOISE, DT)
     smoothed = smooth(integrator, record)
     moved = (smooth(integrator, wrong).field - smoothed.field) / change
     expected = getattr(smoothed.responses, name)

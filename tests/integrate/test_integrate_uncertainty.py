@@ -5,18 +5,18 @@ import pytest
 from arpaia2022.sensors import PAPER_COIL, paper_noise
 
 from femfit.core.errors import TableError
-from femfit.integrate.methods import (
-    IntegrationOptions,
-    integrate_blocks,
-    make_integrator,
-    record_noise,
-    sample_time,
-    white_sigma,
-)
-from femfit.integrate.uncertainty import LinearSigma, Noise, Responses, Systematics, increment_variance
+from femfit.integrate.increments import LastSample, increments
+from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator, record_noise, sample_time
+from femfit.integrate.uncertainty import FieldBlock, LinearSigma, Noise, Responses, Systematics, white_sigma
 from femfit.tables.coil_block import CoilBlock
 
 DT = 1e-3
+
+
+def variances(noise, voltage, dt):
+    """Of a record's increments."""
+    record = CoilBlock(dt * np.arange(len(voltage)), voltage)
+    return increments(LastSample(), record, PAPER_COIL, noise, dt)[1].variance
 
 
 def test_the_literal_increment_is_equation_11():
@@ -26,12 +26,12 @@ def test_the_literal_increment_is_equation_11():
     # The area's term, 2.29e-6 m2 of it, is a ten-millionth of the voltage's and is left out.
     expected = dt**2 / (4 * area**2) * np.sum(sigma**2)
     assert (2.29e-6 / area * np.sum(voltage)) ** 2 < 2e-7 * np.sum(sigma**2)
-    np.testing.assert_allclose(increment_variance(paper_noise(True), PAPER_COIL, voltage, dt), expected, rtol=1e-12)
+    np.testing.assert_allclose(variances(paper_noise(True), voltage, dt[0])[1], expected[0], rtol=1e-12)
 
 
 def test_the_area_is_no_noise():
     noise = Noise(LinearSigma(0.0), LinearSigma(1e-5), 1e-3)
-    assert increment_variance(noise, PAPER_COIL, np.array([1.0, 1.0]), np.array([DT]))[0] == 0.0
+    assert variances(noise, np.array([1.0, 1.0]), DT)[1] == 0.0
 
 
 def test_the_literal_sigmas_keep_their_spectral_density():
@@ -46,7 +46,8 @@ def test_independent_systematics_add_in_squares():
     given = Systematics(coil_gain=1e-3, reference_gain=2e-3, reference_offset_T=4e-3, offset_voltage_V=1e-5)
     expected = (2e-3, 6e-3, 2e-3, 1e-3)
     np.testing.assert_allclose([part[0] for part in responses.parts(given).values()], expected)
-    assert responses.variance(given)[0] == pytest.approx(sum(value**2 for value in expected))
+    block = FieldBlock(*[16e-6 * one] * 6, responses)
+    assert block.sigma(given)[0] ** 2 == pytest.approx(16e-6 + sum(value**2 for value in expected))
 
 
 @pytest.mark.parametrize("sigma", [1e-9, 1e-3])
@@ -60,7 +61,7 @@ def test_white_noise_is_found_on_a_moving_signal(sigma):
 def test_noise_is_evaluated_from_the_record():
     rng = np.random.default_rng(2)
     block = CoilBlock(np.arange(5000) * DT, 2e-6 * rng.normal(size=5000), 1.0 + 3e-5 * rng.normal(size=5000))
-    noise = record_noise(IntegrationOptions("cs1-offset", PAPER_COIL), block, DT)
+    noise = record_noise(IntegrationOptions("cs1-offset", PAPER_COIL), block)
     assert noise.voltage.floor == pytest.approx(2e-6, rel=0.1)
     assert noise.reference.floor == pytest.approx(3e-5, rel=0.1)
 
@@ -79,7 +80,7 @@ def test_the_uncertainty_holds_what_it_says(method):
         hall = field * (1 + 2e-3 * gain) + 1e-4 * zero + 1e-5 * rng.normal(size=4000)
         record = CoilBlock(time, voltage, hall)
         initial = 0.2 if method == "trapezoid" else None
-        options = IntegrationOptions(method, PAPER_COIL, initial_field=initial, systematics=claimed)
+        options = IntegrationOptions(method, PAPER_COIL, initial_field=initial)
         ((_, block),) = integrate_blocks(make_integrator(options, record), [record])
         scores.append((block.field[-1] - field[-1]) / block.sigma(claimed)[-1])
     # 60 draws: the rms is known to 9 % (one standard deviation).

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from femfit.integrate.parallel_prefix import CHUNK_LENGTH, Folding, affine_recursion, riccati_recursion
+from arpaia2022.parallel_prefix import CHUNK_LENGTH, Folding, affine_recursion, riccati_recursion
 
 # Rounding of some thousand operations, each 1e-16.
 ROUNDING = 1e-12

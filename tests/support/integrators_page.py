@@ -167,7 +167,9 @@ offset, supply and Hall probe wander within (assumed: 1/f with 4 µV, 1 mA and 1
 from I / g (0.26 mT at the top). So these are inputs: the offset's mean and range in Table 1; the first three rows of
 Tables 2 and 3; the row of cs2 in Table 3. **Found:** the lags and variances of the filters: the row of cs1 in Table 3,
 how far wandering offsets move cs1 and cs2 in Table 2, the spikes of cs2 in Table 1, and all of cs1-offset and
-cs2-identified, which the paper does not have. (18) takes cs1 as the truth, whose own lag cs1-offset is charged with:
+cs2-identified, which the paper does not have. The paper's cs1 and cs2, with the field as their one state, stand in
+`notebooks/arpaia2022`; `femfit integrate` has the others, and as cs2 a filter with the ratio I / g that estimates the
+offset voltage too. (18) takes cs1 as the truth, whose own lag cs1-offset is charged with:
 the last table has the true errors. (17) starts 30 s after the first flat-top's begin; from its beginning, as printed, a
 perfect sensor would show 0.24 ppm/s, the eddy transient.
 """

@@ -1,8 +1,8 @@
 """The paper's Kalman filter: field from coil and a reference, one state, (5)-(13) and (14)-(16).
 
 CS1 takes a Hall probe as the reference, CS2 the excitation current over the current-to-field ratio. A constant offset
-voltage v_o leaves the field late by v_o tau / A, tau = T_s / K the filter's time constant: the second state of
-:mod:`femfit.integrate.offset_filter` is what removes it.
+voltage v_o leaves the field late by v_o tau / A, tau = T_s / K the filter's time constant: femfit's own filters estimate
+the offset voltage as a second state, and this one reproduces the paper.
 
 References
 ----------
@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from arpaia2022.parallel_prefix import Folding, affine_recursion, riccati_recursion
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.integrate.field_block import FieldBlock, joined, leading_unknown, unknown_block
 from femfit.integrate.increments import Increments, LastSample, increments
-from femfit.integrate.parallel_prefix import Folding, affine_recursion, riccati_recursion
-from femfit.integrate.uncertainty import Noise, Responses, SensingCoil
+from femfit.integrate.uncertainty import FieldBlock, Noise, Responses, SensingCoil
 from femfit.tables.coil_block import CoilBlock
 
 OFFSET_AVERAGE = 1.0
@@ -82,15 +81,10 @@ class KalmanIntegrator:
     def advance(self, state: KalmanState, block: CoilBlock) -> tuple[KalmanState, FieldBlock]:
         """Filter a block."""
         z = self.reference(block)
-        unknown = leading_unknown(state.field, z)
-        if unknown:
-            before = unknown_block(block.time[:unknown])
-            if unknown == len(block):
-                return state, before
-            state, after = self.advance(state, block[unknown:])
-            return state, joined([before, after])
         last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
         if np.isnan(state.field):  # all of it comes from the reference
+            if not np.isfinite(z[0]):
+                raise TableError("The paper's filter needs a reading of its reference at the first sample.")
             state = replace(state, field=float(z[0]), reference=float(z[0]), forgotten=0.0)
         return self._filter(state, last, steps, z, block.time)
 
