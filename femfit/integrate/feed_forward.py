@@ -6,7 +6,7 @@ P. Arpaia et al., Sensors 22 (2022) 182, (7) and section 3.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,7 +81,7 @@ class FeedForwardState:
     offset: float = 0.0
     level: float = math.nan
     zero_samples: int = 0
-    window: Window = field(default_factory=Window)
+    window: Window = Window()  # noqa: RUF009  # frozen
 
 
 @dataclass(frozen=True)
@@ -135,10 +135,8 @@ class FeedForwardIntegrator:
         elapsed = state.elapsed + np.cumsum(live * steps.dt)
         nothing, zero = np.full(len(block), np.nan), np.zeros(len(block))
         responses = Responses(field - self.initial_field, zero, zero, elapsed / self.coil.area_m2)
-        ends = {"field": float(field[-1]), "variance": float(variance[-1]), "elapsed": float(elapsed[-1])}
-        return replace(now, last=last, **ends), FieldBlock(
-            block.time, field, variance, offset, nothing, nothing, responses
-        )
+        now = replace(now, last=last, field=float(field[-1]), variance=float(variance[-1]), elapsed=float(elapsed[-1]))
+        return now, FieldBlock(block.time, field, variance, offset, nothing, nothing, responses)
 
     def _reads_zero(self, state: FeedForwardState) -> bool:
         return not self.on_plateaus and state.still < self.zero_reading - 1e-9

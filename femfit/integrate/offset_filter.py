@@ -119,8 +119,8 @@ class OffsetFilter:
         if raw is None:
             name = "hall_T" if self.field_model is None else "current_A"
             raise TableError(f"This filter needs {name}; instead received a record without it.")
-        columns = np.full((9, len(block)), np.nan)
-        out = FieldBlock(block.time, *columns[:5], Responses(*columns[5:]))
+        field, variance, offset, innovation, spread, *answers = np.full((9, len(block)), np.nan)
+        out = FieldBlock(block.time, field, variance, offset, innovation, spread, Responses(*answers))
         begin = 0
         if np.isnan(state.mean[0, 0]):  # nothing is known before the first reading
             begin = next(iter(np.flatnonzero(np.isfinite(raw)).tolist()), len(block))

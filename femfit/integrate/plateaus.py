@@ -15,7 +15,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.integrate.constants import GAP
-from femfit.integrate.methods import white_sigma
+from femfit.integrate.uncertainty import white_sigma
 
 OffsetMethod = Literal["trapezoid", "ffa1", "plateaus"]
 
