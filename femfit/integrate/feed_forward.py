@@ -81,7 +81,7 @@ class FeedForwardState:
     offset: float = 0.0
     level: float = math.nan
     zero_samples: int = 0
-    window: Window = Window()  # noqa: RUF009  # frozen
+    window: Window = Window()  # frozen
 
 
 @dataclass(frozen=True)
