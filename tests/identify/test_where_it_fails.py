@@ -108,3 +108,22 @@ def test_a_core_that_saturates_near_contact_is_said_to_lower_the_flux(levitation
     assert where.channel == "flux_linkage_Wb"
     assert " low " in where.sentence
     assert "high" not in where.sentence
+
+
+@pytest.mark.parametrize("gain", [-0.05, -0.2])
+def test_the_share_that_is_said_is_the_true_one_beside_the_freedom_of_the_mounts(levitation_model, gain):
+    """The structured part of the misfit lacks what re-mounts may be; its size is not that of the misfit."""
+    pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2.2e-6, "N m^2 / A^2"),), {}, 0.03)
+    model = replace(levitation_model, magnetics=pot, validity=ValidityBox(0.5e-3, 5.5e-3, 0.5, 2.0), sensor=None)
+    weak = changed("force_N", lambda force, rows: gain * force)
+    where = located(model, 9, weak, noise={"force_N": 0.02}, mount_m=0.0, rho=0.0)
+    share = float(where.sentence.split("force is ")[1].split(" %")[0])
+    assert share == pytest.approx(-100.0 * gain, rel=0.06)
+    assert "low everywhere" in where.sentence
+
+
+def test_a_misfit_that_is_rounding_is_none(levitation_model):
+    observations = bench_observations(levitation_model, campaign(levitation_model, 10))
+    same = observations.with_values(observations.base * (1.0 + 1e-14))
+    whitening = Whitening(same, estimate_noise(observations), chains_of(same))
+    assert " 0 " not in where_it_fails(same, whitening).sentence

@@ -82,5 +82,5 @@ def _over_the_box(law: ActuatorModel, reference: ActuatorModel) -> tuple[float, 
     )
     truth = reference.without_effects.magnetics.force(d, i)
     error = law.magnetics.force(d, i) - truth
-    sentence = misfit_sentence("The law's force", "force_N", error, truth, {"distance_m": d, "current_A": i})
+    sentence = misfit_sentence("The law's force", "force_N", error, error, truth, {"distance_m": d, "current_A": i})
     return float(np.sqrt(np.mean(error**2))), float(np.abs(error).max()), sentence

@@ -22,6 +22,15 @@ _THRESHOLDS = 15
 _LEAST_SCORE = 0.2
 """Share of the squared misfit beyond the share of readings below which a misfit is everywhere."""
 
+_LEFT_BY_SHARE = 0.05
+"""Part of the squared misfit that one share of the prediction may leave for the misfit to be that share everywhere."""
+
+_SAME_SHARE = 0.25
+"""Part by which the share of the smaller half of the readings may then differ from that of all."""
+
+_NOTHING = 1e-9
+"""Numerical: a misfit over the prediction that is rounding."""
+
 _SECOND_WORTH = 0.06
 """What a second threshold must add to that."""
 
@@ -52,7 +61,8 @@ class _Half:
     inside: BoolArray
 
     def words(self) -> str:
-        shown = f"reading {self.value:.0f}" if self.name == "order" else amount(self.value, self.name, 3)
+        digits = len(f"{abs(self.value):.2e}".split("e")[0].rstrip("0").replace(".", ""))  # 20 mm, not 20.0 mm
+        shown = f"reading {self.value:.0f}" if self.name == "order" else amount(self.value, self.name, digits)
         return _PLACES[self.name][0 if self.above else 1].format(shown)
 
 
@@ -62,7 +72,8 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     Parameters
     ----------
     smooth : array, shape (M,)
-        Structured part of recorded minus predicted.
+        Structured part of recorded minus predicted: it says where. The readings themselves say how much;
+        the structured part lacks what a re-mount could have done.
 
     Returns
     -------
@@ -74,6 +85,7 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
         f"Measured {CHANNEL_WORDS[channel]}",
         channel,
         smooth[here],
+        observations.residual[here],
         _signal(observations, channel)[here],
         {name: observations.column(name)[here] for name in covariates if name in _PLACES},
         np.sign(observations.column("branch")[here]) if "branch" in covariates else None,
@@ -84,6 +96,7 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
 def misfit_sentence(
     subject: str,
     channel: str,
+    smooth: FloatArray,
     misfit: FloatArray,
     base: FloatArray,
     values: Mapping[str, FloatArray],
@@ -95,25 +108,33 @@ def misfit_sentence(
 
     Parameters
     ----------
-    misfit, base : array, shape (n,)
-        What is too much, and what it is relative to.
+    smooth, misfit, base : array, shape (n,)
+        What is too much, without noise and as recorded, and what it is relative to.
     values : mapping of str to array, shape (n,)
         Columns that thresholds may be set on.
     branch : array, shape (n,), or None
         Where the misfit changes with it: +1 and -1.
     """
-    s, everything = misfit, np.ones(len(misfit), dtype=bool)
+    if np.sum(misfit**2) <= _NOTHING**2 * np.sum(base**2):
+        return f"{subject} is as predicted."
+    s, everything = smooth if smooth.any() else misfit, np.ones(len(smooth), dtype=bool)
     scope = everything if branch is None else _stronger_branch(branch, s)
     sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
-    halves = _region(values, s, scope, sign)
-    text = f"{subject} is {_described(s, base, scope, halves, sign, channel)}"
+    halves = [] if _is_share(misfit, base, scope) else _region(values, s, scope, sign)
+
+    def described(halves: Sequence[_Half], sign: float) -> str:
+        rows = scope & _inside(halves, len(s)) & (sign * s > 0.0)
+        place = " and ".join(half.words() for half in halves) if halves else "everywhere"
+        return f"{_size(misfit[rows], base[rows], channel)} {place}"
+
+    text = f"{subject} is {described(halves, sign)}"
     if branch is not None:
-        text += _branch_clause(s, base, halves, branch, scope, channel)
+        text += _branch_clause(misfit, base, halves, branch, scope, channel)
     elif both:
         text += ", in both branches"
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
     if opposite > _OTHER_SIGN * np.sum(s[scope] ** 2):
-        text += f", and {_described(s, base, scope, _region(values, s, scope, -sign), -sign, channel)}"
+        text += f", and {described(_region(values, s, scope, -sign), -sign)}"
     named = {half.name for half in halves}
     changing = [words for name, words in _CHANGES.items() if name in values and name not in named]
     return text + (f", changing with {' and '.join(changing)}" if changing else "") + "."
@@ -181,12 +202,14 @@ def _inside(halves: Sequence[_Half], count: int) -> BoolArray:
     return result
 
 
-def _described(
-    s: FloatArray, base: FloatArray, scope: BoolArray, halves: Sequence[_Half], sign: float, channel: str
-) -> str:
-    rows = scope & _inside(halves, len(s)) & (sign * s > 0.0)
-    place = " and ".join(half.words() for half in halves) if halves else "everywhere"
-    return f"{_size(s[rows], base[rows], channel)} {place}"
+def _is_share(misfit: FloatArray, base: FloatArray, scope: BoolArray) -> bool:
+    """Whether one share of the prediction is next to all of a misfit, large readings and small ones alike."""
+    s, b = misfit[scope], base[scope]
+    small = np.abs(b) <= np.median(np.abs(b))
+    shares = [float(s[k] @ b[k]) / max(float(b[k] @ b[k]), 1e-300) for k in (np.ones(len(s), dtype=bool), small)]
+    left = float(np.sum((s - shares[0] * b) ** 2))
+    same = abs(shares[1] - shares[0]) < _SAME_SHARE * abs(shares[0])
+    return bool((np.all(b > 0.0) or np.all(b < 0.0)) and same and left < _LEFT_BY_SHARE * np.sum(s**2))
 
 
 def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
@@ -194,8 +217,6 @@ def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
 
     In per cent, high means larger in magnitude; in SI, larger with its sign.
     """
-    if not len(s):
-        return f"{amount(0.0, channel)} high"
     share = float(s @ base) / max(float(base @ base), 1e-300)
     constant = float(np.mean(s))
     one_sign = bool(np.all(base > 0.0) or np.all(base < 0.0))

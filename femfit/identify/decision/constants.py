@@ -50,8 +50,8 @@ OPPOSED = -0.75
 """Calibrated: cosine between the contributions of two effects below which the one only mends the other's form."""
 
 TIE = 9.0
-"""Conventional: two effects are one class where the weighted sums of squares differ by less (three deviations), in units
-of the noise and of what the better one leaves unexplained."""
+"""Conventional: two effects are one class where the weighted sums of squares differ by less (three deviations), in
+units of the noise and of what the better one leaves unexplained."""
 
 SEEN = 0.05
 """Assumed: part of an effect's length beside fitted ones below which nothing can be said of it."""
