@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arpaia2022.parallel_prefix import Folding, affine_recursion
 from arpaia2022.sensors import PAPER_COIL
 from femfit.core.arrays import FloatArray
 from femfit.integrate.field_of_current import play_paths
-from arpaia2022.parallel_prefix import Folding, affine_recursion
 from femfit.integrate.uncertainty import SensingCoil
 from femfit.tables.coil_block import CoilBlock
 
