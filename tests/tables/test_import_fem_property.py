@@ -16,7 +16,7 @@ MODEL.materials[STEEL]["curve"] = ((0, 0), (1.1, 180.5), (1.6, 3000), (1.9, 1600
 TEXT = MODEL.text()
 LINES = TEXT.splitlines()
 NUMBERS = [match.span() for match in re.finditer(r"-?\d+\.?\d*(?:e-?\d+)?", TEXT)]
-QUICK = settings(max_examples=200, deadline=None)
+QUICK = settings(max_examples=60, deadline=None)
 
 
 def outcome(content, options=None):

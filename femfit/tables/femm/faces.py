@@ -15,6 +15,7 @@ import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 
 from femfit.tables.femm.model import FemLabel, FemLine, FemModel
+from femfit.tables.femm.notes import Notes
 from femfit.tables.femm.parse import DIGITS
 
 GRID = 10.0**-DIGITS
@@ -29,34 +30,14 @@ MAX_LINES = 20_000
 
 @dataclass(frozen=True)
 class FemFace:
-    """A closed region of the drawing.
-
-    Parameters
-    ----------
-    polygon : Polygon
-        In mm, with holes where other faces lie inside.
-    """
+    """A closed region of the drawing in mm, with holes where other faces lie inside."""
 
     polygon: Polygon
     label: FemLabel
 
 
-@dataclass(frozen=True)
-class FemFaces:
-    """All faces of a drawing."""
-
-    faces: tuple[FemFace, ...]
-    loose_lines: int
-
-
 def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
-    """The corners of a segment or arc.
-
-    Returns
-    -------
-    list of (float, float)
-        In mm, both ends included.
-    """
+    """The corners of a segment or arc in mm, both ends included."""
     start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
     half = math.radians(line.angle) / 2.0
     if abs(end - start) * half / 4.0 < GRID:  # as straight as a segment
@@ -68,29 +49,31 @@ def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
     return [(start.real, start.imag), *inner, (end.real, end.imag)]
 
 
-def find_faces(model: FemModel, arc_degrees: float, problems: list[str]) -> FemFaces:
+def find_faces(model: FemModel, arc_degrees: float, notes: Notes) -> tuple[FemFace, ...]:
     """Split the drawing into its faces and give each its label."""
     strings = [
         LineString(corners) for corners in (chords(line, arc_degrees) for line in model.lines) if _spans(corners)
     ]
     if sum(len(string.coords) for string in strings) > MAX_LINES:
-        problems.append(f"the drawing has more than {MAX_LINES} lines. Take coarser arcs with --arc-degrees.")
-        return FemFaces((), 0)
+        notes.problem(f"the drawing has more than {MAX_LINES} lines. Take coarser arcs with --arc-degrees.")
+        return ()
     noded = shapely.unary_union(MultiLineString(strings), grid_size=GRID)
     found, cuts, dangles, _ = shapely.polygonize_full([noded])
     polygons = [shapely.transform(polygon, _rounded) for polygon in found.geoms]
     polygons = [polygon for polygon in polygons if polygon.area >= MIN_AREA and polygon.is_valid]
     if not polygons:
-        problems.append("its lines enclose no face. Draw closed outlines, along the axis r = 0 too.")
-        return FemFaces((), 0)
+        notes.problem("its lines enclose no face. Draw closed outlines, along the axis r = 0 too.")
+        return ()
     if any(polygon.bounds[0] < 0 for polygon in polygons):
         inner = min(polygon.bounds[0] for polygon in polygons)
-        problems.append(f"the drawing must lie at r >= 0; it goes down to {inner:g} mm. Draw one half only.")
+        notes.problem(f"the drawing must lie at r >= 0; it goes down to {inner:g} mm. Draw one half only.")
     loose = len(getattr(cuts, "geoms", ())) + len(getattr(dangles, "geoms", ()))
-    return FemFaces(_labelled(polygons, model.labels, problems), loose)
+    if loose:
+        notes.info("loose-lines", f"{loose} lines that enclose nothing are left out.")
+    return _labelled(polygons, model.labels, notes)
 
 
-def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], problems: list[str]) -> tuple[FemFace, ...]:
+def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: Notes) -> tuple[FemFace, ...]:
     tree = STRtree(polygons)
     owners: dict[int, list[FemLabel]] = {}
     for label in labels:
@@ -98,18 +81,16 @@ def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], problems:
         if len(inside) == 1:
             owners.setdefault(inside[0], []).append(label)
         elif label.material is not None:
-            problems.append(
-                f"{label.place} lies in no closed face, or on a line. Move the label, or close its outline."
-            )
+            notes.problem(f"{label.place} lies in no closed face, or on a line. Move the label, or close its outline.")
     default = next((label for label in labels if label.default), None)
     faces = []
     for n, polygon in enumerate(polygons):
         own = owners.get(n, [default] if default else [])
         if not own:
-            problems.append(f"the face {_where(polygon)} has no block label. Add one, air if it is that.")
+            notes.problem(f"the face {_where(polygon)} has no block label. Add one, air if it is that.")
         elif len(own) > 1:
             names = " and ".join(label.place for label in own)
-            problems.append(f"{names} lie in one face; their border is not closed. Close it, or delete one of them.")
+            notes.problem(f"{names} lie in one face; their border is not closed. Close it, or delete one of them.")
         else:
             faces.append(FemFace(polygon, own[0]))
     return tuple(faces)

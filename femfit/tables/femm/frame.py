@@ -12,12 +12,11 @@ import numpy as np
 import shapely
 from shapely import Polygon, box
 
-from femfit.core.finding import Finding
 from femfit.tables.femm.faces import GRID, MIN_AREA
-from femfit.tables.femm.mover import FemBodies
+from femfit.tables.femm.notes import Notes
 from femfit.tables.femm.options import FemOptions
 from femfit.tables.femm.parse import DIGITS
-from femfit.tables.femm.parts import FemPart
+from femfit.tables.femm.parts import FemBodies, FemPart
 from femfit.tables.femm.winding import FemWinding
 
 MOST_LISTED = 6
@@ -28,18 +27,8 @@ MOST_LISTED = 6
 class FemFrame:
     """How the file's drawing is placed in an actuator file.
 
-    Parameters
-    ----------
-    face_mm : float
-        Height of the electromagnet's face in the file's z.
-    up : float
-        +1 where the moving part stands above it in the file, -1 below.
-    distance_mm : float
-        From the face to the moving part's nearest point, in the file.
-    field_sign : float
-        -1 where every magnet and current is reversed.
-    current_sign : float
-        femfit's current and flux linkage over the file's; also -1 for turns counted the other way.
+    The face's height is in the file's z, and ``up`` is +1 where the moving part stands above it there. The field's sign
+    is -1 where every magnet and current is reversed, the current's also for turns counted the other way.
     """
 
     face_mm: float
@@ -57,42 +46,34 @@ class FemFrame:
         return placed
 
 
-def find_frame(
-    bodies: FemBodies, winding: FemWinding, options: FemOptions, problems: list[str], findings: list[Finding]
-) -> FemFrame | None:
-    """The place of the face, the side of the moving part and the file's distance.
-
-    Returns
-    -------
-    FemFrame or None
-        None if there is no gap, or it is not clear where it is counted from.
-    """
+def find_frame(bodies: FemBodies, winding: FemWinding, options: FemOptions, notes: Notes) -> FemFrame | None:
+    """The face, the side of the moving part and the file's distance; None if it is not clear where that is counted."""
     fixed = shapely.union_all([*(part.polygon for part in bodies.fixed), winding.polygon])
     moving = shapely.union_all([part.polygon for part in bodies.moving])
-    up = _side(fixed, moving, options, problems)
+    up = _side(fixed, moving, options, notes)
     if up == 0.0:
         return None
-    face = _face(fixed, moving, up, findings) if options.face_mm is None else round(up * options.face_mm, DIGITS)
+    face = _face(fixed, moving, up, notes) if options.face_mm is None else round(up * options.face_mm, DIGITS)
     usable = _usable_faces(fixed, moving, up)
     if face is None:
         side = "above" if up > 0 else "below"
-        problems.append(
+        notes.problem(
             f"it is not clear from where the distance is counted: no fixed part lies before a moving part that stands "
             f"{side}. Give the other side with --mover-side{_or_a_face(usable)}."
         )
         return None
     distance = round(_height(moving, up, lowest=True) - face, DIGITS)
     if distance <= 0 and moving.distance(fixed) <= GRID:
-        problems.append("the moving part touches the electromagnet; femfit needs a gap. Move it away in the drawing.")
+        notes.problem("the moving part touches the electromagnet; femfit needs a gap. Move it away in the drawing.")
         return None
     if distance <= 0:
-        problems.append(
+        notes.problem(
             f"the moving part stands at a distance of {distance:g} mm from the face at z = {up * face:g} mm; femfit "
             f"needs a gap. Move it away, or give its side with --mover-side{_or_a_face(usable)}."
         )
         return None
     if options.face_mm is not None and up * face not in usable:
-        problems.append(
+        notes.problem(
             f"--face-mm must be the height of a corner of the electromagnet that the moving part has before it, "
             f"{_listed(usable)} mm in the file's z; instead received {options.face_mm:g}."
         )
@@ -100,11 +81,11 @@ def find_frame(
     field = _polarity(bodies)
     current = field * (1.0 if winding.turns > 0 else -1.0)
     frame = FemFrame(up * face + 0.0, up, distance, field, current)
-    _say(frame, winding, [] if options.face_mm is not None else [z for z in usable if z != frame.face_mm], findings)
+    _say(frame, winding, [] if options.face_mm is not None else [z for z in usable if z != frame.face_mm], notes)
     return frame
 
 
-def _side(fixed: Polygon, moving: Polygon, options: FemOptions, problems: list[str]) -> float:
+def _side(fixed: Polygon, moving: Polygon, options: FemOptions, notes: Notes) -> float:
     """The side that the user says; else the one with a fixed part before it; else by the middles."""
     if options.mover_side != "auto":
         return 1.0 if options.mover_side == "above" else -1.0
@@ -114,7 +95,7 @@ def _side(fixed: Polygon, moving: Polygon, options: FemOptions, problems: list[s
             return sides[0]
     middle = [0.5 * (shape.bounds[1] + shape.bounds[3]) for shape in (moving, fixed)]
     if abs(middle[0] - middle[1]) <= GRID:
-        problems.append(
+        notes.problem(
             "the moving part stands level with the electromagnet; it is not clear which way it moves off. "
             "Say --mover-side above or below."
         )
@@ -127,7 +108,7 @@ def _height(shape: Polygon, up: float, *, lowest: bool) -> float:
     return float(min(up * low, up * high) if lowest else max(up * low, up * high))
 
 
-def _face(fixed: Polygon, moving: Polygon, up: float, findings: list[Finding]) -> float | None:
+def _face(fixed: Polygon, moving: Polygon, up: float, notes: Notes) -> float | None:
     """Height along ``up`` that the distance is counted from; None if no fixed part is passed before it."""
     before = _before(fixed, moving, up)
     if before is not None:
@@ -136,14 +117,11 @@ def _face(fixed: Polygon, moving: Polygon, up: float, findings: list[Finding]) -
     passed = corners[corners <= _height(moving, up, lowest=True) + GRID]
     if not len(passed):
         return None
-    findings.append(
-        Finding(
-            "open-bore",
-            "warning",
-            "No fixed part lies straight before the moving part, as in an open bore; the distance is counted from the "
-            "corner of the electromagnet that its front has passed last.",
-            "Name another with --face-mm.",
-        )
+    notes.warn(
+        "open-bore",
+        "No fixed part lies straight before the moving part, as in an open bore; the distance is counted from the "
+        "corner of the electromagnet that its front has passed last.",
+        "Name another with --face-mm.",
     )
     return float(passed.max())
 
@@ -192,28 +170,20 @@ def _moment(parts: Sequence[FemPart]) -> float:
     return sum(part.sign * part.material.remanence * part.volume_mm3 for part in parts)
 
 
-def _say(frame: FemFrame, winding: FemWinding, others: Sequence[float], findings: list[Finding]) -> None:
+def _say(frame: FemFrame, winding: FemWinding, others: Sequence[float], notes: Notes) -> None:
     turned = "which is mirrored, for the moving part lies below" if frame.up < 0 else "as it stands"
-    findings.append(
-        Finding(
-            "frame",
-            "info",
-            f"Distances are counted from the electromagnet's face at the file's z = {frame.face_mm:.9g} mm to the "
-            f"nearest point of the moving part; in the file it is {frame.distance_mm:.9g} mm. That face is z = 0 of "
-            f"the drawing, {turned}.",
-            f"Count from another height with --face-mm: {_listed(others)}." if others else "",
-        )
+    notes.info(
+        "frame",
+        f"Distances are counted from the electromagnet's face at the file's z = {frame.face_mm:.9g} mm to the "
+        f"nearest point of the moving part; in the file it is {frame.distance_mm:.9g} mm. That face is z = 0 of "
+        f"the drawing, {turned}.",
+        f"Count from another height with --face-mm: {_listed(others)}." if others else "",
     )
     if frame.current_sign < 0:
-        findings.append(
-            Finding(
-                "current-sign",
-                "info",
-                f"Current and flux linkage have the opposite sign of circuit {winding.circuit.name!r}, so that a "
-                "positive current attracts the magnet and makes a field along +z.",
-            )
+        notes.info(
+            "current-sign",
+            f"Current and flux linkage have the opposite sign of circuit {winding.circuit.name!r}, so that a "
+            "positive current attracts the magnet and makes a field along +z.",
         )
     if frame.field_sign < 0:
-        findings.append(
-            Finding("field-sign", "info", "Every field has the opposite sign of the file's: the magnets are reversed.")
-        )
+        notes.info("field-sign", "Every field has the opposite sign of the file's: the magnets are reversed.")

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from femfit.tables.femm.model import FemLabel, FemMaterial, FemModel
+from femfit.tables.femm.notes import Notes
 
 ANGLE_TOLERANCE = 0.01
 """Degrees off the axis that a magnetization may be: drawings give 90 or -90, rotated ones its rounding."""
@@ -13,28 +14,22 @@ SIGNIFICANT_SHARE = 1e-6
 """Relative difference of two permeabilities below which they are the same number, rounded."""
 
 
-def check_limits(model: FemModel, problems: list[str]) -> None:
+def check_limits(model: FemModel, notes: Notes) -> None:
     """Report everything in the file's properties that cannot be taken."""
-    problems += _problem_kind(model)
+    notes.problems.extend(_problem_kind(model))
     used = [label for label in model.labels if label.material is not None]
     materials = list(dict.fromkeys(label.material for label in used if label.material is not None))
     for n, material in enumerate(materials):
-        problems += _material_limits(material)
+        notes.problems.extend(_material_limits(material))
         if material.name in {other.name for other in materials[:n]}:
-            problems.append(f"two different materials are named {material.name!r}. Rename one of them.")
+            notes.problem(f"two different materials are named {material.name!r}. Rename one of them.")
     for label in used:
-        problems += _label_limits(label)
-    problems += _point_limits(model)
+        notes.problems.extend(_label_limits(label))
+    notes.problems.extend(_point_limits(model))
 
 
 def axial_sign(label: FemLabel) -> float:
-    """+1 for a block magnetised along +z, -1 along -z, 0 for neither.
-
-    Parameters
-    ----------
-    label : FemLabel
-        Of a block; angles count from the r axis, and a negative H_c turns the magnet round.
-    """
+    """+1 for a block magnetised along +z, -1 along -z, 0 for neither; a negative H_c turns the magnet round."""
     if label.material is None or not label.material.coercivity:
         return 0.0
     sign = 1.0 if label.material.coercivity > 0 else -1.0

@@ -4,6 +4,12 @@ from dataclasses import dataclass
 
 from femfit.core.constants import MU_0
 
+TOLERANCE = 0.01
+"""dB/dH below mu_0 by more than this is no rounding; actuator files have the same limit."""
+
+FEWEST = 3
+"""Points that a curve keeps."""
+
 NON_MAGNETIC = 1e-3
 """Deviation of mu_r from 1 below which a material is taken as air; the actuator's own limit."""
 
@@ -12,16 +18,8 @@ NON_MAGNETIC = 1e-3
 class FemMaterial:
     """A block property.
 
-    Parameters
-    ----------
-    coercivity : float
-        H_c in A/m; a linear magnet has B = mu_0 mu_r (H + H_c).
-    coercivity_angle : float
-        ``H_cAngle`` in degrees; format 4.0 solvers take the direction from the block label instead.
-    lamination_type : int
-        0 none or in the plane, 1 and 2 stacked, 3 and above kinds of wire.
-    curve : tuple of (float, float)
-        B-H points (B in T, H in A/m); empty for a linear material.
+    A linear magnet has B = mu_0 mu_r (H + H_c), H_c in A/m; its own angle is what format 4.0 solvers leave out for the
+    block label's. Lamination types from 3 on are kinds of wire. The curve has points (B in T, H in A/m), or none.
     """
 
     name: str
@@ -43,6 +41,21 @@ class FemMaterial:
         return MU_0 * self.mu_y * abs(self.coercivity)
 
     @property
+    def rising_curve(self) -> tuple[tuple[float, float], ...]:
+        """The curve without its last points as long as it ends with a slope below mu_0.
+
+        Library curves are extrapolated by hand far into saturation, and there some rise more slowly than vacuum. FEMM
+        smooths such a curve; here it is cut, for beyond its last point the field solver goes on with mu_0 anyway.
+        """
+        kept = self.curve
+        while len(kept) > FEWEST:
+            (flux, field), (last_flux, last_field) = kept[-2:]
+            if last_flux - flux >= (1.0 - TOLERANCE) * MU_0 * (last_field - field):
+                break
+            kept = kept[:-1]
+        return kept
+
+    @property
     def magnetic(self) -> bool:
         """Whether a field acts on it otherwise than on air."""
         return bool(self.coercivity or self.curve or max(abs(self.mu_x - 1.0), abs(self.mu_y - 1.0)) > NON_MAGNETIC)
@@ -50,11 +63,7 @@ class FemMaterial:
 
 @dataclass(frozen=True)
 class FemBoundary:
-    """A boundary property.
-
-    ``kind`` is 0 prescribed A (a0 + a1 r + a2 z), 1 small skin depth, 2 mixed ((1/mu) dA/dn + c0 A + c1 = 0), 3
-    strategic dual image, 4 and 5 (anti)periodic, 6 and 7 air gap.
-    """
+    """A boundary property: 0 prescribed A (a0 + a1 r + a2 z), 2 mixed ((1/mu) dA/dn + c0 A + c1 = 0), 4, 5 periodic."""
 
     name: str
     kind: int = 0
@@ -67,16 +76,11 @@ class FemBoundary:
 
 @dataclass(frozen=True)
 class FemCircuit:
-    """A circuit property: the real part of its current, and 1 where its blocks are windings in series."""
+    """A circuit property: the real part of its current, and kind 1 where its blocks are windings in series."""
 
     name: str
     current_A: float = 0.0
     kind: int = 1
-
-    @property
-    def series(self) -> bool:
-        """Whether its blocks are windings in series."""
-        return self.kind == 1
 
 
 @dataclass(frozen=True)
@@ -109,22 +113,10 @@ class FemLine:
 
 @dataclass(frozen=True)
 class FemLabel:
-    """A block label.
+    """A block label with its place in the file's list, from 1; no material is a region without mesh.
 
-    Parameters
-    ----------
-    number : int
-        Its place in the file's list, from 1.
-    material : FemMaterial or None
-        None for a region without mesh.
-    magnetization : float
-        Direction in degrees from the r axis.
-    direction_formula : str
-        A Lua expression for the direction; empty for none.
-    external : bool
-        Whether it lies in the mapped external region.
-    default : bool
-        Whether it stands for every region without a label.
+    The magnetization is in degrees from the r axis, or a Lua expression; ``external`` lies in the mapped region, and
+    ``default`` stands for every region without a label.
     """
 
     number: int

@@ -17,26 +17,10 @@ MoverSide = Literal["auto", "above", "below"]
 
 @dataclass(frozen=True)
 class FemOptions:
-    """Choices and values that a ``.fem`` file does not hold.
+    """Choices and values that a ``.fem`` file does not hold, as the command's options of the same names say them.
 
-    Parameters
-    ----------
-    moving_blocks : tuple of str
-        Names of block properties (materials) whose blocks move.
-    circuit : str or None
-        Name of the winding's circuit, where several have turns.
-    mover_side : {"auto", "above", "below"}
-        Where the moving part stands from the electromagnet, in the file's z.
-    face_mm : float or None
-        Height of the electromagnet's face in the file's z, in mm, from which the distance is counted.
-    distances_mm, currents_A : tuple of float
-        Ascending axes of the sweep; the file's own point is added to them.
-    mass_g : float or None
-        Of the moving body; from its volume otherwise.
-    density_g_per_cm3 : float or None
-        Of the moving body's magnetic parts, for the mass from the volume.
-    name : str or None
-        Of the actuator; from the file's name otherwise.
+    Moving blocks are named by their material; the face's height is in the file's z; the file's own point is added to
+    the ascending axes of the sweep.
     """
 
     moving_groups: tuple[int, ...] = ()
@@ -54,7 +38,6 @@ class FemOptions:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse values that no model could be read with."""
         given = {
             "--mass-g": self.mass_g,
             "--density-g-per-cm3": self.density_g_per_cm3,

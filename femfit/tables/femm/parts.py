@@ -1,7 +1,7 @@
-"""From faces to parts: faces of one material that touch become one part, polygons without holes."""
+"""From faces to parts, faces of one material that touch, and which parts move: as the user says, or what only can."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,20 +11,16 @@ from shapely import Polygon, box
 from femfit.tables.femm.faces import GRID, MIN_AREA, FemFace
 from femfit.tables.femm.limits import axial_sign
 from femfit.tables.femm.model import FemLabel, FemMaterial
+from femfit.tables.femm.notes import Notes
+from femfit.tables.femm.options import FemOptions
 from femfit.tables.femm.parse import DIGITS
+
+HOW = "Say which blocks move with --moving-group N or --moving-block NAME."
 
 
 @dataclass(frozen=True)
 class FemPart:
-    """A connected piece of one material, magnetization and group.
-
-    Parameters
-    ----------
-    polygon : Polygon
-        In the file's coordinates in mm; it may have holes.
-    sign : float
-        +1 or -1 for a magnet along or against z, 0 otherwise.
-    """
+    """A connected piece of one material, magnetization (+1 or -1 along z, 0 for none) and group; it may have holes."""
 
     polygon: Polygon
     material: FemMaterial
@@ -63,13 +59,7 @@ def merge_parts(faces: Sequence[FemFace]) -> tuple[FemPart, ...]:
 
 
 def simple_outlines(polygon: Polygon) -> list[list[tuple[float, float]]]:
-    """Outlines of a polygon, cut along constant z until no piece has a hole, without needless corners.
-
-    Returns
-    -------
-    list of list of (float, float)
-        Counter-clockwise corners (r, z) in mm of each piece.
-    """
+    """Counter-clockwise corners (r, z) in mm of a polygon's pieces, cut along constant z until none has a hole."""
     whole = [polygon]
     simple: list[Polygon] = []
     while whole:
@@ -94,3 +84,96 @@ def _corners(polygon: Polygon) -> list[tuple[float, float]]:
     offset = ring - before
     height = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0]) / np.hypot(*chord.T)
     return [(float(r), float(z)) for r, z in ring[height > 2 * GRID]]
+
+
+@dataclass(frozen=True)
+class FemBodies:
+    """The parts, divided."""
+
+    fixed: tuple[FemPart, ...]
+    moving: tuple[FemPart, ...]
+
+
+def divide(
+    parts: Sequence[FemPart],
+    air: Sequence[FemFace],
+    winding: Polygon,
+    options: FemOptions,
+    notes: Notes,
+) -> FemBodies | None:
+    """Divide the parts into fixed and moving ones; None if nothing moves, or it is not clear what."""
+    if not parts:
+        notes.problem("no block is magnetic; nothing moves. Give the moving part its steel or magnet.")
+        return None
+    if options.moving_groups or options.moving_blocks:
+        moving = _named(parts, options, notes)
+    else:
+        moving = _inferred(parts, winding, notes)
+    if not moving:
+        return None
+    spacers = _spacers(moving, air) if len(_connected(moving)) > 1 else ()
+    return FemBodies(tuple(part for part in parts if part not in moving), (*moving, *spacers))
+
+
+def _named(parts: Sequence[FemPart], options: FemOptions, notes: Notes) -> list[FemPart]:
+    groups, blocks = set(options.moving_groups), set(options.moving_blocks)
+    unknown = [f"group {group}" for group in groups if all(part.group != group for part in parts)]
+    unknown += [f"block {name!r}" for name in blocks if all(part.material.name != name for part in parts)]
+    if unknown:
+        there = "; ".join(part.place for part in parts)
+        notes.problem(f"no magnetic part has {' or '.join(sorted(unknown))}; there are {there}.")
+        return []
+    return [part for part in parts if part.group in groups or part.material.name in blocks]
+
+
+def _inferred(parts: Sequence[FemPart], winding: Polygon, notes: Notes) -> list[FemPart]:
+    """One body that alone is a magnet, or alone stands clear above or below the winding, or is alone at all."""
+    bodies = _connected(parts)
+    _, low, _, high = winding.bounds
+
+    def magnet(body: Sequence[FemPart]) -> bool:
+        return any(part.sign for part in body)
+
+    def clear(body: Sequence[FemPart]) -> bool:
+        _, bottom, _, top = shapely.union_all([part.polygon for part in body]).bounds
+        return bool(bottom >= high or top <= low)
+
+    def apart(body: Sequence[FemPart]) -> bool:
+        return all(part.polygon.distance(winding) > GRID for part in body)
+
+    rules: tuple[tuple[Callable[[Sequence[FemPart]], bool], str], ...] = (
+        (magnet, "the only body with a magnet"),
+        (clear, "the only body clear above or below the winding"),
+        (apart, "the only body that does not touch the winding"),
+    )
+    candidates = [body for body in bodies if apart(body)]
+    for rule, reason in rules:
+        found = [body for body in candidates if rule(body)]
+        if len(found) == 1:
+            names = " and ".join(part.place for part in found[0])
+            say = notes.info if len(candidates) == 1 else notes.warn
+            say("mover", f"The moving part is {names}: {reason}.", HOW)
+            return found[0]
+    there = "; ".join(" with ".join(part.place for part in body) for body in bodies)
+    notes.problem(f"it is not clear which body moves: {there}. {HOW}")
+    return []
+
+
+def _connected(parts: Sequence[FemPart]) -> list[list[FemPart]]:
+    """Parts that touch each other, together."""
+    bodies: list[list[FemPart]] = []
+    for part in parts:
+        joined = [body for body in bodies if any(part.polygon.distance(other.polygon) <= GRID for other in body)]
+        bodies = [body for body in bodies if body not in joined]
+        bodies.append([*(other for body in joined for other in body), part])
+    return bodies
+
+
+def _spacers(moving: Sequence[FemPart], air: Sequence[FemFace]) -> tuple[FemPart, ...]:
+    """Non-magnetic blocks of the moving groups that touch the body; without them it would be in pieces."""
+    groups = {part.group for part in moving if part.group}
+    return tuple(
+        FemPart(face.polygon, face.label.material, 0.0, (face.label,))
+        for face in air
+        if face.label.material is not None and face.label.group in groups
+    )

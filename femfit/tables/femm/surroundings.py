@@ -10,45 +10,43 @@ from collections.abc import Sequence
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
-from femfit.core.finding import Finding
 from femfit.tables.femm.faces import GRID, FemFace
 from femfit.tables.femm.model import FemBoundary, FemModel
+from femfit.tables.femm.notes import Notes
 
 _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
 """How FEMM's open boundary builder names its materials."""
 
 
-def drop_surroundings(
-    model: FemModel, faces: Sequence[FemFace], problems: list[str], findings: list[Finding]
-) -> tuple[FemFace, ...] | None:
+def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -> tuple[FemFace, ...] | None:
     """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces."""
     meshed = [face for face in faces if face.label.material is not None]
     domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
     if not isinstance(domain, Polygon):
         count = len(domain.geoms) if isinstance(domain, MultiPolygon) else 0
-        problems.append(
+        notes.problem(
             f"the drawing falls into {count} separate pieces; femfit solves one. Delete the others (the disk of a "
             "Kelvin transformation is not needed), or draw the air between them."
         )
         return None
-    problems += [
+    notes.problems.extend(
         f"{face.label.place} is an empty region within the field, which would end at it as at a wall. "
         "Give it the material that it is, air otherwise."
         for face in faces
         if face.label.material is None and Polygon(domain.exterior).contains(face.polygon.representative_point())
-    ]
+    )
     shells = _shells(meshed, domain)
     inside = [face for face in meshed if face not in shells]
     parts = tuple(face for face in inside if _is_part(face))
     rim = _off_axis(shapely.unary_union([face.polygon for face in inside], grid_size=GRID))
-    problems += [
+    notes.problems.extend(
         f"{face.label.place} touches the drawing's outer boundary, which acts there as a mirror or a wall. Draw the "
         "whole actuator with air around it."
         for face in parts
         if face.polygon.distance(rim) <= GRID
-    ]
-    _check_boundaries(model, _off_axis(domain), problems)
-    _say(model, domain, shells, parts, findings)
+    )
+    _check_boundaries(model, _off_axis(domain), notes)
+    _say(model, domain, shells, parts, notes)
     return parts
 
 
@@ -84,7 +82,7 @@ def _off_axis(domain: Polygon | MultiPolygon) -> shapely.Geometry:
     return shapely.union_all(outlines).difference(LineString([(0.0, z0 - 1.0), (0.0, z1 + 1.0)]))
 
 
-def _check_boundaries(model: FemModel, rim: shapely.Geometry, problems: list[str]) -> None:
+def _check_boundaries(model: FemModel, rim: shapely.Geometry, notes: Notes) -> None:
     places: dict[FemBoundary, bool] = {}
     for line in model.lines:
         if line.boundary is not None and not (line.angle == 0 and line.start.r == 0 and line.end.r == 0):
@@ -94,44 +92,34 @@ def _check_boundaries(model: FemModel, rim: shapely.Geometry, problems: list[str
     for boundary, outer in places.items():
         name = f"boundary {boundary.name!r}"
         if boundary.kind in {4, 5}:
-            problems.append(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
+            notes.problem(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
         elif boundary.kind not in {0, 2}:
-            problems.append(f"{name} is of type {boundary.kind}; femfit takes prescribed A and mixed. Remove it.")
+            notes.problem(f"{name} is of type {boundary.kind}; femfit takes prescribed A and mixed. Remove it.")
         elif any((boundary.a0, boundary.a1, boundary.a2, boundary.c1)):
-            problems.append(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
+            notes.problem(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
         elif not outer:
-            problems.append(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
+            notes.problem(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
 
 
-def _say(
-    model: FemModel, domain: Polygon, shells: Sequence[FemFace], parts: Sequence[FemFace], findings: list[Finding]
-) -> None:
+def _say(model: FemModel, domain: Polygon, shells: Sequence[FemFace], parts: Sequence[FemFace], notes: Notes) -> None:
     if shells:
         names = sorted({face.label.material.name for face in shells if face.label.material})
-        findings.append(
-            Finding(
-                "open-boundary",
-                "info",
-                f"{len(shells)} shells of the open boundary ({', '.join(names)}) are left out: "
-                "femfit's domain is open by itself.",
-            )
+        notes.info(
+            "open-boundary",
+            f"{len(shells)} shells of the open boundary ({', '.join(names)}) are left out: "
+            "femfit's domain is open by itself.",
         )
         return
     boundaries = {line.boundary for line in model.lines if line.boundary is not None}
     if any(boundary.kind == 2 and boundary.c0 for boundary in boundaries):
-        findings.append(
-            Finding("mixed-boundary", "info", "The mixed (asymptotic) boundary is left out: femfit's domain is open.")
-        )
+        notes.info("mixed-boundary", "The mixed (asymptotic) boundary is left out: femfit's domain is open.")
         return
     wall = "A = 0" if any(boundary.kind == 0 for boundary in boundaries) else "natural (no condition)"
     nearest = min((face.polygon.distance(_off_axis(domain)) for face in parts), default=0.0)
-    findings.append(
-        Finding(
-            "near-boundary",
-            "warning",
-            f"The drawing ends at a plain {wall} boundary, {nearest:.4g} mm from the nearest part; it is left out, "
-            "for femfit's domain is open.",
-            "FEMM's own numbers for this file contain the error of that boundary; compare with an open one.",
-            nearest,
-        )
+    notes.warn(
+        "near-boundary",
+        f"The drawing ends at a plain {wall} boundary, {nearest:.4g} mm from the nearest part; it is left out, "
+        "for femfit's domain is open.",
+        "FEMM's own numbers for this file contain the error of that boundary; compare with an open one.",
+        nearest,
     )

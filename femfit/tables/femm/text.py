@@ -1,7 +1,5 @@
 """The text of a ``.fem`` file in its parts: header keys, property blocks, rows of numbers.
 
-References
-----------
 FEMM 4.0 file format: ``[Key] = value`` lines; properties as ``<BeginX> ... <EndX>`` blocks of ``<Key> = value``; lists
 as ``[NumX] = n`` followed by n rows. Keys are read without regard to case; what follows ``[Solution]`` (an ``.ans``
 file) is left alone.
@@ -9,20 +7,18 @@ file) is left alone.
 
 import math
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from femfit.core.errors import FemFileError
 
 PROPERTIES = ("pointprops", "bdryprops", "blockprops", "circuitprops")
+LISTS = ("numpoints", "numsegments", "numarcsegments", "numholes", "numblocklabels")
 OTHER_PHYSICS = {
     "heat flow (.feh)": {"kx", "ky", "tkpoints"},
     "current flow (.fec)": {"ox", "oy"},
     "electrostatics (.fee)": {"ex", "ey"},
 }
 """FEMM's other solvers, by keys that only their block properties have; the first that fits."""
-
-LISTS = ("numpoints", "numsegments", "numarcsegments", "numholes", "numblocklabels")
 
 _KEY = re.compile(r"\[(\w+)\]\s*=?\s*(.*)")
 _PROPERTY = re.compile(r"<(\w+)>\s*=?\s*(.*)")
@@ -35,18 +31,18 @@ class FemText:
 
     Parameters
     ----------
-    properties : mapping
-        Section to its blocks, each a mapping of lower-case keys; the rows after ``bhpoints`` are under ``curve``.
-    rows : mapping
+    properties : dict
+        Section to its blocks, each by lower-case keys; the rows after ``bhpoints`` are under ``curve``.
+    rows : dict
         List to its rows, each a list of fields.
     problems : list of str
         What could not be read; appended to by the number readers.
     """
 
     source: str
-    header: Mapping[str, str]
-    properties: Mapping[str, Sequence[Mapping[str, str]]]
-    rows: Mapping[str, Sequence[Sequence[str]]]
+    header: dict[str, str] = field(default_factory=dict)
+    properties: dict[str, list[dict[str, str]]] = field(default_factory=dict)
+    rows: dict[str, list[list[str]]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
 
     def number(self, text: str, where: str) -> float:
@@ -68,15 +64,23 @@ class FemText:
             return 0
         return int(value)
 
+    def check_count(self, what: str, value: str, found: int) -> None:
+        """Whether as many rows follow as a line says."""
+        if value != str(found):
+            says = f"{what} says {value[:40] or 'nothing'} but {found} follow"
+            self.problems.append(f"{says}; the file is cut or edited wrongly.")
+
 
 def split_fem(content: bytes, source: str) -> FemText:
     """The parts of a file."""
-    lines = [line.strip() for line in _decode(content, source).splitlines()]
-    header: dict[str, str] = {}
-    properties: dict[str, list[dict[str, str]]] = {}
-    rows: dict[str, list[list[str]]] = {}
-    problems: list[str] = []
-    at = 0
+    if b"\x00" in content:
+        raise FemFileError(source, ["it is no text file. Give a .fem file as FEMM's Save writes it."])
+    try:
+        decoded = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        decoded = content.decode("latin-1")
+    lines = [line.strip() for line in decoded.splitlines()]
+    text, at = FemText(source), 0
     while at < len(lines):
         found = _KEY.match(lines[at])
         at += 1
@@ -86,15 +90,15 @@ def split_fem(content: bytes, source: str) -> FemText:
         if key == "solution":
             break
         if key in PROPERTIES:
-            properties[key], at = _property_blocks(lines, at, problems)
-            _check_count(found[1], value, len(properties[key]), problems)
+            text.properties[key], at = _property_blocks(lines, at, text)
+            text.check_count(found[1], value, len(text.properties[key]))
         elif key in LISTS:
-            rows[key], at = _list_rows(lines, at)
-            _check_count(found[1], value, len(rows[key]), problems)
+            text.rows[key], at = _list_rows(lines, at)
+            text.check_count(found[1], value, len(text.rows[key]))
         else:
-            header[key] = value.strip('"').strip()
-    _check_kind(header, properties, rows, source)
-    return FemText(source, header, properties, rows, problems)
+            text.header[key] = value.strip('"').strip()
+    _check_kind(text)
+    return text
 
 
 def unquoted(text: str) -> str:
@@ -102,16 +106,7 @@ def unquoted(text: str) -> str:
     return "".join(character for character in text.strip().strip('"') if character.isprintable())[:60]
 
 
-def _decode(content: bytes, source: str) -> str:
-    if b"\x00" in content:
-        raise FemFileError(source, ["it is no text file. Give a .fem file as FEMM's Save writes it."])
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
-
-
-def _property_blocks(lines: list[str], at: int, problems: list[str]) -> tuple[list[dict[str, str]], int]:
+def _property_blocks(lines: list[str], at: int, text: FemText) -> tuple[list[dict[str, str]], int]:
     blocks: list[dict[str, str]] = []
     while at < len(lines) and (not lines[at] or lines[at].startswith("<")):
         found = _PROPERTY.match(lines[at])
@@ -126,7 +121,7 @@ def _property_blocks(lines: list[str], at: int, problems: list[str]) -> tuple[li
             if key == "bhpoints":
                 curve, at = _list_rows(lines, at)
                 blocks[-1]["curve"] = "\n".join(" ".join(row) for row in curve)
-                _check_count(f"BHPoints of block {blocks[-1].get('blockname', '')}", value, len(curve), problems)
+                text.check_count(f"BHPoints of block {blocks[-1].get('blockname', '')}", value, len(curve))
     return blocks, at
 
 
@@ -139,29 +134,18 @@ def _list_rows(lines: list[str], at: int) -> tuple[list[list[str]], int]:
     return rows, at
 
 
-def _check_count(what: str, value: str, found: int, problems: list[str]) -> None:
-    if value != str(found):
-        problems.append(f"{what} says {value[:40] or 'nothing'} but {found} follow; the file is cut or edited wrongly.")
-
-
-def _check_kind(
-    header: Mapping[str, str],
-    properties: Mapping[str, Sequence[Mapping[str, str]]],
-    rows: Mapping[str, object],
-    source: str,
-) -> None:
+def _check_kind(text: FemText) -> None:
     """Refuse a file of FEMM's other solvers by its name, and what is no file of FEMM at all."""
-    keys = {key for block in properties.get("blockprops", ()) for key in block}
+    keys = {key for block in text.properties.get("blockprops", ()) for key in block}
     other = next((name for name, own in OTHER_PHYSICS.items() if own & keys), None)
-    if other is None and "conductorprops" in header:
+    if other is None and "conductorprops" in text.header:
         other = "electrostatics, heat flow or current flow"
     if other is not None:
         raise FemFileError(
-            source, [f"it is FEMM's {other} file; femfit reads magnetics. Give the magnetics (.fem) file."]
+            text.source, [f"it is FEMM's {other} file; femfit reads magnetics. Give the magnetics (.fem) file."]
         )
-    needed = {"[Format]": "format" in header, "[NumPoints]": "numpoints" in rows}
-    needed["[NumBlockLabels]"] = "numblocklabels" in rows
-    missing = [name for name, given in needed.items() if not given]
+    needed = {"[Format]": text.header, "[NumPoints]": text.rows, "[NumBlockLabels]": text.rows}
+    missing = [name for name, there in needed.items() if name[1:-1].lower() not in there]
     if missing:
         what = f"it is no FEMM magnetics file of format 4.0: {', '.join(missing)} missing."
-        raise FemFileError(source, [f"{what} Give a .fem file as FEMM saves it."])
+        raise FemFileError(text.source, [f"{what} Give a .fem file as FEMM saves it."])

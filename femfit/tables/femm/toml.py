@@ -7,14 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
 from itertools import pairwise
 
-from femfit.tables.femm.curve import rising_part
 from femfit.tables.femm.frame import FemFrame
 from femfit.tables.femm.model import FemModel
-from femfit.tables.femm.mover import FemBodies
 from femfit.tables.femm.options import FemOptions
-from femfit.tables.femm.parts import FemPart, simple_outlines
-from femfit.tables.femm.winding import FemWinding
-from femfit.tables.femm.wire import FemWire
+from femfit.tables.femm.parts import FemBodies, FemPart, simple_outlines
+from femfit.tables.femm.winding import FemWinding, FemWire
 
 MAGNET_DENSITY, STEEL_DENSITY = 7.5, 7.85
 """Sintered NdFeB and low-carbon steel in g/cm^3: makers' data sheets agree to 1 %."""
@@ -76,7 +73,7 @@ def _materials(parts: Iterable[FemPart]) -> Iterator[str]:
     for material in dict.fromkeys(part.material for part in parts):
         yield from ("", f"[materials.{_string(material.name)}]")
         if material.curve:
-            for key, values in zip(("B_T", "H_A_per_m"), zip(*rising_part(material.curve), strict=True), strict=True):
+            for key, values in zip(("B_T", "H_A_per_m"), zip(*material.rising_curve, strict=True), strict=True):
                 yield from _list(key, [_number(value, EXACT) for value in values], "")
             continue
         yield f"relative_permeability = {_number(material.mu_y)}"
