@@ -7,8 +7,7 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.bounded_qp import QPSolution
-from femfit.fit.scaled_qp import Inequalities
+from femfit.fit.bounded_qp import Inequalities, QPSolution
 from femfit.laws.law import ForceLaw
 
 FUNCTIONS: dict[str, tuple[int, ...]] = {

@@ -11,8 +11,8 @@ from scipy.optimize import lsq_linear
 
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit import bounded_qp
-from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp, solve_least_distance
-from femfit.fit.scaled_qp import Inequalities
+from femfit.fit.bounded_qp import Inequalities, active_set_least_squares, solve_bounded_qp, solve_least_distance
+from femfit.model.bspline import basis_matrix
 
 DISTANCES = np.linspace(0.015, 0.045, 61)
 F1E = np.stack([DISTANCES**-4, DISTANCES**-2], axis=1)
@@ -181,3 +181,51 @@ def test_all_coefficients_may_be_fixed_and_inequalities_may_stand_beside_them():
     given = Inequalities(np.array([[1.0, 0.0]]), np.array([7e-9]), ("a at least 7e-9",))
     x = solve_bounded_qp(F1E, noisy(), ONES, np.array([-np.inf, 5e-6]), np.array([np.inf, 5e-6]), given).x
     np.testing.assert_allclose(x, [7e-9, 5e-6], rtol=1e-8)
+
+
+def tensor_spline(count_u, count_i, u, i, order=0):
+    """Columns of a tensor B-spline of fourth degree on the unit square, its derivative of an order in i."""
+
+    def columns(x, count, derivative=0):
+        breaks = np.linspace(0.0, 1.0, count - 3)
+        return basis_matrix(x, np.concatenate([np.zeros(4), breaks, np.ones(4)]), 4, derivative)
+
+    return (columns(u, count_u)[:, :, None] * columns(i, count_i, order)[:, None, :]).reshape(len(u), -1)
+
+
+@pytest.mark.parametrize("constraint", ["convex", "box", "each bound twice"])
+def test_badly_conditioned_tables_with_hundreds_of_coefficients_end_with_a_proof(constraint):
+    """256 to 288 coefficients, columns over twelve decades, half of the rows weighted a thousand times as much."""
+    rng = np.random.default_rng(1)
+    shape, rows = ((16, 16), 700) if constraint == "each bound twice" else ((18, 16), 900)
+    u, i = rng.uniform(0, 1, rows) ** 2, rng.uniform(0, 1, rows)
+    matrix = tensor_spline(*shape, u, i)
+    matrix *= 10.0 ** rng.uniform(-6, 6, matrix.shape[1])
+    y = np.tanh(6 * i) / (u + 0.05) + 0.02 * rng.standard_normal(rows)
+    sigma = 1e-3 + np.where(rng.uniform(size=rows) < 0.5, 1e-4, 1.0)
+    size = np.linalg.norm(matrix / sigma[:, None], axis=0)
+    count = matrix.shape[1]
+    given, upper = None, None
+    if constraint == "convex":
+        grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 25), np.linspace(0, 1, 25)))
+        G = -tensor_spline(*shape, grid_u, grid_i, 2) * size
+        given = Inequalities(G, np.zeros(len(G)), ("concave",) * len(G))
+    elif constraint == "box":
+        upper = np.full(count, np.median(y) * np.sqrt(rows)) / size
+    else:
+        given = Inequalities(np.vstack([np.eye(count)] * 2) * size, np.zeros(2 * count), ("positive",) * 2 * count)
+    lower = None if constraint == "convex" else np.zeros(count)
+    ours = solve_bounded_qp(matrix, y, sigma, lower, upper, given)
+    # The oracle, an interior-point method, on the problem with columns of length one
+    z, scaled, target = cp.Variable(count), matrix / sigma[:, None] / size, y / sigma
+    q_factor, triangle = np.linalg.qr(scaled)
+    length = np.linalg.norm(target)
+    limits = [] if lower is None else [z >= 0]
+    limits += [] if upper is None else [z <= upper * size / length]
+    if constraint == "convex":
+        unit = given.matrix / size
+        limits.append((unit / np.linalg.norm(unit, axis=1)[:, None]) @ z >= 0)
+    cp.Problem(cp.Minimize(cp.sum_squares(triangle @ z - q_factor.T @ target / length)), limits).solve(cp.CLARABEL)
+    theirs = np.sum((scaled @ z.value * length - target) ** 2)
+    # Its tolerance of 1e-8 on a target of length one is 1e-4 of what is left of it
+    assert np.sum((ours.residual / sigma) ** 2) <= theirs * (1 + 1e-4)
