@@ -52,7 +52,7 @@ def run(
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_summary import summarise
+    from femfit.field.sweep_rows import summarise
 
     parts = _single_actuator(actuator)
     directory = output or Path("runs") / parts.name

@@ -43,7 +43,7 @@ def sweep(
     from femfit.device.summary import remarks
     from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_summary import summarise
+    from femfit.field.sweep_rows import summarise
 
     require_outputs([actuator], (json, RESULT))
     variants = read_variants(actuator)

@@ -16,12 +16,11 @@ from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.linear_system import FieldPair, LinearSystem
-from femfit.field.moving_mesh import MovingMesh
+from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.other_forces import OtherForces
-from femfit.field.point_field import PointField
+from femfit.field.point_rows import DistanceSolution, superpose
 from femfit.field.settings import SolverSettings
 from femfit.field.stress import weight
-from femfit.field.superposition import DistanceSolution, superpose
 
 
 class LinearActuator:

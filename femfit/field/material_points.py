@@ -23,7 +23,7 @@ from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.constants import MU_0
 from femfit.device.bh_curve import BHCurve
 from femfit.device.parts import LinearMaterial, Material
-from femfit.field.inner import inner
+from femfit.field.newton import inner
 from femfit.field.weak_form import flux_density
 
 BEYOND_SHARE = 0.01

@@ -16,8 +16,9 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from femfit.core.arrays import FloatArray
-from femfit.field.inner import inner
 
 TOLERANCE = 1e-8
 """Of the last correction, relative. It is applied, and what is left after it is at most a tenth of it."""
@@ -30,6 +31,15 @@ SUFFICIENT = 1e-4
 SHORTEST_STEP = 2.0**-30
 RESOLVED = 1e-6
 """Corrections below this change the energy by less than its rounding, so that the search has nothing to compare."""
+
+
+def inner(a: FloatArray, b: FloatArray) -> float:
+    """Sum of a b, in one thread.
+
+    BLAS splits long products over threads, whose waiting costs a hundred times the product where all cores are at work;
+    and the digits would depend on the number of threads, which a resumed sweep must not.
+    """
+    return float(np.einsum("i,i->", a, b))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,10 @@ from ngsolve import H1, GridFunction, Mesh
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import MU_0
 from femfit.device.parts import Actuator
-from femfit.field.inner import inner
 from femfit.field.layout import Layout
+from femfit.field.linear_system import SummedInverse
 from femfit.field.material_points import MaterialPoints, csr
-from femfit.field.newton import Expansion
-from femfit.field.summed_inverse import SummedInverse
+from femfit.field.newton import Expansion, inner
 from femfit.field.weak_form import AIR, coil_load, materials, stiffness
 
 RESPONSE_TOLERANCE = 1e-3

@@ -7,8 +7,7 @@ from femfit.device.parts import Actuator, NonlinearMaterial
 from femfit.field.layout import Layout
 from femfit.field.linear_point import LinearActuator
 from femfit.field.settings import SolverSettings
-from femfit.field.tolerance import at_level, check_currents, meet_tolerance
-from femfit.field.tolerance_problem import LevelChoice, ToleranceProblem
+from femfit.field.tolerance import LevelChoice, ToleranceProblem, at_level, check_currents, meet_tolerance
 from femfit.field.weak_form import materials
 
 if TYPE_CHECKING:

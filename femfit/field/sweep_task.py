@@ -1,5 +1,6 @@
 """The tasks of a sweep, as workers solve them: the level of a group of distances, and each distance."""
 
+import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,7 +11,7 @@ from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep_pool import AGAIN
-from femfit.field.tolerance_problem import LevelChoice, ToleranceProblem
+from femfit.field.tolerance import LevelChoice, ToleranceProblem
 
 if TYPE_CHECKING:
     from femfit.field.problem import FieldProblem
@@ -76,8 +77,7 @@ class DistanceTask:
                 raise
             problem = MESHES.problem(self.mesh.of(self.distance))
         rows = problem.rows(self.distance, self.mesh.actuator.sweep.currents_A)
-        # JSON has no NaN: a current without a field is null
-        return {"rows": {name: [None if one != one else one for one in values] for name, values in rows.items()}}
+        return {"rows": {name: [_json_ready(value) for value in values] for name, values in rows.items()}}
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,11 @@ class LevelTask:
             return [replace(task, mesh=self.mesh.of(task.distance)) for task in tasks]
         mesh = replace(self.mesh, choice=LevelChoice.from_json(result["choice"]))
         return [replace(task, mesh=mesh) for task in tasks]
+
+
+def _json_ready(value: Any) -> Any:
+    """JSON has no NaN: a current without a field has null."""
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def solve_task(task: SweepTask) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from femfit.field import nonlinear_point, sweep_task
 from femfit.field import sweep as sweep_module
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
-from femfit.field.sweep_summary import summarise
+from femfit.field.sweep_rows import summarise
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import magnet
 from support.saturating import bobbin, rows_at

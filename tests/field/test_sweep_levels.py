@@ -15,7 +15,7 @@ from femfit.field import tolerance as tolerance_module
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_pool import DIED
-from femfit.field.sweep_summary import summarise
+from femfit.field.sweep_rows import summarise
 from femfit.field.sweep_task import LevelTask
 from support.actuators import GEOMETRY
 

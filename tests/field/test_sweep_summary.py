@@ -6,7 +6,7 @@ import pytest
 from femfit.device.parts import NonlinearMaterial
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
-from femfit.field.sweep_summary import summarise
+from femfit.field.sweep_rows import summarise
 from femfit.tables.sweep_table import SweepTable
 from support.saturating import bobbin
 

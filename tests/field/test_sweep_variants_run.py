@@ -16,7 +16,7 @@ from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
-from femfit.field.sweep_summary import summarise
+from femfit.field.sweep_rows import summarise
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import GEOMETRY
 from support.saturating import STEEL

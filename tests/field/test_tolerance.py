@@ -12,8 +12,7 @@ from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep import run_sweep
-from femfit.field.tolerance import check_currents, refinement_levels
-from femfit.field.tolerance_problem import scale
+from femfit.field.tolerance import check_currents, refinement_levels, scale
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 
 

@@ -11,10 +11,10 @@ from femfit.device.load import read_actuator
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.linear_system import FieldPair
+from femfit.field.point_rows import DISAGREEMENT, DistanceSolution, superpose
 from femfit.field.settings import SolverSettings
 from femfit.field.stress import AROUND_FIXED, LayerForce
-from femfit.field.superposition import DISAGREEMENT, DistanceSolution, superpose
-from femfit.field.tolerance_problem import LevelChoice, ToleranceProblem
+from femfit.field.tolerance import LevelChoice, ToleranceProblem
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import prepared
 from support.saturating import bobbin, problem_at
