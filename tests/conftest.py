@@ -1,5 +1,6 @@
 """Fixtures that several rooms share."""
 
+import fcntl
 import os
 
 # Before numpy loads: threads inside the small factorisations of the tests cost more than they save.
@@ -8,9 +9,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
+from femfit.field.sweep import run_sweep
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
+from support.actuators import GEOMETRY
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 LONGEST_ROOMS = ("notebooks", "trial")
@@ -19,6 +22,16 @@ LONGEST_ROOMS = ("notebooks", "trial")
 
 def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: item.path.parent.name not in LONGEST_ROOMS)
+
+
+@pytest.fixture(scope="session")
+def rig_sweep(tmp_path_factory):
+    """The table of emaws-rig as drawn, 488 points: solved once for all processes of a test run."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with (shared / "rig.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        return run_sweep(GEOMETRY / "emaws-rig.toml", shared / "rig-sweep")
 
 
 def _coenergy(d: np.ndarray, i: np.ndarray) -> np.ndarray:

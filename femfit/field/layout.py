@@ -72,14 +72,9 @@ def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
 
 
 def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> Layout:
-    """The layout for a group's own mesh, whose layer is as wide as there is room for.
+    """The layout for the mesh of a group of ascending distances in m, whose layer is as wide as there is room for.
 
     A layer as thin as the sweep's narrowest gap would cover a far moving part with elements of that size.
-
-    Parameters
-    ----------
-    group : tuple of float
-        Distances that share the mesh, in m, ascending.
     """
     mover = mover_outline(actuator)
     near, far = group[0], group[-1]
@@ -153,13 +148,7 @@ def _grown(outline: Any, offset: float) -> Any:
 
 
 def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: SolverSettings) -> list[tuple[float, ...]]:
-    """Split distances into consecutive groups that share one mesh.
-
-    Parameters
-    ----------
-    distances : tuple of float
-        Ascending, in m.
-    """
+    """Split ascending distances in m into consecutive groups that share one mesh."""
     if not layout.stretchable:
         return [(d,) for d in distances]
     gaps = [d - layout.outer_offset - layout.fixed_top for d in distances]
@@ -173,12 +162,6 @@ def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: Solve
 
 
 def reference_distance(group: tuple[float, ...], layout: Layout) -> float:
-    """The distance at which a group's mesh is made: the geometric mean of its gaps.
-
-    Parameters
-    ----------
-    group : tuple of float
-        Distances in m, ascending.
-    """
+    """The distance at which the mesh of a group of ascending distances is made: the geometric mean of its gaps."""
     low, high = (d - layout.outer_offset - layout.fixed_top for d in (group[0], group[-1]))
     return float(np.sqrt(low * high)) + layout.outer_offset + layout.fixed_top if len(group) > 1 else group[0]

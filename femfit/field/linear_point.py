@@ -15,7 +15,7 @@ from numpy.polynomial.polynomial import polyval
 from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
-from femfit.field.linear_system import FieldPair, LinearSystem
+from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.other_forces import OtherForces
 from femfit.field.point_rows import DistanceSolution, superpose
@@ -77,13 +77,7 @@ class LinearActuator:
         )
 
     def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance.
-
-        Returns
-        -------
-        dict of list
-            By column name, one value a current.
-        """
+        """Columns of the sweep table at a distance, one value a current."""
         solution = self.solve(distance)
         if not np.all(np.isfinite(solution.force)):
             raise FieldSolverError(
@@ -100,9 +94,3 @@ class LinearActuator:
         field = ng.GridFunction(self._system.space)
         field.vec.data = total.magnets.vec + current * total.coil.vec
         return PointField(field, float(polyval(current, solution.force)), float(polyval(current, solution.self_force)))
-
-    def fields(self, distance: float) -> FieldPair:
-        """Solutions w at a distance, with the mesh left stretched to it; overwritten by the next solution."""
-        self._moving.move_to(distance)
-        self._system.solve()
-        return self._system.total

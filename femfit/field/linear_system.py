@@ -18,7 +18,7 @@ from femfit.core.constants import MU_0
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.stress import LayerForce
-from femfit.field.weak_form import AIR, assemble_loads, flux_density, linear_materials, reluctivity, stiffness
+from femfit.field.weak_form import AIR, coil_load, flux_density, linear_materials, magnet_load, reluctivity, stiffness
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,8 @@ class LinearSystem:
         self.space = H1(mesh, order=order)
         self.total, self.own = (FieldPair(GridFunction(self.space), GridFunction(self.space)) for _ in range(2))
         self._hall = actuator.hall
-        self._loads = assemble_loads(self.space, actuator)
+        self._magnets, self._own_magnets = (magnet_load(self.space, actuator, part) for part in ("", "moving:"))
+        self._coil = coil_load(self.space, actuator)
         self._layer_force = LayerForce(self.space, g)
         named = linear_materials(actuator)
         parts, nu_0, nu = "|".join(named), ng.CF(1.0 / MU_0), reluctivity(mesh, named)
@@ -67,7 +68,7 @@ class LinearSystem:
         """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
         self._air.Assemble()
         self._inverse.renew((self._air, self._solid))
-        for load, total in ((self._loads.magnets, self.total.magnets), (self._loads.coil, self.total.coil)):
+        for load, total in ((self._magnets, self.total.magnets), (self._coil, self.total.coil)):
             total.vec.FV().NumPy()[:] = self._inverse.solve(load.vec.FV().NumPy())
         self._inverse.renew((self._air, self._vacuum))
         magnetisation = self.total.coil.vec.CreateVector()
@@ -76,7 +77,7 @@ class LinearSystem:
             (self.total.coil, self.own.coil, 0.0),
         ):
             self._induced.Apply(total.vec, magnetisation)  # element by element, on the moving part alone
-            magnetisation.data += permanent * self._loads.own_magnets.vec
+            magnetisation.data += permanent * self._own_magnets.vec
             own.vec.FV().NumPy()[:] = self._inverse.solve(magnetisation.FV().NumPy())
 
     def evaluate(self) -> Coefficients:
@@ -84,12 +85,12 @@ class LinearSystem:
         self.solve()
         self_force = self.own.quadratic(self._layer_force.between)
         magnets, coil = self.total.magnets.vec, self.total.coil.vec
-        load = self._loads.coil.vec
+        load = self._coil.vec
         return Coefficients(
             force=self.total.quadratic(self._layer_force.between) - self_force,
             self_force=self_force,
             flux_linkage=np.array([InnerProduct(load, magnets), InnerProduct(load, coil)]),
-            coenergy=0.5 * InnerProduct(self._loads.magnets.vec, magnets),
+            coenergy=0.5 * InnerProduct(self._magnets.vec, magnets),
             hall=self._hall_field(),
         )
 

@@ -42,13 +42,7 @@ class PointField:
 
 
 class MovingMesh:
-    """A mesh made at the group's reference distance and stretched to others.
-
-    Parameters
-    ----------
-    group : tuple of float
-        Distances that share the mesh, in m, ascending.
-    """
+    """A mesh made at the reference distance of a group of ascending distances in m, and stretched to the others."""
 
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
         self.layout = layout_of_group(actuator, group, layout, settings)

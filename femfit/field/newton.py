@@ -14,11 +14,14 @@ J. Nocedal and S. J. Wright, Numerical Optimization, 2nd ed., section 3.1 (suffi
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from femfit.field.nonlinear_system import NonlinearSystem
 
 TOLERANCE = 1e-8
 """Of the last correction, relative. It is applied, and what is left after it is at most a tenth of it."""
@@ -61,23 +64,6 @@ class Expansion:
     square: float
 
 
-class MinimisationProblem(Protocol):
-    """What is minimised, for one current."""
-
-    def evaluate(self, state: FloatArray, current: float) -> Expansion:
-        """The energy about a state."""
-
-    def renew(self, state: FloatArray) -> None:
-        """Take K at a state."""
-
-    def solve(self, load: FloatArray) -> FloatArray:
-        """K^-1 load."""
-
-    @property
-    def ready(self) -> bool:
-        """Whether there is a K."""
-
-
 @dataclass(frozen=True)
 class NewtonResult:
     """How an iteration ended.
@@ -98,20 +84,14 @@ class NewtonResult:
 
 
 def minimise(
-    problem: MinimisationProblem,
+    problem: "NonlinearSystem",
     current: float,
     start: FloatArray,
     *,
     contraction: float = CONTRACTION,
     limit: int = LIMIT,
 ) -> NewtonResult:
-    """Find the state of least energy.
-
-    Parameters
-    ----------
-    start : array, shape (unknowns,)
-        First state.
-    """
+    """Find the state of least energy."""
     state, here, history = start, problem.evaluate(start, current), list[float]()
     stale = not problem.ready
     for _ in range(limit):
@@ -138,7 +118,7 @@ def _relative(decrease: float, square: float) -> float:
 
 
 def _search(
-    problem: MinimisationProblem,
+    problem: "NonlinearSystem",
     current: float,
     state: FloatArray,
     here: Expansion,

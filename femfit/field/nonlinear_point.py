@@ -36,13 +36,7 @@ from femfit.field.weak_form import flux_density
 
 
 class NonlinearActuator:
-    """One mesh of an actuator with saturating parts, to be stretched over a group of distances.
-
-    Parameters
-    ----------
-    group : tuple of float
-        Distances that share the mesh, in m, ascending.
-    """
+    """One mesh of an actuator with saturating parts, to be stretched over a group of ascending distances in m."""
 
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
         self.layout = layout
@@ -63,13 +57,7 @@ class NonlinearActuator:
         return int(self.fine.space.ndof)
 
     def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance.
-
-        Returns
-        -------
-        dict of list
-            By column name, one value a current; a current that did not converge has its ``status`` and no field.
-        """
+        """Columns of the sweep table, one value a current; one without convergence has its ``status`` and no field."""
         return table_rows(self.solve(distance, currents), currents)
 
     def solve(self, distance: float, currents: tuple[float, ...]) -> list[NonlinearPoint]:

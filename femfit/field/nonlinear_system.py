@@ -25,7 +25,7 @@ RESPONSE_LIMIT = 100
 
 
 class NonlinearSystem:
-    """A :class:`femfit.field.newton.MinimisationProblem`; states are coefficient vectors of w."""
+    """What :func:`femfit.field.newton.minimise` minimises; states are coefficient vectors of w."""
 
     def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, order: int) -> None:
         self.space = H1(mesh, order=order)
@@ -47,13 +47,7 @@ class NonlinearSystem:
         self.ready = False
 
     def evaluate(self, state: FloatArray, current: float) -> Expansion:
-        """Energy without the constant of the magnets, its derivative and the state's square.
-
-        Parameters
-        ----------
-        state : array, shape (unknowns,)
-            Any.
-        """
+        """Energy without the constant of the magnets, its derivative and the state's square."""
         h, stored = self.points.respond(self.points.flux_density(state))
         of_air = self._stiffness @ state
         of_all = of_air + self.points.load(h)
@@ -75,19 +69,9 @@ class NonlinearSystem:
         return self._inverse.solve(load)
 
     def response(self, state: FloatArray, guess: FloatArray) -> FloatArray:
-        """dw/di at a state: conjugate gradients with the second derivative there, preconditioned by the kept one.
+        """dw/di in 1/A at a converged state, to RESPONSE_TOLERANCE: conjugate gradients from a guess.
 
-        Parameters
-        ----------
-        state : array, shape (unknowns,)
-            Converged.
-        guess : array, shape (unknowns,)
-            Start.
-
-        Returns
-        -------
-        array, shape (unknowns,)
-            In 1/A; accurate to RESPONSE_TOLERANCE.
+        They use the second derivative at the state, preconditioned by the kept one.
         """
         tensor = self.points.tensor(self.points.flux_density(state))
         x = guess

@@ -136,13 +136,7 @@ class PointSolution:
 
 @dataclass(frozen=True)
 class NonlinearPoint:
-    """How a point was solved, and what came of it.
-
-    Parameters
-    ----------
-    solution : PointSolution or None
-        None if the iteration did not converge.
-    """
+    """How a point was solved; it has no solution where the iteration did not converge."""
 
     iterations: int
     residual: float
@@ -151,13 +145,7 @@ class NonlinearPoint:
 
 
 def table_rows(points: list[NonlinearPoint], currents: tuple[float, ...]) -> dict[str, list[Any]]:
-    """Columns of the sweep table.
-
-    Returns
-    -------
-    dict of list
-        By column name, one value a current; a current that did not converge has its ``status`` and no field.
-    """
+    """Columns of the sweep table, one value a current; one that did not converge has its ``status`` and no field."""
     weakest = points[int(np.argmin(np.abs(currents)))].solution
     least_change = _least_change([point.solution for point in points if point.solution], weakest)
     rows = [_columns(point, least_change) for point in points]

@@ -23,13 +23,7 @@ def prepare(
     settings: SolverSettings,
     choice: LevelChoice | None = None,
 ) -> "FieldProblem":
-    """Mesh an actuator for a group of distances.
-
-    Parameters
-    ----------
-    group : tuple of float
-        Distances that share the mesh, in m, ascending.
-    """
+    """Mesh an actuator for a group of ascending distances in m that share the mesh."""
     saturates = any(isinstance(material, NonlinearMaterial) for material in materials(actuator).values())
 
     def build(of: SolverSettings, *, estimate: bool) -> "LinearActuator | NonlinearActuator":

@@ -38,17 +38,6 @@ class SolverSettings:
     stretch_limit: float = 1.8
     tolerance: float | None = None
 
-    def finer(self) -> "SolverSettings":
-        """Settings for checking these: one order more and corners a quarter of the size, about ten times the work."""
-        return SolverSettings(
-            order=self.order + 1,
-            corner_fraction=self.corner_fraction / 4.0,
-            region_fraction=self.region_fraction / 2.0,
-            grading=0.6 * self.grading,
-            outer_radius_factor=2.0 * self.outer_radius_factor,
-            stretch_limit=1.0,
-        )
-
 
 def settings_for(actuator: Actuator) -> SolverSettings:
     """The defaults, with the actuator's own tolerance."""

@@ -63,19 +63,9 @@ def _dofs(space: H1, region: ng.Region) -> BoolArray:
 
 
 def stress_density(b: Any, c: Any, slope: Any) -> Any:
-    """The weighted stress of two fields, bilinear and symmetric in them, whose integral over (r, z) is the force.
+    """The weighted stress of two flux densities, bilinear and symmetric, in N/m^2, positive towards the electromagnet.
 
-    Parameters
-    ----------
-    b, c : ngsolve.CoefficientFunction
-        Flux densities in T.
-    slope : ngsolve.CoefficientFunction
-        Gradient of the weight in 1/m.
-
-    Returns
-    -------
-    ngsolve.CoefficientFunction
-        In N/m^2, positive towards the electromagnet.
+    Its integral over (r, z) is the force; ``slope`` is the gradient of the weight in 1/m.
     """
     radial = 0.5 * (b[0] * c[1] + b[1] * c[0])
     axial = 0.5 * (b[1] * c[1] - b[0] * c[0])
@@ -93,13 +83,7 @@ class LayerForce:
         self._form = form.Assemble()
 
     def between(self, first: GridFunction, second: GridFunction) -> float:
-        """The bilinear force of two solutions in N, positive towards the electromagnet.
-
-        Parameters
-        ----------
-        first, second : ngsolve.GridFunction
-            Solutions w; the force of their sum is f(1, 1) + 2 f(1, 2) + f(2, 2).
-        """
+        """The bilinear force of two solutions w in N: that of their sum is f(1, 1) + 2 f(1, 2) + f(2, 2)."""
         image = first.vec.CreateVector()
         image.data = self._form.mat * second.vec
         return float(InnerProduct(first.vec, image))

@@ -13,10 +13,9 @@ from femfit.device.parts import Actuator
 from femfit.device.variants import VariantSweep, only, read_variants
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.settings import SolverSettings, settings_for
-from femfit.field.sweep_cluster import solve_on_cluster, versions
-from femfit.field.sweep_pool import AGAIN, Done, Result, solve_here, solve_in_processes
 from femfit.field.sweep_rows import sweep_manifest, sweep_rows
 from femfit.field.sweep_task import DistanceTask, LevelTask, MeshGroup, SweepTask, solve_task
+from femfit.field.sweep_workers import AGAIN, Done, Result, solve_here, solve_in_processes, solve_on_cluster, versions
 from femfit.field.tolerance import shares_checks
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
 

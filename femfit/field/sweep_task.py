@@ -4,13 +4,13 @@ import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError, FieldSolverError
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.settings import SolverSettings
-from femfit.field.sweep_pool import AGAIN
+from femfit.field.sweep_workers import AGAIN
 from femfit.field.tolerance import LevelChoice, ToleranceProblem
 
 if TYPE_CHECKING:
@@ -42,17 +42,6 @@ class MeshGroup:
     def of(self, distance: float) -> "MeshGroup":
         """The group of a distance alone, in m."""
         return replace(self, distances=(distance,), choice=None)
-
-
-class SweepTask(Protocol):
-    """What a worker solves; picklable."""
-
-    @property
-    def key(self) -> str:
-        """Name in the journal."""
-
-    def result(self) -> dict[str, Any]:
-        """Solve it; JSON-ready."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +98,10 @@ class LevelTask:
             return [replace(task, mesh=self.mesh.of(task.distance)) for task in tasks]
         mesh = replace(self.mesh, choice=LevelChoice.from_json(result["choice"]))
         return [replace(task, mesh=mesh) for task in tasks]
+
+
+SweepTask = DistanceTask | LevelTask
+"""What a worker solves; picklable."""
 
 
 def _json_ready(value: Any) -> Any:

@@ -20,7 +20,7 @@ converge exponentially.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,7 +31,11 @@ from femfit.field.settings import SolverSettings
 if TYPE_CHECKING:
     from ngsolve import Mesh
 
+    from femfit.field.linear_point import LinearActuator
     from femfit.field.moving_mesh import PointField
+    from femfit.field.nonlinear_point import NonlinearActuator
+
+    LevelProblem = LinearActuator | NonlinearActuator
 
 FIRST_ORDER = 4
 """Errors of lower orders scatter so much with distance that three checks do not bound them."""
@@ -49,22 +53,6 @@ MOST_CHECKED = 4  # currents of a nonlinear actuator
 
 ROUNDING = 1e-10
 """Of the largest value at a distance: below it, a value is 0."""
-
-
-class LevelProblem(Protocol):
-    """What one level solves."""
-
-    mesh: "Mesh"
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns."""
-
-    def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance."""
-
-    def field(self, distance: float, current: float) -> "PointField":
-        """The field at a point."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +82,7 @@ class LevelChoice:
 class ToleranceProblem:
     """A group of distances on the level that meets the tolerance."""
 
-    def __init__(self, problem: LevelProblem, settings: SolverSettings, choice: LevelChoice) -> None:
+    def __init__(self, problem: "LevelProblem", settings: SolverSettings, choice: LevelChoice) -> None:
         self._problem = problem
         self.settings = settings
         self.choice = choice
@@ -112,13 +100,7 @@ class ToleranceProblem:
         return self._problem.unknowns
 
     def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance.
-
-        Returns
-        -------
-        dict of list
-            By column name, one value a current.
-        """
+        """Columns of the sweep table at a distance, one value a current."""
         columns = self._problem.rows(distance, currents)
         if "force_N" in columns:
             error = self._relative(np.array(currents)) * scale(columns["force_N"], currents)
@@ -138,7 +120,7 @@ class ToleranceProblem:
 
 
 def meet_tolerance(
-    build: Callable[[SolverSettings], LevelProblem],
+    build: "Callable[[SolverSettings], LevelProblem]",
     group: tuple[float, ...],
     currents: tuple[float, ...],
     settings: SolverSettings,
@@ -181,7 +163,7 @@ def meet_tolerance(
 
 
 def at_level(
-    build: Callable[[SolverSettings], LevelProblem], choice: LevelChoice, settings: SolverSettings
+    build: "Callable[[SolverSettings], LevelProblem]", choice: LevelChoice, settings: SolverSettings
 ) -> ToleranceProblem:
     """What :func:`meet_tolerance` gave, without the search."""
     level = refinement_levels(settings)[choice.level]
@@ -189,13 +171,7 @@ def at_level(
 
 
 def shares_checks(group: tuple[float, ...]) -> bool:
-    """Whether a group's level is chosen by checks at some of its distances, for all of them.
-
-    Parameters
-    ----------
-    group : tuple of float
-        Distances that share a mesh, in m.
-    """
+    """Whether a group's level is chosen by checks at some of its distances, for all of them."""
     return len(group) > OWN_MESH_LIMIT
 
 
@@ -216,7 +192,7 @@ def check_currents(currents: tuple[float, ...]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class _Solved:
-    problem: LevelProblem
+    problem: "LevelProblem"
     level: int
     columns: list[dict[str, list[Any]]]
 

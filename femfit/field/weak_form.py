@@ -14,10 +14,10 @@ Algebra Appl. 16 (2009), for unknowns A/r in axisymmetric spaces.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
+import shapely
 from ngsolve import CF, H1, BilinearForm, InnerProduct, LinearForm, Mesh, ds, dx, grad
 
 from femfit.core.constants import MU_0
@@ -53,21 +53,6 @@ def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
     return linear
 
 
-@dataclass(frozen=True)
-class Loads:
-    """Right-hand sides.
-
-    Parameters
-    ----------
-    coil : ngsolve.LinearForm
-        Of 1 A; its product with a solution is that solution's flux linkage.
-    """
-
-    magnets: LinearForm
-    own_magnets: LinearForm
-    coil: LinearForm
-
-
 def stiffness(
     space: H1, reluctivity: Any, outer_radius: float | None, *, regions: str = ".*", condense: bool = True
 ) -> BilinearForm:
@@ -91,36 +76,26 @@ def stiffness(
     return form
 
 
-def assemble_loads(space: H1, actuator: Actuator) -> Loads:
-    """The right-hand sides of all sources."""
+def magnet_load(space: H1, actuator: Actuator, prefix: str = "") -> LinearForm:
+    """The right-hand side of the magnets, or of those in the regions whose name begins with a prefix."""
     v = space.TestFunction()
-    r = ng.x
-    named = linear_materials(actuator)
-    forms = []
-    for prefix in ("", "moving:"):
-        form = LinearForm(space)
-        for name, material in named.items():
-            if material.remanence_T and name.startswith(prefix):
-                source = material.reluctivity * material.remanence_T
-                region = dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
-                form += source * flux_density(v)[1] * 2.0 * math.pi * r * region
-        forms.append(form.Assemble())
-    return Loads(magnets=forms[0], own_magnets=forms[1], coil=coil_load(space, actuator))
+    form = LinearForm(space)
+    for name, material in linear_materials(actuator).items():
+        if material.remanence_T and name.startswith(prefix):
+            source = material.reluctivity * material.remanence_T
+            region = dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
+            form += source * flux_density(v)[1] * 2.0 * math.pi * ng.x * region
+    return form.Assemble()
 
 
 def coil_load(space: H1, actuator: Actuator) -> LinearForm:
     """The right-hand side of 1 A in the winding; its product with a solution is that solution's flux linkage."""
     v = space.TestFunction()
     r = ng.x
-    density = actuator.coil.turns / _area(actuator.coil.vertices_m)
+    density = actuator.coil.turns / shapely.Polygon(actuator.coil.vertices_m).area
     coil = LinearForm(space)
     coil += density * r * v * 2.0 * math.pi * r * dx("coil", bonus_intorder=RADIAL_WEIGHT_ORDER)
     return coil.Assemble()
-
-
-def _area(vertices: tuple[tuple[float, float], ...]) -> float:
-    following = (*vertices[1:], vertices[0])
-    return 0.5 * abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(vertices, following, strict=True)))
 
 
 def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:

@@ -104,13 +104,6 @@ def test_the_first_page_of_the_repository_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 150
 
 
-def test_pages_link_to_files_that_exist():
-    for path in PAGES:
-        for target in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", path.read_text(encoding="utf-8")):
-            if "://" not in target and "generated" not in target:
-                assert (path.parent / target).exists(), f"{path.name} links to {target}"
-
-
 def test_the_versions_of_the_documents_agree():
     assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == femfit.__version__
 

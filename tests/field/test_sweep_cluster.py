@@ -12,10 +12,10 @@ import pytest
 from femfit.core.errors import ClusterError
 from femfit.device.load import read_actuator
 from femfit.field import sweep as sweep_module
-from femfit.field import sweep_cluster
+from femfit.field import sweep_workers
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
-from femfit.field.sweep_cluster import solve_if_same, versions
+from femfit.field.sweep_workers import solve_if_same, versions
 from support.actuators import GEOMETRY
 from support.cluster import cluster
 from support.dying_worker import die_at_20_mm
@@ -90,7 +90,7 @@ def test_an_address_where_nothing_answers_is_refused_with_the_remedy(actuator, t
 
 
 def test_a_scheduler_without_workers_is_said(actuator, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep_cluster, "TIMEOUT", 2.0)
+    monkeypatch.setattr(sweep_workers, "TIMEOUT", 2.0)
     with cluster(workers=0) as (address, _, _), pytest.raises(ClusterError, match=r"has no workers.*dask worker"):
         run_sweep(actuator, tmp_path, scheduler=address, settings=QUICK)
 

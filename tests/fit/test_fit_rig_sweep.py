@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from femfit.device.load import read_actuator
-from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.fit.ranking import TARGET
 from femfit.tables.sweep_table import SweepTable
-from support.actuators import GEOMETRY
 
 ERRATA = {  # d in mm: F0 in N and F1 in N/A for 30 turns, Hall field of the magnet in T (papers/ERRATA.md, order 6)
     15: (0.0803275, 0.0110974, 0.018054),
@@ -21,8 +18,8 @@ TURNS_RATIO = 308 / 30
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory):
-    return run_sweep(read_actuator(GEOMETRY / "emaws-rig.toml"), tmp_path_factory.mktemp("rig"))
+def sweep(rig_sweep):
+    return rig_sweep
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from femfit.field.settings import SolverSettings
 from femfit.field.weak_form import flux_density
 from support.actuators import assembly, magnet, rectangle
 from support.exact import axis_field_of_cylinder
-from support.field import prepared, solved
+from support.field import finer_settings, prepared, solved
 from support.reference import REFERENCE, needs_reference
 from support.validation_cases import brooks, loops, magnet_pair, solenoid
 
@@ -73,7 +73,7 @@ def test_inductance_of_a_brooks_coil_is_exact():
     exact = inductance_of_thick_coil(0.01, 0.02, 0.01)
     assert exact == pytest.approx(0.025491e-6, rel=3e-5)
     assert brooks() == pytest.approx(exact, rel=5e-4)
-    assert brooks(SolverSettings().finer()) == pytest.approx(exact, rel=5e-6)
+    assert brooks(finer_settings(SolverSettings())) == pytest.approx(exact, rel=5e-6)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_flux_density_is_free_of_divergence():
     # Flux through closed cylinders vanishes: B_z through the faces against B_r through the mantle.
     actuator = assembly(moving=[magnet(1.3, 0.0055, 0.005)], distances=(0.02,))
     problem = prepared(actuator, 0.02)
-    w = problem.fields(0.02).magnets
+    w = problem.field(0.02, 0.0).w
     nodes, weights = np.polynomial.legendre.leggauss(40)
     radius, low, high = 0.012, -0.001, 0.011
     b = flux_density(w)

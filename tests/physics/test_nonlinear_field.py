@@ -15,6 +15,7 @@ from femfit.field.linear_point import LinearActuator
 from femfit.field.newton import TOLERANCE, minimise
 from femfit.field.settings import SolverSettings
 from support.actuators import assembly, magnet, rectangle
+from support.field import finer_settings
 from support.reference import REFERENCE, needs_reference
 from support.saturating import STEEL, bobbin, problem_at, rig_with_core, rows_at, straight
 
@@ -153,7 +154,7 @@ def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
 @pytest.mark.parametrize("mover", [None, magnet_with_steel_back()], ids=["steel disc", "magnet with steel back"])
 def test_force_error_covers_the_error_against_a_finer_run(mover):
     actuator = bobbin(distances=(0.003,), currents=(2.0, 8.0), mover=mover)
-    rows, finer = rows_at(actuator), rows_at(actuator, settings=SolverSettings().finer())
+    rows, finer = rows_at(actuator), rows_at(actuator, settings=finer_settings(SolverSettings()))
     error = np.abs(rows["force_N"] - finer["force_N"])
     assert (error < 1e-3 * np.abs(finer["force_N"])).all()
     ratio = rows["force_error_N"] / error

@@ -16,7 +16,7 @@ from femfit.field.settings import SolverSettings
 from femfit.field.stress import AROUND_FIXED, LayerForce
 from femfit.field.tolerance import LevelChoice, ToleranceProblem
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
-from support.field import prepared
+from support.field import finer_settings, prepared
 from support.saturating import bobbin, problem_at
 
 LOW, HIGH, NODES = 0.018, 0.024, 14
@@ -111,7 +111,7 @@ def test_a_rough_mesh_states_an_error_that_covers_the_true_one():
         fixed=[core], moving=[magnet(1.3, 0.005, 0.005)], distances=(0.004,), coil=rectangle(0.011, 0.02, -0.02, -0.005)
     )
     rough = prepared(actuator, 0.004, SolverSettings(order=2, corner_fraction=0.3)).rows(0.004, (0.0, 300.0))
-    fine = prepared(actuator, 0.004, SolverSettings().finer()).rows(0.004, (0.0, 300.0))
+    fine = prepared(actuator, 0.004, finer_settings(SolverSettings())).rows(0.004, (0.0, 300.0))
     error = np.abs(np.subtract(rough["force_N"], fine["force_N"]))
     assert np.all(np.array(rough["force_error_N"]) >= error)
     assert np.all(np.array(rough["force_error_N"]) >= rough[DISAGREEMENT])

@@ -17,3 +17,15 @@ def solved(actuator, distance=None, settings=None):
     """Coefficients of force, flux linkage and Hall field at a distance (the first one by default)."""
     distance = actuator.sweep.distances_m[0] if distance is None else distance
     return prepared(actuator, distance, settings).solve(distance)
+
+
+def finer_settings(settings):
+    """Settings for checking others: one order more and corners a quarter of the size, about ten times the work."""
+    return SolverSettings(
+        order=settings.order + 1,
+        corner_fraction=settings.corner_fraction / 4.0,
+        region_fraction=settings.region_fraction / 2.0,
+        grading=0.6 * settings.grading,
+        outer_radius_factor=2.0 * settings.outer_radius_factor,
+        stretch_limit=1.0,
+    )

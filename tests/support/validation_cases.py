@@ -20,7 +20,7 @@ from femfit.device.parts import LinearMaterial, Region
 from femfit.field.settings import SolverSettings
 from femfit.field.weak_form import flux_density, stiffness
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
-from support.field import prepared, solved
+from support.field import finer_settings, prepared, solved
 from support.reference import REFERENCE
 from support.saturating import bobbin, problem_at, rows_at
 
@@ -259,4 +259,4 @@ def _peer_rows(name):
     return np.array(ours), np.array(peer)
 
 
-FINER = SolverSettings().finer()
+FINER = finer_settings(SolverSettings())
