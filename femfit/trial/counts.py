@@ -79,7 +79,9 @@ def counts(outcomes: Sequence[Outcome]) -> list[Count]:
             [one for one in single if one.withheld_certain is not None],
             {
                 "a wrong name was called certain": lambda one: bool(one.withheld_certain),
-                "a wrong name was given, not certain": lambda one: one.withheld_named and not one.withheld_certain,
+                "a wrong name was given, not certain": lambda one: (
+                    bool(one.withheld_named) and not one.withheld_certain
+                ),
             },
         ),
         (

@@ -206,7 +206,7 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
         setting=lambda device, size, at: replace(at, distance=at.distance + size),
     ),
     "distance_scale": HiddenError(
-        lambda device: 0.05,
+        lambda device: 0.03,
         ("force_N",),
         setting=lambda device, size, at: replace(at, distance=at.distance * (1 + size)),
     ),
@@ -246,12 +246,12 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
         },
     ),
     "current_offset": HiddenError(
-        lambda device: 0.15 * _largest_current(device),
+        lambda device: 0.02 * _largest_current(device),  # both current errors stay within the solved range
         _BY_CURRENT,
         setting=lambda device, size, at: replace(at, current=at.current + size),
     ),
     "current_gain": HiddenError(
-        lambda device: 0.15,
+        lambda device: 0.02,
         _BY_CURRENT,
         setting=lambda device, size, at: replace(
             at, current=at.current * (1.0 + size * (1.0 + BEND * np.abs(at.current) / _largest_current(device)))

@@ -114,6 +114,21 @@ def test_each_error_has_the_size_that_was_asked_for(device, name):
     pd.testing.assert_frame_equal(campaign.rows, make_campaign(device, (name,), 3.0, np.random.default_rng(7)).rows)
 
 
+def test_no_errors_lead_out_of_the_solved_range(device):
+    # Beyond its nodes the polynomial of a saturating actuator says nothing.
+    for sign in (-1.0, 1.0):
+        at = Conditions(*(np.array([x]) for x in (0.0, max(device.actuator.sweep.currents_A), 0.0, 20.0, 20.0)))
+        for name in ("current_offset", "current_gain"):
+            at = HIDDEN_ERRORS[name].setting(device, sign * HIDDEN_ERRORS[name].limit(device), at)
+        assert abs(at.current[0]) <= device.drawn.current
+        near, far = (np.array([device.actuator.sweep.distances_m[k]]) for k in (0, -1))
+        for distance in (near, far):
+            moved = replace(at, distance=distance)
+            for name in ("distance_scale", "distance_offset"):
+                moved = HIDDEN_ERRORS[name].setting(device, sign * HIDDEN_ERRORS[name].limit(device), moved)
+            assert device.drawn.distances[0] <= moved.distance[0] <= device.drawn.distances[1]
+
+
 def test_a_campaign_on_the_model_itself_lacks_nothing(device, levitation_model, tmp_path):
     write_model(levitation_model, tmp_path / "model.json")
 
