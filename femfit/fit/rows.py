@@ -8,13 +8,12 @@ import pandas as pd
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import TableError
 from femfit.fit.incremental import incremental_inductance
+from femfit.tables.suspected_units import suspected_by_size
 from femfit.tables.sweep_table import SweepTable
 
 FEWEST_ROWS = 12
 FEWEST_DISTANCES = 4
 FAR_ABOVE_WEIGHT = 10.0
-FARTHEST_M = 0.5
-"""No actuator of one axis is that long; a column in millimetres reaches beyond."""
 
 SMALL_FORCE = 0.01
 """Forces below this part of the largest one at the same distance are passages through zero, whose relative error would
@@ -124,11 +123,9 @@ def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float)
     if distance is None or current is None or force is None:
         missing = ", ".join(name for name, values in columns.items() if values is None)
         raise TableError(f"A fit needs the columns distance_m, current_A and force_N; {missing} missing.")
-    if np.max(distance) > FARTHEST_M:
-        raise TableError(
-            f"Distances must be in m; distance_m goes from {np.min(distance):g} to {np.max(distance):g}, which look "
-            "like millimetres. Divide the column by 1000, or read the table with femfit import --distance-unit mm."
-        )
+    suspected = suspected_by_size(rows[["distance_m"]], solved=True)
+    if suspected:
+        raise TableError(f"{suspected[0].text} Divide the column, or read it with femfit import --unit distance_m=mm.")
     if len(distance) < FEWEST_ROWS or len(np.unique(distance)) < FEWEST_DISTANCES:
         raise TableError(
             f"A fit needs at least {FEWEST_ROWS} usable rows at {FEWEST_DISTANCES} distances; instead received "

@@ -20,6 +20,15 @@ _LARGEST_STEP_S = 0.5
 """A usual step of a record's clock above it is more likely milliseconds."""
 
 
+_LEAST_SHARE = 0.05
+"""Assumed: part of the model's largest distance or current that a converted column must reach: zero always fits."""
+
+LEAST_READINGS = 8
+"""Assumed: fewer readings are no ground for a suspicion."""
+
+OTHER_SIGN = "of the other sign"
+
+
 class Limit(NamedTuple):
     """Median above which a column is suspected, size above which it is impossible, and the unit it is likelier in."""
 
@@ -62,21 +71,22 @@ def suspicion(column: str, unit: str, why: str, remedy: str = "") -> Finding:
     return Finding("suspected-unit", "warning", f"{column} seems to be in {unit}: {why}.", remedy, column=column)
 
 
-def too_large(column: str, values: FloatArray) -> bool:
-    """Tell whether the median size of a column's numbers is beyond what an actuator has."""
-    known = np.abs(values[np.isfinite(values)])
-    return column in LIMITS and bool(len(known)) and float(np.median(known)) > LIMITS[column].usual
+def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Finding]:
+    """Suspect the units of columns from the sizes of their numbers alone.
 
-
-def suspected_by_size(rows: pd.DataFrame) -> list[Finding]:
-    """Suspect the units of a measurement from the sizes of its numbers alone."""
+    Parameters
+    ----------
+    solved : bool
+        Whether the table was computed, so that one impossible number is enough: it is no outlier.
+    """
     findings = []
     for name in (str(name) for name in rows if name in LIMITS):
-        values = rows[name].to_numpy(dtype=np.float64)
-        if too_large(name, values):
-            findings.append(
-                suspicion(name, LIMITS[name].unit, f"it is {np.nanmedian(np.abs(values)):.3g} in the median")
-            )
+        size = np.abs(rows[name].to_numpy(dtype=np.float64))
+        size, limit = size[np.isfinite(size)], LIMITS[str(name)]
+        if len(size) and np.median(size) > limit.usual:
+            findings.append(suspicion(name, limit.unit, f"it is {np.median(size):.3g} in the median"))
+        elif solved and len(size) and size.max() > limit.possible:
+            findings.append(suspicion(name, limit.unit, f"it goes up to {size.max():.3g}"))
     for name in (name for name in ("coil_temperature_C", "magnet_temperature_C") if name in rows):
         temperature = rows[name].dropna()
         if len(temperature) and _KELVIN[0] < temperature.min() and temperature.max() < _KELVIN[1]:
@@ -88,3 +98,25 @@ def suspected_by_size(rows: pd.DataFrame) -> list[Finding]:
         if len(steps) and float(np.median(steps)) > _LARGEST_STEP_S:
             findings.append(suspicion("time_s", "ms", f"its usual step is {np.median(steps):.4g}"))
     return findings
+
+
+def suspected_by_range(name: str, values: FloatArray, low: float, high: float) -> Finding | None:
+    """Suspect a setting that lies outside of a model's range, and inside once its unit or sign is taken for another."""
+    slack = 0.05 * (high - low)
+    factors = common_factors(name) | ({OTHER_SIGN: -1.0} if name == "current_A" else {})
+    now = (values >= low - slack) & (values <= high + slack)
+    for unit, factor in factors.items():
+        converted = factor * values
+        then = (converted >= low - slack) & (converted <= high + slack)
+        few = now[~(now & then)].sum() < 0.2 * len(values)  # no current is none in any unit
+        reaches = float(np.nanmax(np.abs(converted), initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
+        if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
+            why = "few rows lie in the model's range, but then they would"
+            return other_sign(why) if unit == OTHER_SIGN else suspicion(name, unit, why)
+    return None
+
+
+def other_sign(why: str) -> Finding:
+    """Say that the current seems to count the other way round."""
+    text = f"current_A seems to be {OTHER_SIGN} (positive current attracts): {why}."
+    return Finding("suspected-sign", "warning", text, "Convert the column.", column="current_A")

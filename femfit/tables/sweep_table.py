@@ -105,7 +105,7 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     import pyarrow as pa  # noqa: PLC0415
 
     from femfit.tables.raw_table import check_width  # noqa: PLC0415
-    from femfit.tables.suspected_units import too_large  # noqa: PLC0415
+    from femfit.tables.suspected_units import suspected_by_size  # noqa: PLC0415
 
     file = _table_file(Path(path))
     try:
@@ -123,11 +123,9 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     wrong = [name for name in ("actuator", "versions") if not isinstance(manifest.get(name, {}), dict)]
     if wrong:
         raise TableError(f"{wrong[0]} in {manifest_file} must be a table of settings. Run the sweep or import again.")
-    if manifest.get("kind") not in KINDS and too_large("distance_m", rows["distance_m"].to_numpy(dtype=float)):
-        raise TableError(
-            f"Column distance_m of {file} goes up to {rows['distance_m'].max():g} m, which no actuator works over: it "
-            f"seems to be in mm. Convert it with femfit import {file} --unit distance_m=mm."
-        )
+    suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(rows[["distance_m"]])
+    if suspected:
+        raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
     return SweepTable(rows, manifest)
 
 

@@ -39,7 +39,7 @@ def test_errors_of_the_table_exit_1_with_the_remedy_and_write_nothing(tmp_path):
     (tmp_path / "t.csv").write_text("current,position,force\n0,5,1\n0,6,0.9\n1,5,2\n1,6,1.8\n")
     result = run_import(tmp_path / "t.csv", "-o", tmp_path / "out")
     assert result.returncode == 1
-    assert "--distance-unit mm" in result.stderr
+    assert "--unit distance_m=mm" in result.stderr
     assert "Traceback" not in result.stderr
     assert not (tmp_path / "out").exists()
 

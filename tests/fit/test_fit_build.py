@@ -261,7 +261,7 @@ def broken(change):
         (lambda r: r.assign(force_N=np.inf), "finite numbers"),
         (lambda r: r.assign(flux_linkage_Wb=r["flux_linkage_Wb"].where(r.index > 3)), "flux_linkage_Wb must hold"),
         (lambda r: r.drop(columns="force_N"), "force_N missing"),
-        (lambda r: r.assign(distance_m=1e3 * r["distance_m"]), "from 15 to 45, which look like millimetres"),
+        (lambda r: r.assign(distance_m=1e3 * r["distance_m"]), "distance_m seems to be in mm"),
         (lambda r: r.iloc[[*range(len(r)), 0]], "1 repeat another, the first at 0 A and 15 mm"),
         (lambda r: r.assign(status="failed"), "none among its 488"),
     ],

@@ -169,7 +169,7 @@ def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, clea
     with pytest.raises(TableError, match="lacks distance_m"):
         series_observations(model, without)
     millimetres = replace(record, rows=record.rows.assign(distance_m=1e3 * record.rows["distance_m"]))
-    with pytest.raises(TableError, match="check their unit"):
+    with pytest.raises(TableError, match="distance_m seems to be in mm"):
         series_observations(model, millimetres)
     short = replace(record, rows=record.rows.iloc[:20])
     with pytest.raises(TableError, match="without a gap"):

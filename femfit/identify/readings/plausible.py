@@ -15,23 +15,22 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import without_outliers
-from femfit.tables.suspected_units import common_factors, suspicion
+from femfit.tables.suspected_units import (
+    LEAST_READINGS,
+    OTHER_SIGN,
+    common_factors,
+    other_sign,
+    suspected_by_range,
+    suspicion,
+)
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
-
-_LEAST_READINGS = 8
-"""Assumed: fewer readings are no ground for a suspicion."""
 
 _CLEARLY, _WELL = 0.2, 0.3
 """Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
 
 _SLACK = 0.02
 """Assumed: by how much of its width a validity domain may be left; a stage's zero error at the border of the sweep."""
-
-_LEAST_SHARE = 0.05
-"""Assumed: part of the model's largest distance or current that a converted column must reach: zero always fits."""
-
-_OTHER_SIGN = "of the other sign"
 
 
 def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
@@ -58,9 +57,9 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
     placed = np.isfinite(d) & np.isfinite(i)
     d, i, rows = d[placed], i[placed], rows[placed]
-    if len(d) < _LEAST_READINGS:
+    if len(d) < LEAST_READINGS:
         return []
-    settings = [*_outside(model, d, "distance_m"), *_outside(model, i, "current_A")]
+    settings = suspect_settings(model, d, i)
     if settings:
         return settings
     predict = _predictor(model)
@@ -68,7 +67,7 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     names = [name for name in table.channels if name in usual]
     turning = [name for name in names if _changes(rows[name].to_numpy(), usual[name], turned[name])]
     if turning and all(_explains(rows[name].to_numpy(), usual[name], turned[name]) for name in turning):
-        return [_other_sign(f"{', '.join(turning)} would then fit the model")]
+        return [other_sign(f"{', '.join(turning)} would then fit the model")]
     findings = []
     for name in names:
         for words, candidate in _candidates(name, usual[name], model.sensor).items():
@@ -78,6 +77,16 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     return findings
 
 
+def suspect_settings(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> list[Finding]:
+    """Find units and signs that would bring the distances, or the currents, into the model's validity domain."""
+    box = model.without_effects.validity
+    found = (
+        suspected_by_range("distance_m", distance, box.distance_min_m, box.distance_max_m),
+        suspected_by_range("current_A", current, box.current_min_A, box.current_max_A),
+    )
+    return [one for one in found if one is not None]
+
+
 def _suspected(name: str, words: str, why: str) -> Finding:
     text, remedy = f"{name} seems to be {words}: {why}.", "Convert the column."
     if words.startswith("in ") and " " not in words[3:]:
@@ -85,43 +94,10 @@ def _suspected(name: str, words: str, why: str) -> Finding:
     return Finding("suspected-unit", "warning", text, remedy, column=name)
 
 
-def _other_sign(why: str) -> Finding:
-    text = f"current_A seems to be {_OTHER_SIGN} (positive current attracts): {why}."
-    return Finding("suspected-sign", "warning", text, "Convert the column.", column="current_A")
-
-
 def _predictor(model: ActuatorModel) -> Predict:
     at = Conditions(nominal_of(model))
     base = model.without_effects
     return lambda d, i: predict_readings(base, d, i, at, ())
-
-
-def _outside(model: ActuatorModel, values: FloatArray, name: str) -> list[Finding]:
-    """A setting that lies outside of the model's range, and inside once its unit is taken for another."""
-    box = model.without_effects.validity
-    ends = {
-        "distance_m": (box.distance_min_m, box.distance_max_m),
-        "current_A": (box.current_min_A, box.current_max_A),
-    }
-    low, high = ends[name]
-    slack = 0.05 * (high - low)
-
-    def inside(x: FloatArray) -> BoolArray:
-        return np.asarray((x >= low - slack) & (x <= high + slack))
-
-    readings = {f"in {unit}": factor for unit, factor in common_factors(name).items()}
-    if name == "current_A":
-        readings[_OTHER_SIGN] = -1.0
-    for words, factor in readings.items():
-        converted = factor * values
-        now, then = inside(values), inside(converted)
-        either = now & then  # no current is none in any unit
-        reaches = float(np.nanmax(np.abs(converted))) >= _LEAST_SHARE * max(abs(low), abs(high))
-        few = now[~either].sum() < 0.2 * len(values) and (then & ~now).sum() >= _LEAST_READINGS
-        if reaches and few and then.mean() > 0.8:
-            why = "few rows lie in the model's range, but then they would"
-            return [_other_sign(why) if words == _OTHER_SIGN else _suspected(name, words, why)]
-    return []
 
 
 def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> dict[str, FloatArray]:
@@ -140,14 +116,14 @@ def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> 
         }
     for unit, factor in common_factors(name).items():
         result[f"in {unit}"] = predicted / factor
-        result[f"in {unit} and {_OTHER_SIGN}"] = -predicted / factor
+        result[f"in {unit} and {OTHER_SIGN}"] = -predicted / factor
     return result
 
 
 def _explains(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> bool:
     """Whether a candidate leaves far less than the prediction as it stands, and little of the readings' spread."""
     here = np.isfinite(read)
-    if here.sum() < _LEAST_READINGS:
+    if here.sum() < LEAST_READINGS:
         return False
     read, usual, candidate = read[here], usual[here], candidate[here]
     left = float(np.sqrt(np.mean((read - candidate) ** 2)))
@@ -158,7 +134,7 @@ def _explains(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> boo
 def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
     """Whether turning the current round would be seen in a channel."""
     here = np.isfinite(read)
-    if here.sum() < _LEAST_READINGS:
+    if here.sum() < LEAST_READINGS:
         return False
     return float(np.std((turned - usual)[here])) > _WELL * float(np.std(read[here]))
 

@@ -8,12 +8,9 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
-from femfit.identify.readings.plausible import within_domain
+from femfit.identify.readings.plausible import suspect_settings, within_domain
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import TimeSeries
-
-_LARGE = 30.0
-"""A factor by which a median must miss the validity domain for a wrong unit to be suspected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,19 +94,9 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
 
 
 def _nowhere(model: ActuatorModel, series: TimeSeries, distance: FloatArray, current: FloatArray) -> str:
-    box, hints = model.validity, []
-    if len(distance):
-        middle = 0.5 * (box.distance_min_m + box.distance_max_m)
-        ratio = float(np.median(distance)) / middle
-        if ratio > _LARGE or 0.0 < ratio < 1.0 / _LARGE:
-            hints.append(f"distances are {ratio:.2g} times the model's: check their unit")
-        if ratio < 0.0:
-            hints.append("distances are negative: they must be the gap, > 0")
-        if float(np.median(current)) * (box.current_min_A + box.current_max_A) < 0.0:
-            hints.append("currents have the other sign than the model's")
-    hint = f" ({'; '.join(hints)})" if hints else ""
+    box, suspected = model.validity, suspect_settings(model, distance, current)
+    hint = " ".join(map(str, suspected)) or "Check the columns and units, or sweep and fit a wider range."
     return (
         f"{series.source} must have samples in the model's validity domain of {1e3 * box.distance_min_m:g} to "
-        f"{1e3 * box.distance_max_m:g} mm and {box.current_min_A:g} to {box.current_max_A:g} A; none was found{hint}. "
-        "Check the columns and units, or sweep and fit a wider range."
+        f"{1e3 * box.distance_max_m:g} mm and {box.current_min_A:g} to {box.current_max_A:g} A; none was found. {hint}"
     )

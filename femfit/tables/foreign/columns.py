@@ -57,8 +57,7 @@ def long_points(
     Returns
     -------
     points : DataFrame
-        Quantities in SI (distance before start and step), ``source``, ``line``; further force columns as
-        ``other:<header>``.
+        Quantities in SI (distance before start and step), ``source``, ``line``.
     """
     headers = options.column_names or raw.headers
     if not headers:
@@ -83,8 +82,6 @@ def long_points(
     if missing:
         raise TableError(_missing_message(raw.source, headers, missing))
     points = pd.DataFrame(data)
-    for header in rivals.get("force", []):
-        points[f"other:{header}"] = raw.numbers[:, headers.index(header)] * uses["force"].factor
     unused = [header for k, header in enumerate(headers) if k not in index.values()]
     return points.assign(source=raw.source, line=raw.lines), uses, _choices(uses, unused, rivals, options)
 

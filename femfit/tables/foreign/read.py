@@ -16,17 +16,13 @@ from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
-from femfit.tables.foreign.check_cells import check_cells, drop_incomplete
-from femfit.tables.foreign.check_grid import tidy_grid
-from femfit.tables.foreign.check_noise import check_noise
-from femfit.tables.foreign.check_reciprocity import check_reciprocity, flux_from_inductance
-from femfit.tables.foreign.check_units import check_units
 from femfit.tables.foreign.columns import ColumnUse, long_points
 from femfit.tables.foreign.file_axis import value_in_name
-from femfit.tables.foreign.force_sign import settle_force_sign
+from femfit.tables.foreign.grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
 from femfit.tables.foreign.matrix_form import is_matrix, matrix_points
+from femfit.tables.foreign.noise import check_noise
 from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions
-from femfit.tables.foreign.rival_forces import compare_forces
+from femfit.tables.foreign.reciprocity import check_reciprocity, flux_from_inductance
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
 from femfit.tables.sweep_table import SweepTable
 from femfit.tables.text_table import parse_text
@@ -215,8 +211,6 @@ def _check(points: pd.DataFrame, findings: list[Finding], options: ImportOptions
     points, found = drop_incomplete(points, [name for name in QUANTITIES if name not in REQUIRED])
     findings += found
     points, found = check_noise(points)
-    findings += found
-    points, found = compare_forces(points)
     return points, findings + found
 
 
