@@ -110,7 +110,7 @@ def clock_seconds(cells: Sequence[str], column: str) -> FloatArray | None:
     ]
     if len(days) == 1:
         seconds[known] += 86400.0 * np.cumsum(np.diff(seconds[known], prepend=seconds[known][0]) < -43200.0)
-    return seconds - seconds[known][0]
+    return np.asarray(seconds - seconds[known][0])
 
 
 def _day(text: str | None, column: str) -> int:
