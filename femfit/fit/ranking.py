@@ -108,9 +108,13 @@ class Ranking:
                 f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the "
                 f"{self.of}, on points left out and as written"
             ),
-            f"errors in % of the {self.of}{because}; as written, in % of each quantity's rms:",
             (
-                f"  {'law':23} {'left out':>9} {'at most':>8}   as written: {'force':>7}"
+                f"force errors in % of the {self.of}{because}; ranked by the larger of points left out and all points, "
+                "as written"
+            ),
+            *(["flux linkage and inductance in % of their own rms"] if circuit else []),
+            (
+                f"  {'law':23} {'ranked by':>9} {'left out':>9} {'all points':>11}"
                 + (f" {'flux linkage':>13} {'inductance':>11}" if circuit else "")
                 + f" {'operations':>11}"
             ),
@@ -121,8 +125,7 @@ class Ranking:
                 continue
             shares = (c.misfit.flux_linkage_share, c.misfit.inductance_share)
             lines.append(
-                f"  {c.law.name:23} {100 * c.held_out_rms:9.3f} {100 * c.held_out_max:8.2f} "
-                f"{_percent(c.misfit.force_share):>20}"
+                f"  {c.law.name:23} {_percent(c.error):>9} {_percent(c.held_out_rms):>9} {_percent(c.rms):>11}"
                 + (f" {_percent(shares[0]):>13} {_percent(shares[1]):>11}" if circuit else "")
                 + f" {c.fit.operations:11d}"
             )

@@ -163,10 +163,13 @@ def _law_lines(fit: LawFit) -> list[str]:
     for name, value in fit.shape.items():
         low, high = fit.shape_interval[name]
         lines.append(f"  {name:20} {value:13.5g}   {low:.4g} .. {high:.4g} {units[name]}")
+    sides = fit.limits.active_sides(fit.joint)
     for n, (basis, power) in enumerate(fit.terms):
         unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
         low, high = fit.interval.block[n]
-        lines.append(f"  {_term(basis, power):20} {fit.joint.x[n]:13.5e}   {low:.4e} .. {high:.4e} {unit}")
+        free = low < 0.0 < high and not sides[n]
+        value = "not determined by this table:" if free else f"{fit.joint.x[n]:13.5e}  "
+        lines.append(f"  {_term(basis, power):20} {value} {low:.4e} .. {high:.4e} {unit}")
     active = fit.limits.active(fit.joint)
     return [*lines, *(f"  on its bound: {_active(active)}" for _ in active[:1])]
 

@@ -210,6 +210,27 @@ def test_all_writes_the_recommended_law(ranked_voice_coil):
     assert len(str(result).splitlines()) < 30
 
 
+def test_the_ranking_is_printed_in_its_own_order_and_in_one_unit(ranked_voice_coil):
+    ranking = ranked_voice_coil.ranking
+    lines = ranking.lines()
+    heads = next(line for line in lines if "ranked by" in line and "operations" in line)
+    assert heads.split()[:7] == ["law", "ranked", "by", "left", "out", "all", "points"]
+    table = [line.split() for line in lines[lines.index(heads) + 1 :] if "not fitted" not in line]
+    errors = [float(cells[1]) for cells in table]
+    assert errors == sorted(errors)
+    assert all(
+        ranked == max(left_out, written) for ranked, left_out, written in ((float(c) for c in r[1:4]) for r in table)
+    )
+
+
+def test_a_coefficient_whose_interval_holds_zero_is_not_printed_as_a_number(table):
+    result = fit_model(table, law="inverse-powers")
+    intervals = result.law.interval.block
+    undetermined = np.sum((intervals[:, 0] < 0.0) & (intervals[:, 1] > 0.0))
+    assert undetermined > 0
+    assert str(result).count("not determined by this table") == undetermined
+
+
 def test_a_table_without_an_actuator_says_what_to_give():
     result = fit_model(full_table(actuator=None))
     assert result.model.circuit is None
