@@ -1,4 +1,4 @@
-"""Where the supply can carry the moving part's weight, the one answer of the audit and of the report."""
+"""Where the supply can balance the moving part's weight, the one answer of the audit and of the report."""
 
 from dataclasses import dataclass
 
@@ -51,8 +51,8 @@ class CarriedRange:
             feed = f"{self.voltage_max_V:g} V at a coil of {self.coil_C:g} °C"
         weight = f"the moving part's weight of {amount(self.weight_N, 'N', 3)}"
         if self.low_m is None or self.high_m is None:
-            return f"{feed} can carry {weight} nowhere"
-        return f"{feed} can carry {weight} from {amount(self.low_m, 'm', 3)} to {amount(self.high_m, 'm', 3)}"
+            return f"{feed} can balance {weight} nowhere"
+        return f"{feed} can balance {weight} from {amount(self.low_m, 'm', 3)} to {amount(self.high_m, 'm', 3)}"
 
 
 def resistance_at(cold_ohm: float, celsius: float) -> float:

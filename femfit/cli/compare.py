@@ -48,9 +48,9 @@ def compare(
         comparison = compared(_model(model), measured, reference=None if reference is None else _model(reference))
     written = []
     if pictures is not None:
-        from femfit.report.comparison_pictures import save_comparison_pictures
+        from femfit.report.bench_report import save_comparison_pictures
 
-        written = save_comparison_pictures(comparison.observations, comparison, pictures)
+        written = save_comparison_pictures(comparison, pictures)
     write_json(json, comparison.to_dict())
     print(comparison)
     for file in written:

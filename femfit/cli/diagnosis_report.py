@@ -30,8 +30,8 @@ def write_report(
     from hashlib import sha256
 
     from femfit.identify.experiments.suggest import suggest
-    from femfit.report.diagnosis_content import content_of
-    from femfit.report.diagnosis_html import write_diagnosis_report
+    from femfit.report.bench_report import content_of, render_diagnosis
+    from femfit.report.page import write_page
 
     advice = suggest(diagnosis.model, measured, diagnosis, progress=say)
     say("Writing the report")
@@ -42,4 +42,4 @@ def write_report(
         added=added,
         hashes=tuple((file.name, sha256(file.read_bytes()).hexdigest()) for file in files),
     )
-    write_diagnosis_report(content, path)
+    write_page(render_diagnosis(content), path)

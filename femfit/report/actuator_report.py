@@ -14,7 +14,6 @@ from femfit.core.constants import GRAVITY
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
 from femfit.fit.law_fit import LawFit
-from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.ranking import TARGET, Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
@@ -33,7 +32,7 @@ from femfit.report.force_figures import (
 )
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
-from femfit.report.numbers import NOTHING, percent, quantity, significant
+from femfit.report.numbers import quantity, significant
 from femfit.report.page import Drawing, picture_uri, render
 from femfit.report.parts import all_regions, saturates
 from femfit.report.rating import SMALL, USUAL_KNEES, Rating, copper_share, growth, iron_loads, rate
@@ -96,6 +95,8 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "field": _field_facts(content),
         "sweep": None if rows is None else _sweep_facts(content, rows, grid),
         "laws": _law_facts(content, rows),
+        "coenergy": None if content.fit is None else content.fit.coenergy,
+        "shapes": SHAPES,
         "hall": _hall_facts(content),
         "closed_loop": None if content.study is None else loop_facts(content.study),
         "misfit": model.misfit,
@@ -246,51 +247,25 @@ def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] |
     fit = content.fit
     if fit is None or rows is None or fit.ranking is None or fit.ranking.recommended.fit is None:
         return None
-    ranking = fit.ranking
-    best = ranking.recommended.fit
-    assert best is not None  # noqa: S101 - checked above
-    coenergy = fit.coenergy
+    candidates = fit.ranking.candidates
     return {
-        "ranking": ranking,
-        "best": ranking.recommended,
-        "fitted": sum(c.fit is not None for c in ranking.candidates),
+        "ranking": fit.ranking,
+        "best": fit.ranking.recommended,
+        "fitted": sum(c.fit is not None for c in candidates),
         "target": TARGET,
-        "terms": _terms(best),
-        "candidates": [
-            (
-                c.law.name,
-                c.law.formula,
-                NOTHING if c.fit is None else str(c.fit.operations),
-                NOTHING if c.fit is None else str(c.parameters),
-                *(NOTHING if c.fit is None else percent(x) for x in (c.held_out_rms, c.held_out_max, c.rms)),
-            )
-            for c in ranking.candidates
-        ],
-        "failures": [(c.law.name, c.failure) for c in ranking.candidates if c.fit is None],
-        "coenergy": None
-        if coenergy is None
-        else {
-            "coefficients": int(np.prod(coenergy.basis.shape)),
-            "misfit": misfit_to_rows(coenergy.magnetics, rows),
-            "constraints": [SHAPES[name] for name in coenergy.constraints],
-        },
+        "terms": _terms(fit.ranking.recommended.fit),
+        "failures": [(c.law.name, c.failure) for c in candidates if c.fit is None],
     }
 
 
-def _terms(fit: LawFit) -> list[tuple[str, int, str, str, str]]:
+def _terms(fit: LawFit) -> list[tuple[str, int, float, tuple[float, float], str]]:
     """Column, power of the current, value, interval and unit of each coefficient, shape parameters last."""
     rows = []
     for n, (basis, power) in enumerate(fit.terms):
         unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
-        low, high = fit.interval.block[n]
-        interval = f"{significant(float(low), 4)} … {significant(float(high), 4)}"
-        rows.append((basis, power, significant(float(fit.joint.x[n]), 5), interval, unit))
+        rows.append((basis, power, float(fit.joint.x[n]), fit.interval.block[n], unit))
     units = {parameter.name: parameter.unit for parameter in fit.law.shape}
-    for name, value in fit.shape.items():
-        low, high = fit.shape_interval[name]
-        interval = f"{significant(low, 4)} … {significant(high, 4)}"
-        rows.append((name, 0, significant(value, 5), interval, units[name]))
-    return rows
+    return rows + [(name, 0, value, fit.shape_interval[name], units[name]) for name, value in fit.shape.items()]
 
 
 def _hall_facts(content: ReportContent) -> dict[str, Any] | None:

@@ -14,6 +14,7 @@ from femfit.report.style import (
     ORANGE,
     PURPLE,
     VERMILION,
+    label,
     new_figure,
     ordered_colours,
     styled,
@@ -50,19 +51,14 @@ def stroke_figure(rating: Rating, weight: float | None) -> "Figure":
     for feed in rating.feeds:
         colour, line = FEEDS[feed.name]
         voltage = rating.voltage_V if feed.name != "reversed" else feed.current_A * rating.cold_ohm
-        label = words(
-            "stroke",
-            feed.name,
-            voltage=plain(voltage, 3),
-            temperature=plain(feed.temperature_C),
-            current=significant(feed.current_A),
-        )
+        about = {"voltage": plain(voltage, 3), "temperature": plain(feed.temperature_C)}
+        said = words("stroke", feed.name, current=significant(feed.current_A), **about)
         if feed.limited:
-            label += words("stroke", "limited", drawn=significant(feed.drawn_A))
-        axes.plot(MM * rating.distance_m, factor * rating.forces_N[feed.name], line, color=colour, label=label)
+            said += words("stroke", "limited", drawn=significant(feed.drawn_A))
+        axes.plot(MM * rating.distance_m, factor * rating.forces_N[feed.name], line, color=colour, label=said)
     if weight is not None:
         axes.axhline(factor * weight, color=ORANGE, linewidth=1.0, dashes=(5, 3), label=words("stroke", "weight"))
-    axes.set(xlabel=words("stroke", "distance"), ylabel=words("stroke", "force", unit=unit))
+    label(axes, "stroke", "distance", "force", unit=unit)
     axes.legend(loc="best")
     return figure
 
@@ -79,12 +75,12 @@ def coil_figure(rating: Rating) -> "Figure":
         ("idle", 0.0 if idle is None else idle.drawn_A, rating.idle_inductance_H, MUTED, "--"),
     ]
     for name, current, inductance, colour, line in curves:
-        label = words("coil", name, current=significant(current))
-        panels[0].plot(x, 1e3 * inductance, line, color=colour, label=label)
-        panels[1].plot(x, 1e3 * inductance / rating.cold_ohm, line, color=colour, label=label)
+        said = words("coil", name, current=significant(current))
+        panels[0].plot(x, 1e3 * inductance, line, color=colour, label=said)
+        panels[1].plot(x, 1e3 * inductance / rating.cold_ohm, line, color=colour, label=said)
     panels[2].plot(x, rating.motor_constant, color=BLUE)
     for ax, name in zip(panels, ("inductance", "time", "motor_constant"), strict=True):
-        ax.set(xlabel=words("coil", "distance"), ylabel=words("coil", name))
+        label(ax, "coil", "distance", name)
     for ax in panels[:2]:
         ax.set_ylim(0.0, 1.08 * ax.get_ylim()[1])
     panels[0].legend(loc="best")
@@ -102,22 +98,14 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
         for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
             if scale == "log" and not np.all(force > 0):
                 continue
-            ax.plot(
-                MM * grid.distances,
-                factor * force,
-                color=colour,
-                label=words("force-curves", "current", current=f"{current:g}"),
-            )
+            said = words("force-curves", "current", current=f"{current:g}")
+            ax.plot(MM * grid.distances, factor * force, color=colour, label=said)
         if weight is not None:
             ax.axhline(
                 factor * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label=words("force-curves", "weight")
             )
-        ax.set(
-            xlabel=words("force-curves", "distance"),
-            ylabel=words("force-curves", "force", unit=unit),
-            xscale=scale,
-            yscale=scale,
-        )
+        label(ax, "force-curves", "distance", "force", unit=unit)
+        ax.set(xscale=scale, yscale=scale)
         if scale == "log":
             _plain_decades(ax.xaxis)
             _plain_decades(ax.yaxis)
@@ -165,7 +153,7 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
     if weight is not None and force.min() < factor * weight < top:
         held = axes.contour(x, grid.currents, force, levels=[factor * weight], colors=[VERMILION], linewidths=2.2)
         axes.clabel(held, fmt=lambda value: words("force-map", "weight", weight=f"{value:.3g}"), fontsize=8.5)
-    axes.set(xlabel=words("force-map", "distance"), ylabel=words("force-map", "current"))
+    label(axes, "force-map", "distance", "current")
     axes.grid(visible=False)
     bar = figure.colorbar(image, ax=axes, pad=0.02)
     bar.set_label(words("force-map", "force", unit=unit))
@@ -193,9 +181,7 @@ def accuracy_figure(grid: SweepGrid, table: Reciprocity | None) -> "Figure":
             panels[0].semilogy(
                 x, 100.0 * error / scale, color=colour, label=words("accuracy", "current", current=f"{current:g}")
             )
-    panels[0].set(
-        xlabel=words("accuracy", "distance"), ylabel=words("accuracy", "error"), title=words("accuracy", "title")
-    )
+    label(panels[0], "accuracy", "distance", "error", "title")
     if len(grid.currents) > 4:
         _ends_only(panels[0])
     if len(panels[0].get_lines()):
@@ -230,11 +216,7 @@ def _reciprocity_panel(axes: "Axes", table: Reciprocity) -> None:
         fillstyle="none",
         label=words("reciprocity", "flux"),
     )
-    axes.set(
-        xlabel=words("reciprocity", "distance"),
-        ylabel=words("reciprocity", "constant"),
-        title=words("reciprocity", "title"),
-    )
+    label(axes, "reciprocity", "distance", "constant", "title")
     axes.set_ylim(bottom=0.0 if table.from_force.min() >= 0 else None)
     axes.legend()
 

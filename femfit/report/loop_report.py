@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.report.numbers import NO_BREAK, NOTHING, percent, plain, quantity, significant
+from femfit.report.numbers import percent, quantity
 from femfit.report.page import Drawing
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure, styled, words
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.fault import FaultRow
-from femfit.simulation.study import ClosedLoopStudy, HoldRow, SpectrumPair, StepSeries
+from femfit.simulation.study import ClosedLoopStudy, SpectrumPair, StepSeries
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,6 @@ def loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
         "lost": lost,
         "runs": runs,
         "verdict": [(name_of(row.controller), row.held, row.runs, row.rms_m) for row in filtered],
-        "rms_m": max((row.rms_m for row in filtered if row.held), default=None),
         "ratios": (min(r.ratio for r in held), max(r.ratio for r in held)) if shares else None,
         "bounds": (min(r.bound for r in held), max(r.bound for r in held)) if shares else None,
         "shares": (min(shares), max(shares)) if shares else None,
@@ -54,10 +53,10 @@ def loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
         "ends": _ends(study),
         "series": [(f"steps-{s.controller}", name_of(s.controller), name_of(s.observer)) for s in study.series],
         "spectra": [(f"spectrum-{p.controller}", name_of(p.controller)) for p in study.spectra],
-        "steps": _step_table(study),
-        "holds": [_hold_cells(row) for row in study.holds],
-        "acquired": [_acquired(row) for row in study.acquisition],
-        "faults": _fault_table(study.faults),
+        "controllers": list(dict.fromkeys(row.controller for row in study.steps)),
+        "measurements": list(dict.fromkeys(row.measurement for row in study.steps)),
+        "steps": {(row.measurement, row.controller): row for row in study.steps},
+        "faults": _fault_rows(study.faults),
     }
 
 
@@ -73,53 +72,15 @@ def _ends(study: ClosedLoopStudy) -> list[tuple[str, float, float, float]]:
     return ends
 
 
-def _step_table(study: ClosedLoopStudy) -> dict[str, Any]:
-    controllers = list(dict.fromkeys(row.controller for row in study.steps))
-    measurements = list(dict.fromkeys(row.measurement for row in study.steps))
-    rows = {(row.measurement, row.controller): row for row in study.steps}
-    body = []
-    for measurement in measurements:
-        cells = [name_of(measurement)]
-        for controller in controllers:
-            row = rows[measurement, controller]
-            lost = "" if row.held == row.runs else f" ({row.runs - row.held} of {row.runs} runs lost)"
-            cells.append(f"{_micro(row.rms_m)}{lost}")
-        body.append(tuple(cells))
-    return {"header": ["measurement", *(f"{name_of(c)} (µm)" for c in controllers)], "rows": body}
-
-
-def _hold_cells(row: HoldRow) -> tuple[str, ...]:
-    band = row.innovation_band
-    return (
-        f"{name_of(row.controller)}, {name_of(row.filter)}",
-        f"{plain(MM * row.distance_m)}{NO_BREAK}mm",
-        _micro(row.direct_rms_m),
-        _micro(row.filtered_rms_m),
-        significant(row.ratio),
-        significant(row.bound),
-        f"{significant(row.normalised_innovation_squared, 4)} ({band.lower:.3f} … {band.upper:.3f})",
-    )
-
-
-def _acquired(row: FaultRow) -> str:
-    believed = row.experiment.believed_m
-    start = "" if believed is None else f" believed at {plain(MM * believed)} mm"
-    body = f"body at {plain(MM * row.experiment.targets_m[0])} mm{start}"
-    return f"{name_of(row.experiment.observer)}, {body}: {row.held} of {row.runs} held"
-
-
-def _fault_table(faults: Sequence[FaultRow]) -> dict[str, Any]:
-    """A row for each loop and fault, a column for each distance."""
+def _fault_rows(faults: Sequence[FaultRow]) -> tuple[list[float], list[tuple[str, str, list[FaultRow | None]]]]:
+    """Distances, and for each loop and fault what became of it at each of them."""
     distances = sorted({row.experiment.targets_m[0] for row in faults})
-    cells: dict[tuple[str, str], dict[float, str]] = {}
+    cells: dict[tuple[str, str], dict[float, FaultRow]] = {}
     for row in faults:
         e = row.experiment
         key = (f"{name_of(e.controller)}, {name_of(e.observer)}", _fault(e))
-        cells.setdefault(key, {})[e.targets_m[0]] = _consequence(row)
-    return {
-        "header": ["loop", "fault", *(f"at {plain(MM * d)} mm" for d in distances)],
-        "rows": [(*key, *(ends.get(d, NOTHING) for d in distances)) for key, ends in cells.items()],
-    }
+        cells.setdefault(key, {})[e.targets_m[0]] = row
+    return distances, [(*key, [ends.get(d) for d in distances]) for key, ends in cells.items()]
 
 
 def _fault(experiment: Experiment) -> str:
@@ -130,22 +91,6 @@ def _fault(experiment: Experiment) -> str:
     cutoff = experiment.velocity_cutoff_rad_s
     derivative = f"no filter, derivative below {cutoff:.0f} rad/s" if np.isfinite(cutoff) else "no filter"
     return derivative if experiment.noise_V is None else f"{derivative}, noise {quantity(experiment.noise_V, 'V', 2)}"
-
-
-def _consequence(row: FaultRow) -> str:
-    lost = ""
-    if row.held < row.runs:
-        names = ", ".join(name.lower().replace("_", " ") for name in row.outcomes if name != "HELD")
-        when = f"within {quantity(row.last_loss_s, 's')}" if row.last_loss_s else "at once"
-        lost = f"{row.runs - row.held} of {row.runs} lost {when} ({names})"
-    if np.isfinite(row.position_shift_m):
-        shift = f"{_micro(row.position_shift_m)} ± {significant(MICRO * row.shift_error_m, 2)} µm"
-        return f"{shift}; {lost}" if lost else shift
-    return lost or f"all {row.runs} held, measured within {_micro(row.estimate_rms_m)} µm rms"
-
-
-def _micro(value: float) -> str:
-    return significant(MICRO * value, 3)
 
 
 @styled

@@ -9,10 +9,9 @@ from femfit.core.arrays import FloatArray
 from femfit.fit.ranking import TARGET, Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
-from femfit.report.style import BLUE, MUTED, VERMILION, new_figure, ordered_colours, styled, words
+from femfit.report.style import BLUE, INK, MUTED, VERMILION, label, new_figure, ordered_colours, styled, words
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MM = 1e3
@@ -21,71 +20,24 @@ POINTS = 200
 
 @styled
 def ranking_figure(ranking: Ranking) -> "Figure":
-    """Draw held-out error over floating-point operations, a point for each law; the recommended one is ringed."""
-    figure = new_figure(3.5)
-    axes = figure.subplots()
+    """Draw each law's error, a bar a law with its floating-point operations, the recommended one dark."""
     fitted = [c for c in ranking.candidates if c.fit is not None]
-    x = np.array([c.fit.operations for c in fitted if c.fit is not None])
-    y = np.array([100.0 * c.error for c in fitted])
-    axes.semilogy(x, y, "o", color=BLUE, markersize=5)
-    best = fitted.index(ranking.recommended)
-    axes.semilogy(x[best], y[best], "o", color=VERMILION, markersize=9, fillstyle="none", markeredgewidth=1.8)
-    axes.axhline(100.0 * TARGET, color=MUTED, linewidth=1.0, dashes=(4, 3))
-    axes.annotate(
-        words("ranking", "target", target=f"{100 * TARGET:g}"),
-        (1.0, 100.0 * TARGET),
-        xycoords=("axes fraction", "data"),
-        xytext=(4, 0),
-        textcoords="offset points",
-        va="center",
-        color=MUTED,
-        fontsize=8.5,
+    figure = new_figure(0.9 + 0.24 * len(fitted))
+    axes = figure.subplots()
+    names = [words("ranking", "law", law=c.law.name, operations=c.fit.operations) for c in fitted if c.fit is not None]
+    errors = 100.0 * np.array([c.error for c in fitted])
+    colours = [VERMILION if c is ranking.recommended else BLUE for c in fitted]
+    # A logarithmic bar has no zero to start from: a decade below the least error
+    low = 10.0 ** np.floor(np.log10(max(errors.min(), 1e-9)) - 0.3)
+    axes.barh(names, errors - low, left=low, color=colours, height=0.65)
+    axes.axvline(
+        100.0 * TARGET, color=INK, linewidth=1.0, dashes=(4, 3), label=words("ranking", "target", target=100 * TARGET)
     )
-    axes.set(xlabel=words("ranking", "operations"), ylabel=words("ranking", "error", scale=ranking.of))
-    axes.margins(x=0.12, y=0.12)
-    figure.draw_without_rendering()  # places in pixels are known from here on
-    place_labels(axes, x, y, [c.law.name for c in fitted], best, 72.0 / figure.dpi)
+    axes.set(xscale="log", xlim=(low, None), xlabel=words("ranking", "error", scale=ranking.of))
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.legend(loc="best")
     return figure
-
-
-def place_labels(
-    axes: "Axes", x: FloatArray, y: FloatArray, labels: Sequence[str], bold: int, points_per_pixel: float
-) -> None:
-    """Write each point's name where it covers neither a point nor another name.
-
-    Parameters
-    ----------
-    x, y : array, shape (n,)
-        Points.
-    """
-    points = points_per_pixel * axes.transData.transform(np.column_stack([x, y]))
-    taken = [(px - 3.0, py - 3.0, px + 3.0, py + 3.0) for px, py in points]
-    for k in np.argsort(y):
-        width, height = (5.9 if k == bold else 5.2) * len(labels[k]), 10.0
-        trials = [
-            (dx, dy, (px + dx - width * (dx < 0) - 0.5 * width * (dx == 0), py + dy - 0.5 * height))
-            for px, py in (points[k],)
-            for dx, dy in ((7, 0), (-7, 0), (0, 11), (0, -11), (7, 9), (7, -9), (-7, 9), (-7, -9))
-        ]
-        free = [
-            t for t in trials if not any(_overlap((*t[2], t[2][0] + width, t[2][1] + height), box) for box in taken)
-        ]
-        dx, dy, (left, low) = (free or trials)[0]
-        taken.append((left, low, left + width, low + height))
-        axes.annotate(
-            labels[k],
-            (x[k], y[k]),
-            xytext=(dx, dy),
-            textcoords="offset points",
-            ha="left" if dx > 0 else "right" if dx < 0 else "center",
-            va="center",
-            fontsize=8.5,
-            fontweight="bold" if k == bold else "normal",
-        )
-
-
-def _overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 @styled
@@ -146,11 +98,7 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> "Figure":
             color=colour,
             label=words("hall", "level", distance=f"{MM * d:g}"),
         )
-    left.set(
-        xlabel=words("hall", "current" if resistance is None else "voltage"),
-        ylabel=words("hall", "coil"),
-        title=words("hall", "coil_title"),
-    )
+    label(left, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")
     left.legend(loc="upper left")
     if not others:
         return figure
@@ -170,6 +118,6 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> "Figure":
             label=words("hall", "sweep"),
         )
     right.axhline(sensor.quiescent_V, color=MUTED, linewidth=1.0, dashes=(4, 3), label=words("hall", "quiescent"))
-    right.set(xlabel=words("hall", "distance"), ylabel=words("hall", "magnet"), title=words("hall", "magnet_title"))
+    label(right, "hall", "distance", "magnet", "magnet_title")
     right.legend(loc="best")
     return figure

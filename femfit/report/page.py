@@ -1,5 +1,6 @@
 """A page from a template: the words stand in ``templates/``, the numbers come from the rooms below."""
 
+import math
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
@@ -9,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from femfit import __version__
 from femfit.core.atomic import write_text
 from femfit.core.errors import RunDirectoryError
-from femfit.report.numbers import formula_markup, noise_words, p_value, percent, plain, quantity, significant
-from femfit.report.style import data_uri, svg_uri
+from femfit.report.numbers import NOTHING, formula_markup, noise_words, p_value, percent, plain, quantity, significant
+from femfit.report.style import data_uri, svg_uri, words
+from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -47,6 +49,8 @@ def _environment() -> "Environment":
     )
     environment.filters |= {
         "quantity": quantity,
+        "dash": lambda value, unit: quantity(value, unit) if math.isfinite(value) else NOTHING,
+        "part": lambda name: words("loop", name),
         "percent": percent,
         "plain": plain,
         "significant": significant,
@@ -56,6 +60,7 @@ def _environment() -> "Environment":
         "wordy": lambda cells: (str(cells[0]).replace("_", " "), *cells[1:]),
         "formula": formula_markup,
         "noise": noise_words,
+        "channel": CHANNEL_WORDS.__getitem__,
         "p_value": p_value,
         "counted": lambda number, word: f"{number:,} {word}{'' if number == 1 else 's'}",
     }

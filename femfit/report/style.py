@@ -10,6 +10,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Arguments = ParamSpec("Arguments")
@@ -95,6 +96,13 @@ def new_figure(height: float, width: float = WIDTH) -> "Figure":
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def label(axes: "Axes", figure: str, x: str, y: str, title: str = "", **values: object) -> None:
+    """Write a figure's words beside its axes."""
+    axes.set(xlabel=words(figure, x), ylabel=words(figure, y, **values))
+    if title:
+        axes.set_title(words(figure, title))
 
 
 def ordered_colours(count: int) -> list[tuple[float, float, float, float]]:

@@ -13,18 +13,12 @@ FEWEST_DISTANCES = 5
 
 @dataclass(frozen=True, eq=False)
 class SweepGrid:
-    """A full grid.
+    """A full grid of m currents and n distances, arrays of shape (m, n).
 
     Parameters
     ----------
-    currents : array, shape (m,)
-        A.
-    distances : array, shape (n,)
-        m.
-    force, force_error, force_scale : array, shape (m, n)
-        N; the last is what an error is a part of: the force, but for its passages through zero.
-    flux_linkage : array, shape (m, n), or None
-        Wb.
+    force_scale : array
+        What an error is a part of: the force, but for its passages through zero.
     """
 
     currents: FloatArray
@@ -37,19 +31,7 @@ class SweepGrid:
 
 @dataclass(frozen=True, eq=False)
 class Reciprocity:
-    """k_m of the table, once from the force and once from the flux linkage.
-
-    Parameters
-    ----------
-    currents : array, shape (m - 1,)
-        Middle of each pair of adjacent currents, A.
-    distances : array, shape (n,)
-        m.
-    from_force : array, shape (m - 1, n)
-        dF/di in N/A.
-    from_flux : array, shape (m - 1, n)
-        -d(flux linkage)/dd in Wb/m = N/A.
-    """
+    """Force per ampere of the table in N/A, from dF/di and from -d(flux linkage)/dd, at the middles of the currents."""
 
     currents: FloatArray
     distances: FloatArray

@@ -11,13 +11,18 @@ from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
 from femfit.identify.comparison.compare import Comparison
 from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.report.actuator_report import draw_figures, render_report
-from femfit.report.comparison_pictures import render_comparison
+from femfit.report.bench_report import (
+    DiagnosisContent,
+    content_of,
+    render_added,
+    render_comparison,
+    render_diagnosis,
+)
 from femfit.report.content import ReportContent, picture_point, strongest_point
-from femfit.report.diagnosis_content import DiagnosisContent, content_of
-from femfit.report.diagnosis_html import write_diagnosis_report
 from femfit.report.page import write_page
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 
@@ -27,15 +32,23 @@ if TYPE_CHECKING:
 
 MODEL_FILE = "model.json"
 
+_INSTEAD = {
+    "LoopSummary": " Print it; femfit run writes a loop into the report of its run.",
+    "CoilIntegral": " Print it; femfit bench makes a bench table of it, and a diagnosis of that has a report.",
+    "Actuator": " Sweep it first, and pass the sweep: femfit.run_sweep(actuator, directory).",
+    "BenchTable": " Pass what femfit.compare(model, data) or femfit.diagnose(model, data) returns.",
+    "TimeSeries": " Pass what femfit.compare(model, data) or femfit.diagnose(model, data) returns.",
+}
+"""What to pass in place of what has no report."""
+
 
 def write_report(result: Any, path: str | Path) -> Path:
     """Write the report on a result.
 
     Parameters
     ----------
-    result : str, Path, ActuatorModel, SweepTable, FitResult, Comparison, Diagnosis, ReportContent or DiagnosisContent
-        A run directory or a model file; a model; a sweep; a fit; a comparison; a diagnosis; what was collected of a run
-        or of a diagnosis.
+    result : str, Path, ActuatorModel, SweepTable, FitResult, Comparison, Diagnosis or AddResult
+        A run directory or a model file, or what a function of the library returned.
     path : str or Path
         HTML file; its directory is made if absent.
 
@@ -52,14 +65,20 @@ def write_report(result: Any, path: str | Path) -> Path:
     >>> ff.write_report("runs/rig", "rig.html").name
     'rig.html'
     """
+    return write_page(_page(result), path)
+
+
+def _page(result: Any) -> str:
     if isinstance(result, Comparison):
-        return write_page(render_comparison(result), path)
+        return render_comparison(result)
+    if isinstance(result, AddResult):
+        return render_added(result)
     if isinstance(result, Diagnosis):
         result = content_of(None, result)
     if isinstance(result, DiagnosisContent):
-        return write_diagnosis_report(result, Path(path))
+        return render_diagnosis(result)
     content = result if isinstance(result, ReportContent) else _content(result)
-    return write_page(render_report(content, draw_figures(content)), path)
+    return render_report(content, draw_figures(content))
 
 
 def _content(result: Any) -> ReportContent:
@@ -73,8 +92,8 @@ def _content(result: Any) -> ReportContent:
     if isinstance(result, SweepTable):
         return _table_content(result, None, ())
     raise FemfitError(
-        "A report can be written on a run directory, a model, a sweep, a fit, a comparison or a diagnosis; instead "
-        f"received {type(result).__name__}."
+        "A report can be written on a run directory, a model, a sweep, a fit, a comparison, a diagnosis or added "
+        f"effects; instead received {type(result).__name__}.{_INSTEAD.get(type(result).__name__, '')}"
     )
 
 

@@ -9,7 +9,7 @@ import femfit
 from femfit.identify.comparison.compare import compare
 from femfit.identify.comparison.curves import MeasuredCurves
 from femfit.identify.decision.diagnose import diagnose
-from femfit.report.curves import curves_figure, worst_first
+from femfit.report.misfit_figures import curves_figure, worst_first
 from support.campaign import campaign
 from support.page import Page
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import femfit
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import diagnose
@@ -13,9 +14,9 @@ from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_
 from femfit.identify.experiments.suggest import Suggestion, suggest
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit.add_effects import add_effects
-from femfit.report.diagnosis_content import content_of
-from femfit.report.diagnosis_html import render_diagnosis, write_diagnosis_report
-from femfit.report.measured_figures import settings_figure
+from femfit.report.bench_report import content_of, render_diagnosis
+from femfit.report.misfit_figures import settings_figure
+from femfit.report.page import write_page
 from femfit.tables.measurement import CHANNELS
 from support.campaign import campaign
 from support.page import Page
@@ -74,7 +75,7 @@ def test_the_page_holds_everything_and_loads_nothing(added, tmp_path):
     assert all(uri.startswith("data:image/") for uri in page.loads)
     assert all(link.removeprefix("#") in page.ids for link in page.links)
     assert all(image["alt"] for image in page.images.values())
-    file = write_diagnosis_report(content, tmp_path / "new" / "report.html")
+    file = write_page(render_diagnosis(content), tmp_path / "new" / "report.html")
     assert file.stat().st_size < 3_000_000
     assert not re.search(r"url\(|@import|https?://", file.read_text(encoding="utf-8"))
 
@@ -82,6 +83,15 @@ def test_the_page_holds_everything_and_loads_nothing(added, tmp_path):
 def test_what_the_user_wrote_is_escaped(added):
     _, page = added
     assert "Rig <3>" in page.text
+
+
+def test_what_was_added_is_a_page_of_its_own(added, tmp_path):
+    content, _ = added
+    file = femfit.write_report(content.added, tmp_path / "added.html")
+    page = Page(file.read_text(encoding="utf-8"))
+    assert {"waterfall", "after-maps", "curves-hall_V"} <= set(page.images)
+    assert "hall_offset was added to the model" in page.text
+    assert str(content.added.fall.channels[0]) in page.text
 
 
 def test_the_noise_and_its_source_stand_beside_each_channel(added):

@@ -20,9 +20,9 @@ from femfit.report.force_figures import (
     stroke_figure,
 )
 from femfit.report.loop_report import spectrum_figure, steps_figure
-from femfit.report.model_figures import hall_figure, place_labels, ranking_figure, residual_figure
+from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
 from femfit.report.rating import rate
-from femfit.report.style import new_figure, svg_uri
+from femfit.report.style import svg_uri
 from femfit.report.sweep_grid import reciprocity, sweep_grid
 
 WITH_UNIT = re.compile(r"\([^()]*(mm|A|V|N|T|H|%|s|Hz|µm)[^()]*\)|operations")
@@ -88,31 +88,14 @@ def test_figures_keep_no_state_in_pyplot(figures):
         assert sys.modules["matplotlib.pyplot"].get_fignums() == []
 
 
-def test_no_name_of_a_candidate_covers_another(figures):
-    figure = figures["ranking"]
-    figure.draw_without_rendering()
-    names = [text for text in figure.axes[0].texts if "target" not in text.get_text()]
-    boxes = [text.get_window_extent() for text in names]
-    overlaps = [
-        (a.get_text(), b.get_text())
-        for k, (a, box) in enumerate(zip(names, boxes, strict=True))
-        for b, other in list(zip(names, boxes, strict=True))[k + 1 :]
-        if box.overlaps(other)
-    ]
-    assert len(names) == 12
-    assert overlaps == []
-
-
-def test_names_of_points_that_nearly_coincide_are_moved_apart():
-    figure = new_figure(3.0)
-    axes = figure.subplots()
-    x, y = np.array([1.0, 1.0, 1.0]), np.array([1.0, 1.01, 0.99])
-    axes.plot(x, y, "o")
-    axes.set(xlim=(0, 2), ylim=(0, 2))
-    figure.draw_without_rendering()
-    place_labels(axes, x, y, ["first", "second", "third"], 0, 72.0 / figure.dpi)
-    boxes = [text.get_window_extent() for text in axes.texts]
-    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[k + 1 :])
+def test_the_ranking_has_a_bar_for_each_fitted_law_with_the_recommended_one_marked(figures, rig_content):
+    ranking, (axes,) = rig_content.fit.ranking, figures["ranking"].axes
+    fitted = [c for c in ranking.candidates if c.fit is not None]
+    assert len(axes.patches) == len(fitted)
+    ends = [bar.get_x() + bar.get_width() for bar in axes.patches]
+    np.testing.assert_allclose(ends, [100.0 * c.error for c in fitted])
+    marked = {bar.get_facecolor() for bar in axes.patches}
+    assert len(marked) == 2
 
 
 def test_flux_lines_are_equally_spaced_and_leave_the_axis_out(rig_content):

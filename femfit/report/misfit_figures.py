@@ -1,14 +1,28 @@
-"""What was measured, and where the model fails: pictures over the settings of a campaign."""
+"""What was measured, and where the model fails: measured points on the model's curves, and maps of the misfit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import axis_scale
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.identify.comparison.curves import MeasuredCurves
 from femfit.identify.readings.observations import Observations
-from femfit.report.style import BLUE, CATEGORIES, MUTED, VERMILION, WIDTH, new_figure, styled
+from femfit.report.numbers import quantity
+from femfit.report.style import (
+    BLUE,
+    CATEGORIES,
+    INK,
+    MUTED,
+    VERMILION,
+    WIDTH,
+    new_figure,
+    ordered_colours,
+    styled,
+    words,
+)
 from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
@@ -58,7 +72,7 @@ def settings_figure(observations: Observations) -> "Figure":
 
 @styled
 def residual_maps_figure(
-    observations: Observations, rows: Sequence[tuple[str, FloatArray]], scale: dict[str, float], sigma: bool
+    observations: Observations, rows: Sequence[tuple[str, FloatArray]], scale: Mapping[str, float], sigma: bool
 ) -> "Figure":
     """Maps of recorded minus predicted over distance and current, a column a channel.
 
@@ -124,32 +138,20 @@ def _cell_means(
 
 
 @styled
-def covariate_figure(
-    observations: Observations, residual: FloatArray, after: FloatArray | None, channel: str, names: Sequence[str]
-) -> "Figure":
-    """One channel's residual against temperature, time, branch or run.
-
-    Parameters
-    ----------
-    residual, after : array, shape (M,)
-        Before and after, over the channel's noise; None where nothing was added.
-    """
+def covariate_figure(observations: Observations, residual: FloatArray, channel: str, names: Sequence[str]) -> "Figure":
+    """One channel's residual, over its noise, against temperature, time, branch or run."""
     figure = new_figure(2.7, width=min(WIDTH, 2.8 + 2.5 * len(names)))
     panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
     here = observations.of(channel)
-    series = [(residual, VERMILION, "model")] + ([] if after is None else [(after, BLUE, "with the effect")])
     for ax, name in zip(panels, names, strict=True):
         x = observations.column(name)[here]
-        for values, colour, label in series:
-            _binned(ax, x, values[here], colour, label)
+        _binned(ax, x, residual[here])
         ax.axhline(0.0, color=MUTED, linewidth=0.8)
         ax.set_xlabel(COVARIATE_LABELS.get(name, name))
         if name in {"branch", "run"}:
             levels = np.unique(x)
             ax.set_xticks(levels, [_level(name, value) for value in levels])
     panels[0].set_ylabel(f"{CHANNEL_WORDS[channel]}:\nrecorded − predicted (σ)")
-    if after is not None:
-        panels[0].legend()
     return figure
 
 
@@ -174,7 +176,7 @@ def _level(name: str, value: float) -> str:
     return {1.0: "rising", -1.0: "falling"}.get(float(value), "unknown")
 
 
-def _binned(ax: "Axes", x: FloatArray, y: FloatArray, colour: str, label: str) -> None:
+def _binned(ax: "Axes", x: FloatArray, y: FloatArray) -> None:
     known = np.isfinite(x)
     x, y = x[known], y[known]
     levels = np.unique(x)
@@ -183,5 +185,71 @@ def _binned(ax: "Axes", x: FloatArray, y: FloatArray, colour: str, label: str) -
     table = pd.DataFrame({"x": x, "y": y}).groupby(group).agg({"x": "mean", "y": ["mean", "sem"]})
     ax.errorbar(
         table["x"]["mean"], table["y"]["mean"], 2.0 * table["y"]["sem"].fillna(0.0),
-        fmt="o-", color=colour, markersize=3.5, linewidth=1.0, elinewidth=0.9, label=label,
+        fmt="o-", color=VERMILION, markersize=3.5, linewidth=1.0, elinewidth=0.9,
     )  # fmt: skip
+
+
+_SETTING = {"distance_m": 1e3, "current_A": 1.0}
+"""Factor of a setting's axis, in mm or A."""
+
+
+@styled
+def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> "Figure":
+    """Draw readings of one channel on the model's curves with the misfit below.
+
+    Parameters
+    ----------
+    fitted : bool
+        Whether something was added to the model: two columns then, before and after, on the same scales.
+    """
+    columns = [("before", curves.before, curves.misfit_before)]
+    if fitted:
+        columns.append(("after", curves.after, curves.misfit_after))
+    figure = new_figure(4.6)
+    panels = figure.subplots(2, len(columns), sharex=True, sharey="row", height_ratios=(2.2, 1.0), squeeze=False)
+    for (name, lines, misfit), (above, below) in zip(columns, panels.T, strict=True):
+        _draw(above, below, curves, lines, misfit)
+        above.set_title(words("curves", name))
+        below.set_xlabel(words("curves", curves.along))
+    quantity = CHANNEL_WORDS[curves.channel]
+    panels[0, 0].set_ylabel(
+        words("curves", "reading", quantity=quantity, unit=axis_scale(curves.measured, curves.channel)[1])
+    )
+    panels[1, 0].set_ylabel(words("curves", "misfit", unit=axis_scale(curves.misfit_before, curves.channel)[1]))
+    figure.legend(
+        *panels[0, 0].get_legend_handles_labels(), loc="outside right center", title=words("curves", curves.over)
+    )
+    return figure
+
+
+def _draw(above: "Axes", below: "Axes", curves: MeasuredCurves, lines: FloatArray, misfit: FloatArray) -> None:
+    factor, size = _SETTING[curves.along], axis_scale(curves.measured, curves.channel)[0]
+    small = axis_scale(curves.misfit_before, curves.channel)[0]
+    for k, (level, colour) in enumerate(zip(curves.levels, ordered_colours(len(curves.levels)), strict=True)):
+        here = curves.level == k
+        label = quantity(level, curves.over)
+        if len(lines):
+            above.plot(factor * curves.axis, size * lines[k], color=colour, linewidth=1.2, label=label)
+        above.plot(
+            factor * curves.x[here],
+            size * curves.measured[here],
+            "o",
+            color=colour,
+            markersize=2.8,
+            fillstyle="none",
+            label="" if len(lines) else label,
+        )
+        below.plot(factor * curves.x[here], small * misfit[here], "o", color=colour, markersize=2.2)
+    below.axhline(0.0, color=INK, linewidth=0.8)
+    if curves.noise is not None:
+        below.axhspan(-small * curves.noise, small * curves.noise, color=MUTED, alpha=0.18, linewidth=0.0)
+
+
+def worst_first(curves: Sequence[MeasuredCurves]) -> list[MeasuredCurves]:
+    """Channels in the order of their misfit over the noise, or over their own size where the noise is not known."""
+
+    def badness(one: MeasuredCurves) -> float:
+        size = one.noise or float(np.max(np.abs(one.measured), initial=0.0)) or 1.0
+        return round(-float(np.sqrt(np.mean(one.misfit_before**2))) / size, 9)
+
+    return sorted(curves, key=badness)
