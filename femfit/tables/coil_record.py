@@ -23,10 +23,9 @@ from femfit.core.errors import OutputError, TableError
 from femfit.core.finding import listing
 from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
-from femfit.tables.decode import decode
 from femfit.tables.measurement_columns import UsedColumn, recognise
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
-from femfit.tables.raw_table import check_width, typed_numbers
+from femfit.tables.raw_table import check_width, decode, typed_numbers
 from femfit.tables.settings_file import finite_number, read_settings
 from femfit.tables.text_table import find_layout, split, text_lines
 

@@ -17,9 +17,8 @@ from femfit.tables.measurement import (
     Measurement,
     TimeSeries,
 )
-from femfit.tables.measurement_checks import checked, without_copies
+from femfit.tables.measurement_checks import branch_from_order, checked, in_measuring_order, without_copies
 from femfit.tables.measurement_columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, recognise
-from femfit.tables.measurement_order import branch_from_order, in_measuring_order
 from femfit.tables.measurement_sidecar import read_sidecar
 from femfit.tables.number_text import clock_seconds
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
@@ -99,21 +98,6 @@ def read_bench_table(
     """
     path = Path(path)
     return _bench_table(read_raw_table(path), path, columns, units, planned)
-
-
-def read_time_series(
-    path: str | Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
-) -> TimeSeries:
-    """Read and check a recorded time series.
-
-    Returns
-    -------
-    TimeSeries
-        Rows in the order of the file, run by run. Nothing is sorted, filled or resampled: where the clock jumps or
-        pauses a new segment begins, readings that are stuck or clipped become NaN, and all of it is said.
-    """
-    path = Path(path)
-    return _time_series(read_raw_table(path), path, columns, units)
 
 
 def read_raw_table(path: Path, what: str = "measurement") -> RawTable:

@@ -13,10 +13,9 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
 from femfit.tables.column_names import COLUMN_NAMES
-from femfit.tables.decode import decode
 from femfit.tables.header import match_score, parse_header
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
-from femfit.tables.raw_table import RawTable, check_width
+from femfit.tables.raw_table import RawTable, check_width, decode
 from femfit.tables.units import is_unit
 
 _DELIMITERS = (";", "\t", "|", ",", " ")

@@ -14,7 +14,7 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.series.observations import series_observations
 from femfit.model.with_effects import with_effects
-from femfit.tables.measurement_file import read_time_series
+from femfit.tables.measurement_file import read_measurement
 from support.closed_loop import closed_loop, recorded
 
 QUICK = {"bootstrap": 0}
@@ -157,7 +157,7 @@ def test_effects_that_a_model_has_are_taken_into_account(model):
 def test_a_record_from_a_file_is_diagnosed_like_one_in_memory(model, clean, tmp_path):
     record = recorded(clean)
     record.rows.drop(columns="segment").to_csv(tmp_path / "record.csv", index=False, float_format="%.12g")
-    read = read_time_series(tmp_path / "record.csv")
+    read = read_measurement(tmp_path / "record.csv")
     assert read.findings == ()
     first, second = (series_observations(model, one) for one in (record, read))
     np.testing.assert_allclose(second.residual, first.residual, atol=1e-9)

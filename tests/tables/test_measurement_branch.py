@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from femfit.tables.measurement_checks import branch_from_order
 from femfit.tables.measurement_file import read_bench_table
-from femfit.tables.measurement_order import branch_from_order
 
 UP = np.linspace(0.0, 1.4, 6)
 

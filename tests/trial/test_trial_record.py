@@ -7,7 +7,7 @@ from femfit.device.load import read_actuator
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.model.json_file import read_model, write_model
-from femfit.tables.measurement_file import read_time_series
+from femfit.tables.measurement_file import read_measurement
 from support.trial_study.campaign.case import Order
 from support.trial_study.levitated_body import Body, MovingTruth
 from support.trial_study.record import Recorder, closed_loop
@@ -40,6 +40,6 @@ def test_a_recorded_case_is_reproducible_and_of_the_size_that_was_asked_for(rig_
     assert first.rows.equals(again.rows)
     assert max(first.key["effects"][0]["over_noise"].values()) == pytest.approx(1.0, rel=0.05)
     first.rows.to_csv(tmp_path / "data.csv", index=False)
-    series = read_time_series(tmp_path / "data.csv")
+    series = read_measurement(tmp_path / "data.csv")
     assert {"voltage_V", "current_A", "distance_m"} <= set(series.given)
     assert first.unseen["run"].nunique() == 1

@@ -18,7 +18,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
-from femfit.tables.measurement_order import STILL_CURRENT
+from femfit.tables.measurement_checks import STILL_CURRENT
 
 _IN_ORDER = 0.75
 """Assumed: part of the current's steps that must agree with the branches where rows stand in the order of measuring."""

@@ -1,6 +1,7 @@
 """From the tables that FEMM users have to a checked sweep table."""
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,18 +17,21 @@ from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
+from femfit.tables.column_names import COLUMN_NAMES, STEP_NAMES
 from femfit.tables.foreign.columns import ColumnUse, long_points
-from femfit.tables.foreign.file_axis import value_in_name
 from femfit.tables.foreign.grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
 from femfit.tables.foreign.matrix_form import is_matrix, matrix_points
 from femfit.tables.foreign.noise import check_noise
-from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions
+from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions, si_unit
 from femfit.tables.foreign.reciprocity import check_reciprocity, flux_from_inductance
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
 from femfit.tables.sweep_table import SweepTable
 from femfit.tables.text_table import parse_text
+from femfit.tables.units import unit_factor
 
 _SUFFIXES = frozenset((".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet"))
+_NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
+_UNITS = {"current": r"(?P<unit>[mu]?A|amps?)", "distance": r"(?P<unit>[mcu]?m|in(?:ch)?)"}
 _FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less
 _NOT_A_NUMBER = "no number in the imported table"
 
@@ -183,10 +187,35 @@ def _constants(file: Path, index: int, count: int, options: ImportOptions) -> di
             raise TableError(
                 f"{len(values)} values of --file-{quantity} were given for {count} files; give one a file."
             )
-        value = values[index] if values else value_in_name(file, quantity)
+        value = values[index] if values else _value_in_name(file, quantity)
         if value is not None:
             constants[quantity] = value
     return constants
+
+
+def _value_in_name(path: Path, quantity: str) -> float | None:
+    """Read a current (A) or distance (m) from a file's name; ``p`` may stand for the decimal point.
+
+    A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
+    with its unit or after the quantity's name.
+    """
+    known = (*COLUMN_NAMES[QUANTITIES[quantity]], *(STEP_NAMES if quantity == "distance" else ()))
+    with_unit = [
+        (match.group("number"), match.group("unit"))
+        for match in re.finditer(rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[quantity]}(?![A-Za-z0-9])", path.stem)
+    ]
+    names = "|".join(sorted((name for name in known if name.isascii()), key=len, reverse=True))
+    named = [
+        (match.group("number"), si_unit(quantity))
+        for match in re.finditer(rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?![A-Za-z0-9])", path.stem)
+    ]
+    bare = re.fullmatch(_NUMBER, path.stem) if quantity == "current" else None
+    found = with_unit or named or ([(bare.group("number"), "A")] if bare else [])
+    if len(found) != 1:
+        return None
+    number, unit = found[0]
+    factor = unit_factor(unit, si_unit(quantity))
+    return None if factor is None else float(number.replace(",", ".").replace("p", ".")) * factor
 
 
 def _place(points: pd.DataFrame, options: ImportOptions) -> pd.DataFrame:

@@ -52,6 +52,16 @@ _PARTS = (
 FluxOf = Callable[[FloatArray, FloatArray], FloatArray]
 
 
+def _apparent(currents: FloatArray, column: FloatArray) -> FloatArray:
+    """The flux linkage (Wb) of an apparent inductance, flux linkage / current, shape (n, m) in H."""
+    return column * currents
+
+
+def _differential(currents: FloatArray, column: FloatArray) -> FloatArray:
+    """Integral of d(flux linkage)/di, shape (n, m) in H, from the first of ascending currents: flux linkage in Wb."""
+    return np.asarray(CubicSpline(currents, column, axis=1).antiderivative()(currents))
+
+
 @dataclass(frozen=True)
 class _Loops:
     """Work of the force against that of the flux linkage over many rectangles.
@@ -68,16 +78,9 @@ class _Loops:
     spread: float
     loops: int
 
-
-def _apparent(currents: FloatArray, column: FloatArray) -> FloatArray:
-    """Return the flux linkage (Wb) of an apparent inductance, flux linkage / current, shape (n, m) in H."""
-    return column * currents
-
-
-def _differential(currents: FloatArray, column: FloatArray) -> FloatArray:
-    """Integrate d(flux linkage)/di, shape (n, m) in H, from the first of ascending currents: flux linkage in Wb."""
-    integral: FloatArray = CubicSpline(currents, column, axis=1).antiderivative()(currents)
-    return integral
+    @property
+    def within(self) -> str:
+        return f"within {100 * self.spread:.2g} % over {self.loops} closed loops"
 
 
 def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
@@ -101,7 +104,27 @@ def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
         return [Finding("reciprocity", "warning", text, "Check that the right columns were taken.")]
     if plain.spread < _SAME_SHAPE:
         return [_judge_factor(plain)]
-    return [_judge_shape(plain, distances, currents, force, flux)]
+    for name, reading in (
+        ("the flux linkage divided by the current (apparent inductance)", _apparent),
+        ("the differential inductance d(flux linkage)/di", _differential),
+    ):
+        loops = _compare_reading(distances, currents, force, flux, reading)
+        if loops.spread < min(_SAME_SHAPE, plain.spread / 3):
+            scale = "" if abs(loops.factor - 1) < _WRONG else f", up to a factor {loops.factor:.4g}"
+            text = (
+                f"The column taken as flux linkage is {name}{scale}: only so it agrees with the force ({loops.within})."
+            )
+            remedy = "Give it as --inductance-column, or export the flux linkage itself."
+            return [Finding("reciprocity", "error", text, remedy, loops.factor)]
+    text = (
+        "Flux linkage and force do not belong together: the ratio of -d(flux linkage)/dd to dF/di is "
+        f"{plain.factor:.3g} with a spread of {100 * plain.spread:.3g} % over {plain.loops} closed loops."
+    )
+    remedy = (
+        "Check that both columns come from the same model, coil and rows; leave the flux linkage out with "
+        "--without flux_linkage."
+    )
+    return [Finding("reciprocity", "error", text, remedy, plain.spread)]
 
 
 def _judge_factor(loops: _Loops) -> Finding:
@@ -110,57 +133,18 @@ def _judge_factor(loops: _Loops) -> Finding:
         size = f"dF/di and -d(flux linkage)/dd agree within {100 * error:.2g} % over {loops.loops} closed loops"
         if error < max(_AGREES, loops.spread):
             return Finding("reciprocity", "info", f"Reciprocity holds: {size}.", size=error)
-        return Finding(
-            "reciprocity",
-            "warning",
-            f"Reciprocity holds roughly: {size}.",
-            "Refine the mesh, or leave the flux linkage out if it comes from another model.",
-            error,
-        )
+        remedy = "Refine the mesh, or leave the flux linkage out if it comes from another model."
+        return Finding("reciprocity", "warning", f"Reciprocity holds roughly: {size}.", remedy, error)
     magnitude = abs(loops.factor)
     causes = _causes_of(magnitude, 0.02 + loops.spread) if abs(magnitude - 1) > _WRONG else []
     if loops.factor < 0:
         causes.insert(0, "the sign of force or flux linkage is reversed (--flip-force, or --flux-linkage-unit -1)")
-    return Finding(
-        "reciprocity",
-        "error",
-        f"Flux linkage and force do not belong together: -d(flux linkage)/dd is {loops.factor:.4g} times dF/di "
-        f"(the same within {100 * loops.spread:.2g} % over {loops.loops} closed loops). Likely causes: "
-        f"{'; '.join(causes) or 'unknown'}.",
-        "Correct the unit or column, or leave the flux linkage out with --without flux_linkage.",
-        loops.factor,
+    text = (
+        f"Flux linkage and force do not belong together: -d(flux linkage)/dd is {loops.factor:.4g} times dF/di (the "
+        f"same {loops.within}). Likely causes: {'; '.join(causes) or 'unknown'}."
     )
-
-
-def _judge_shape(
-    plain: _Loops, distances: FloatArray, currents: FloatArray, force: FloatArray, flux: FloatArray
-) -> Finding:
-    """The two sides have different shapes: look whether the column is an inductance."""
-    readings: tuple[tuple[str, FluxOf], ...] = (
-        ("the flux linkage divided by the current (apparent inductance)", _apparent),
-        ("the differential inductance d(flux linkage)/di", _differential),
-    )
-    for name, reading in readings:
-        loops = _compare_reading(distances, currents, force, flux, reading)
-        if loops.spread < min(_SAME_SHAPE, plain.spread / 3):
-            scale = "" if abs(loops.factor - 1) < _WRONG else f", up to a factor {loops.factor:.4g}"
-            return Finding(
-                "reciprocity",
-                "error",
-                f"The column taken as flux linkage is {name}{scale}: only so it agrees with the force "
-                f"(within {100 * loops.spread:.2g} % over {loops.loops} closed loops).",
-                "Give it as --inductance-column, or export the flux linkage itself.",
-                loops.factor,
-            )
-    return Finding(
-        "reciprocity",
-        "error",
-        "Flux linkage and force do not belong together: the ratio of -d(flux linkage)/dd to dF/di is "
-        f"{plain.factor:.3g} with a spread of {100 * plain.spread:.3g} % over {plain.loops} closed loops.",
-        "Check that both columns come from the same model, coil and rows; leave the flux linkage out with "
-        "--without flux_linkage.",
-        plain.spread,
-    )
+    remedy = "Correct the unit or column, or leave the flux linkage out with --without flux_linkage."
+    return Finding("reciprocity", "error", text, remedy, loops.factor)
 
 
 def _compare_reading(
@@ -174,60 +158,46 @@ def _compare_reading(
 def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     """Take the flux linkage from an inductance column, only where reciprocity with the force proves it.
 
-    lambda = L i (apparent) or the integral of L di (differential) lacks the magnet's flux linkage at zero current; only
-    without a magnet, or with L = lambda / i at every current, the flux linkage follows, and then it must be reciprocal.
+    lambda = L i lacks the magnet's flux linkage at zero current; only without a magnet, or with L = lambda / i at every
+    current, the flux linkage follows, and then it must be reciprocal.
     """
     if "inductance" not in points or "flux_linkage" in points:
         return points, []
     distances, currents, (force, inductance) = complete_grid(points, ["force", "inductance"])
-    kept = "kept as inductance, without flux linkage"
+    kept = "The inductance is kept as inductance, without flux linkage: "
     if len(distances) < 3 or (currents != 0).sum() < 2:
-        text = f"The inductance is {kept}: a grid of 3 distances and 2 currents besides zero would be needed to tell."
+        text = f"{kept}a grid of 3 distances and 2 currents besides zero would be needed to tell."
         return points, [Finding("inductance", "info", text)]
     loops = _compare_reading(distances, currents, force, inductance, _apparent)
-    zero_rows = points["current"] == 0
+    zero = (points["current"] == 0).to_numpy()
+    passive = float(points.loc[zero, "force"].abs().max()) if zero.any() else 0.0
+    why = ""
     if loops.spread > _SAME_SHAPE or abs(loops.factor - 1) > _AGREES + loops.spread:
-        other = _compare_reading(distances, currents, force, inductance, _differential)
-        text = (
-            f"The inductance is {kept}: L i does not agree with the force (factor {loops.factor:.3g}, spread "
-            f"{100 * loops.spread:.2g} %), nor does the integral of L di (factor {other.factor:.3g}, spread "
-            f"{100 * other.spread:.2g} %) show its part at zero current, a magnet's."
-        )
-        return points, [Finding("inductance", "warning", text, "Export the flux linkage itself.", loops.factor)]
-    passive = float(points.loc[zero_rows, "force"].abs().max()) if zero_rows.any() else 0.0
-    if passive > _NO_MAGNET * float(points["force"].abs().max()):
-        text = (
-            f"The inductance is {kept}: it is flux linkage / current, without a value at zero current beside a magnet."
-        )
-        return points, [Finding("inductance", "warning", text, "Export the flux linkage itself.")]
-    flux = np.where(zero_rows, 0.0, points["inductance"].fillna(0.0) * points["current"])
+        why = f"L i does not agree with the force (factor {loops.factor:.3g}, spread {100 * loops.spread:.2g} %)."
+    elif passive > _NO_MAGNET * float(points["force"].abs().max()):
+        why = "it is flux linkage / current, without a value at zero current beside a magnet."
+    if why:
+        remedy = "Export the flux linkage itself."
+        return points, [Finding("inductance", "warning", kept + why, remedy, loops.factor)]
+    flux = np.where(zero, 0.0, points["inductance"].fillna(0.0) * points["current"])
+    error = abs(loops.factor - 1)
     text = (
-        f"Flux linkage taken as inductance times current: it agrees with the force within "
-        f"{100 * abs(loops.factor - 1):.2g} % over {loops.loops} closed loops."
+        f"Flux linkage taken as inductance times current: it agrees with the force within {100 * error:.2g} % over "
+        f"{loops.loops} closed loops."
     )
-    return points.assign(flux_linkage=flux), [Finding("inductance", "info", text, size=abs(loops.factor - 1))]
-
-
-def _unit_causes() -> list[tuple[float, str]]:
-    """Every common unit read as another one.
-
-    factor = (flux linkage as read / true) (current as read / true) / ((force as read / true) (distance as read / true))
-    """
-    causes = []
-    for quantity, power in (("flux_linkage", 1), ("distance", -1), ("current", 1), ("force", -1)):
-        column = QUANTITIES[quantity]
-        units = {column.rpartition("_")[2]: 1.0, **common_factors(column)}
-        for true, read in itertools.permutations(units, 2):
-            if quantity == "distance" or 1.0 in (units[true], units[read]):
-                option = f"--{quantity.replace('_', '-')}-unit {true}"
-                name = quantity.replace("_", " ")
-                causes.append(((units[read] / units[true]) ** power, f"{name} in {true} read as {read} ({option})"))
-    return causes
+    return points.assign(flux_linkage=flux), [Finding("inductance", "info", text, size=error)]
 
 
 def _causes_of(factor: float, tolerance: float) -> list[str]:
-    """Name the likely causes of a positive factor, flux side over force side; empty if nothing usual makes it."""
-    known = [*_unit_causes(), *_PARTS]
+    """Likely causes of a positive factor, flux side over force side: units, turns, parts of a model."""
+    known = list(_PARTS)
+    for quantity, power in (("flux_linkage", 1), ("distance", -1), ("current", 1), ("force", -1)):
+        column, name, option = QUANTITIES[quantity], quantity.replace("_", " "), quantity.replace("_", "-")
+        units = {column.rpartition("_")[2]: 1.0, **common_factors(column)}
+        for true, read in itertools.permutations(units, 2):
+            if quantity == "distance" or 1.0 in (units[true], units[read]):
+                cause = f"{name} in {true} read as {read} (--{option}-unit {true})"
+                known.append(((units[read] / units[true]) ** power, cause))
     causes = [cause for value, cause in known if abs(math.log(factor / value)) < tolerance]
     turns = 1 / factor
     if turns > 1.5:
