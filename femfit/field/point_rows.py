@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from femfit.core.arrays import FloatArray
 
@@ -30,22 +31,14 @@ BEYOND_CURVE = "beyond_bh_curve"
 
 @dataclass(frozen=True)
 class DistanceSolution:
-    """The coefficients of one distance.
+    """The coefficients of one distance: three of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A.
 
     Parameters
     ----------
-    force : array, shape (3,)
-        F_0 in N, F_1 in N/A, F_2 in N/A^2.
     force_change : array, shape (3,), or None
-        Its change from one polynomial order lower, where that was solved.
+        That of the force from one polynomial order lower, where that was solved.
     reaction, work : array, shape (3,)
-        The force's coefficients by :class:`femfit.field.other_forces.OtherForces`.
-    flux_linkage : array, shape (2,)
-        In Wb and H.
-    coenergy : float
-        W_0 in J.
-    hall : array, shape (2,) or None
-        In T and T/A.
+        The force by :class:`femfit.field.other_forces.OtherForces`.
     self_force : array, shape (3,)
         The stress of the moving part's own field, as subtracted from the force.
     """
@@ -61,60 +54,41 @@ class DistanceSolution:
 
 
 def superpose(currents: FloatArray, solution: DistanceSolution) -> dict[str, FloatArray]:
-    """Table columns at currents.
+    """Table columns at n currents in A.
 
-    Parameters
-    ----------
-    currents : array, shape (n,)
-        In A.
-
-    Returns
-    -------
-    dict of array, shape (n,)
-        By column name. The error is the larger of the change between the orders and of the disagreement of the bodies;
-        the change's terms add in magnitude, so that no cancellation flatters it. It is absent where the change is
-        unknown.
+    The terms of the change between the orders add in magnitude, so that no cancellation flatters the error, which is
+    absent where the change is unknown.
     """
     flux, inductance = solution.flux_linkage
     disagreement = np.maximum(
-        *(np.abs(_polynomial(currents, solution.force - other)) for other in (solution.reaction, solution.work))
+        *(np.abs(polyval(currents, solution.force - other)) for other in (solution.reaction, solution.work))
     )
     columns = {
-        "force_N": _polynomial(currents, solution.force),
+        "force_N": polyval(currents, solution.force),
         DISAGREEMENT: disagreement,
-        "flux_linkage_Wb": _polynomial(currents, [flux, inductance]),
+        "flux_linkage_Wb": polyval(currents, [flux, inductance]),
         "inductance_H": np.full(len(currents), inductance),
-        "coenergy_J": _polynomial(currents, [solution.coenergy, flux, 0.5 * inductance]),
+        "coenergy_J": polyval(currents, [solution.coenergy, flux, 0.5 * inductance]),
     }
     if solution.force_change is not None:
-        change = ERROR_SAFETY * _polynomial(np.abs(currents), np.abs(solution.force_change))
+        change = ERROR_SAFETY * polyval(np.abs(currents), np.abs(solution.force_change))
         columns["force_error_N"] = np.maximum(change, disagreement)
     if solution.hall is not None:
-        columns["hall_T"] = _polynomial(currents, solution.hall)
+        columns["hall_T"] = polyval(currents, solution.hall)
     return columns
-
-
-def _polynomial(currents: FloatArray, coefficients: Any) -> FloatArray:
-    return np.asarray(np.polynomial.polynomial.polyval(currents, np.asarray(coefficients, dtype=np.float64)))
 
 
 @dataclass(frozen=True)
 class PointSolution:
-    """One current at one distance.
+    """One current at one distance, in SI units.
 
     Parameters
     ----------
     force, reaction, work, coarse_force : float
         By the layer round the moving part, by the reaction on the fixed parts, by virtual work, and by the layer one
-        order lower; in N.
+        order lower.
     self_force : float
-        As subtracted from the force, in N.
-    inductance : float
-        d(flux linkage)/di in H.
-    coenergy : float
-        W' in J.
-    hall : float or None
-        B_z in T.
+        As subtracted from the force.
     beyond_curve : bool
         Whether a B-H curve had to be extrapolated.
     state : array, shape (unknowns,)

@@ -3,7 +3,7 @@
 import math
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError, FieldSolverError
@@ -90,7 +90,7 @@ class LevelTask:
             problem = MESHES.problem(self.mesh)
         except FieldSolverError:
             return {"choice": None}
-        return {"choice": problem.choice.as_json() if isinstance(problem, ToleranceProblem) else None}
+        return {"choice": asdict(problem.choice) if isinstance(problem, ToleranceProblem) else None}
 
     def distances(self, tasks: Sequence[DistanceTask], result: dict[str, Any]) -> list[DistanceTask]:
         """The group's distances, as the result says that they are to be solved."""

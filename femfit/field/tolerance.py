@@ -19,7 +19,7 @@ converge exponentially.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,10 +29,7 @@ from femfit.field.point_rows import DISAGREEMENT
 from femfit.field.settings import SolverSettings
 
 if TYPE_CHECKING:
-    from ngsolve import Mesh
-
     from femfit.field.linear_point import LinearActuator
-    from femfit.field.moving_mesh import PointField
     from femfit.field.nonlinear_point import NonlinearActuator
 
     LevelProblem = LinearActuator | NonlinearActuator
@@ -59,57 +56,36 @@ ROUNDING = 1e-10
 class LevelChoice:
     """The outcome of a search: all that a worker needs to solve the group's distances as the one who searched does.
 
-    Parameters
-    ----------
-    force_errors : tuple of float
-        Of the force at these currents, relative to :func:`scale`, the safety factor included.
+    The errors of the force at the currents are relative to :func:`scale`, with the safety factor.
     """
 
     level: int
     currents_A: tuple[float, ...]
     force_errors: tuple[float, ...]
 
-    def as_json(self) -> dict[str, Any]:
-        """By field name."""
-        return asdict(self)
-
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "LevelChoice":
-        """From :meth:`as_json`, read again or not."""
+        """From its fields as a journal has them."""
         return cls(content["level"], tuple(content["currents_A"]), tuple(content["force_errors"]))
 
 
 class ToleranceProblem:
-    """A group of distances on the level that meets the tolerance."""
+    """A group of distances on the level that meets the tolerance; mesh, unknowns and field are the level's."""
 
     def __init__(self, problem: "LevelProblem", settings: SolverSettings, choice: LevelChoice) -> None:
-        self._problem = problem
-        self.settings = settings
-        self.choice = choice
+        self.settings, self.choice = settings, choice
+        self.mesh, self.unknowns, self.field = problem.mesh, problem.unknowns, problem.field
+        self._rows = problem.rows
         self._currents: FloatArray = np.array(choice.currents_A)
         self._errors: FloatArray = np.array(choice.force_errors)
 
-    @property
-    def mesh(self) -> "Mesh":
-        """Of the level."""
-        return self._problem.mesh
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns."""
-        return self._problem.unknowns
-
     def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
         """Columns of the sweep table at a distance, one value a current."""
-        columns = self._problem.rows(distance, currents)
+        columns = self._rows(distance, currents)
         if "force_N" in columns:
             error = self._relative(np.array(currents)) * scale(columns["force_N"], currents)
             columns["force_error_N"] = np.maximum(error, columns[DISAGREEMENT]).tolist()
         return columns
-
-    def field(self, distance: float, current: float) -> "PointField":
-        """The field at a point, with the mesh left stretched to it."""
-        return self._problem.field(distance, current)
 
     def _relative(self, currents: FloatArray) -> FloatArray:
         """The larger error of the two checked currents on either side."""
@@ -125,19 +101,9 @@ def meet_tolerance(
     currents: tuple[float, ...],
     settings: SolverSettings,
 ) -> ToleranceProblem:
-    """Refine until the tolerance is met, or to its end.
+    """Refine until ascending distances that share a mesh meet the tolerance at ascending currents, or to its end.
 
-    Parameters
-    ----------
-    group : tuple of float
-        Distances that share a mesh, in m, ascending.
-    currents : tuple of float
-        To check, in A, ascending.
-
-    Returns
-    -------
-    ToleranceProblem
-        Its rows say the error that is left, also where the last level does not meet the tolerance.
+    The rows say the error that is left, also where the last level does not meet the tolerance.
     """
     shared = shares_checks(group)
     distances = (group[0], group[len(group) // 2], group[-1]) if shared else group
@@ -223,12 +189,7 @@ def scale(values: Sequence[float], currents: Sequence[float]) -> FloatArray:
     """What errors at one distance are relative to: a value, or that at the weakest current if it is larger.
 
     Where the coil's force cancels the magnet's, the sum is no measure of what was computed. A force that vanishes by
-    symmetry leaves the solver's last digits, which are no measure of anything.
-
-    Returns
-    -------
-    array, shape (currents,)
-        In the values' unit; 0 for what vanishes.
+    symmetry leaves the solver's last digits, which are no measure of anything: it is 0.
     """
     size = np.abs(np.array(values, dtype=np.float64))
     size = np.fmax(size, size[int(np.argmin(np.abs(currents)))])

@@ -1,7 +1,7 @@
 """What a trial counted: how often the diagnosis would be right on a device."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from scipy import stats
@@ -109,18 +109,9 @@ def by_error(outcomes: Sequence[Outcome]) -> dict[str, Share]:
 def trial_data(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """A trial as JSON-ready data."""
     return {
-        "counts": [
-            {
-                "group": count.group,
-                "outcome": count.outcome,
-                "hits": count.share.hits,
-                "of": count.share.of,
-                "ci95": list(count.share.ci95),
-            }
-            for count in counts(outcomes)
-        ],
+        "counts": [asdict(count) | {"ci95": list(count.share.ci95)} for count in counts(outcomes)],
         "by_error": {name: [share.hits, share.of] for name, share in by_error(outcomes).items()},
-        "cases": [one.to_dict() for one in outcomes],
+        "cases": [asdict(one) for one in outcomes],
     }
 
 

@@ -11,7 +11,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -71,10 +71,6 @@ class Outcome:
     right_channel: bool
     withheld_named: bool | None
     withheld_certain: bool | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return asdict(self)
 
 
 def prepare_device(drawing: Path, directory: Path, *, workers: int, progress: Progress | None = None) -> Device:
