@@ -9,6 +9,7 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from effect_signature import Signature, effect_signature
 from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import BUILT_IN
 from femfit.effects.conditions import Nominal
@@ -16,7 +17,6 @@ from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.words import describe
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
-from femfit.identify.signatures.signature import Signature, effect_signature
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from effect_signature import typical_parameters
 from femfit.core.amount import amount
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, smallest_visible
-from femfit.identify.signatures.signature import typical_parameters
 from femfit.model.with_effects import nominal_of
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter, in_channel
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.plan import examine_plan
 from femfit.identify.experiments.suggest import joined, suggest, suggest_measurements
 from femfit.identify.readings.bench import bench_observations, conditions_of
-from femfit.identify.signatures.signature import typical_parameters
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from effect_signature import effect_signature
 from femfit.effects.catalogue import BUILT_IN
-from femfit.identify.signatures.signature import effect_signature
 
 
 @pytest.mark.parametrize("effect", BUILT_IN, ids=lambda effect: effect.name)
