@@ -148,13 +148,14 @@ def _newton(
 ) -> tuple[FloatArray, BoolArray]:
     """Currents, and which converged; each stops by itself, so that it does not depend on the others."""
     low, high = current_range(model)
+    scale = max(abs(low), abs(high))
     current = np.clip(start, low, high)
     changing = np.ones(np.shape(distance), dtype=np.bool_)
     for _ in range(steps):
         slope_d, slope_di = model.magnetics.coenergy_derivatives(distance, current, ((1, 0), (1, 1)))
-        slope = np.maximum(-slope_di, 1e-12 * np.abs(slope_d) / high + np.finfo(np.float64).tiny)
+        slope = np.maximum(-slope_di, 1e-12 * np.abs(slope_d) / scale + np.finfo(np.float64).tiny)
         updated = np.where(changing, np.clip(current - (-slope_d - force) / slope, low, high), current)
-        changing = np.abs(updated - current) > 1e-6 * high  # the next change would be its square
+        changing = np.abs(updated - current) > 1e-6 * scale  # the next change would be its square
         current = updated
         if not changing.any():
             break

@@ -52,6 +52,17 @@ def test_current_for_force_inverts_the_force_and_stops_at_the_clamp(levitation_m
     np.testing.assert_allclose(ends, np.array([circuit.voltage_min_V, circuit.voltage_max_V]) / circuit.resistance_ohm)
 
 
+def test_current_for_force_inverts_the_force_where_the_driver_ends_at_zero(levitation_model):
+    circuit = replace(levitation_model.circuit, voltage_min_V=-3.0, voltage_max_V=0.0)
+    pulled_back = replace(
+        levitation_model,
+        circuit=circuit,
+        validity=replace(levitation_model.validity, current_min_A=-1.2, current_max_A=0.0),
+    )
+    d, i = np.meshgrid(np.linspace(0.02, 0.032, 7), np.linspace(-1.0, -0.2, 5))
+    np.testing.assert_allclose(current_for_force(pulled_back, d, pulled_back.magnetics.force(d, i)), i, rtol=1e-9)
+
+
 def test_a_distance_beyond_the_clamp_is_refused_with_the_voltage_that_it_needs(levitation_model):
     weak = replace(levitation_model, circuit=replace(levitation_model.circuit, voltage_max_V=1.5))
     with pytest.raises(DomainError, match=r"needs \d.* V there"):

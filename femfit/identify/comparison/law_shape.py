@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.amount import amount
+from femfit.core.errors import DomainError
 from femfit.identify.comparison.region import misfit_sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
@@ -73,6 +74,16 @@ def shape_misfit(model: ActuatorModel, reference: ActuatorModel | None, noise_N:
 def _over_the_box(law: ActuatorModel, reference: ActuatorModel) -> tuple[float, float, str]:
     """Rms, maximum and where, over the part of the validity domain of the law that the reference has too."""
     a, b = law.validity, reference.without_effects.validity
+    if not (
+        max(a.distance_min_m, b.distance_min_m) <= min(a.distance_max_m, b.distance_max_m)
+        and max(a.current_min_A, b.current_min_A) <= min(a.current_max_A, b.current_max_A)
+    ):
+        raise DomainError(
+            f"The reference must cover distances and currents of the law; {reference.name!r} is valid in "
+            f"{1e3 * b.distance_min_m:g}..{1e3 * b.distance_max_m:g} mm and {b.current_min_A:g}..{b.current_max_A:g} "
+            f"A, the law in {1e3 * a.distance_min_m:g}..{1e3 * a.distance_max_m:g} mm and "
+            f"{a.current_min_A:g}..{a.current_max_A:g} A. Give the co-energy of the same device."
+        )
     d, i = (
         x.ravel()
         for x in np.meshgrid(
