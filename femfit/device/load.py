@@ -95,7 +95,11 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         fixed=tuple(_region(part) for part in drawing.fixed),
         coil=coil,
         moving=MovingPart(tuple(_region(part) for part in drawing.moving), scaled(body.mass_g)),
-        supply=Supply(supply.voltage_min_V, supply.voltage_max_V, scaled(supply.sample_time_ms)),
+        supply=Supply(
+            supply.voltage_min_V,
+            supply.voltage_max_V,
+            None if supply.sample_time_ms is None else scaled(supply.sample_time_ms),
+        ),
         sweep=SweepAxes(currents, tuple(scaled(d) for d in distances)),
         hall=_hall(hall),
         reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),

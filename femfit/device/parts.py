@@ -154,11 +154,11 @@ class HallElement:
 
 @dataclass(frozen=True)
 class Supply:
-    """The driver's range and the controller's clock."""
+    """The driver's range and, where the file gives it, the controller's period."""
 
     voltage_min_V: float
     voltage_max_V: float
-    sample_time_s: float = 0.5e-3
+    sample_time_s: float | None = None
 
 
 @dataclass(frozen=True)

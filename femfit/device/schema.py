@@ -140,7 +140,9 @@ class SupplyEntry(Entry):
 
     voltage_min_V: Electrical = Field(description="Give the lowest voltage of the driver; negative for a bridge.")
     voltage_max_V: Electrical = Field(description="Give the highest voltage of the driver.")
-    sample_time_ms: float = Field(0.5, ge=1e-6, le=1e6, description="Give the controller's period in ms.")
+    sample_time_ms: float | None = Field(
+        None, ge=1e-6, le=1e6, description="Give the controller's period in ms, or leave it out to have it from L/R."
+    )
 
 
 AxisValue = Annotated[float, Field(ge=-1e5, le=1e5)]

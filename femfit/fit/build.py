@@ -20,7 +20,7 @@ from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.law_magnetics import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
-from femfit.fit.model_parts import kind_of, model_parts, number
+from femfit.fit.model_parts import kind_of, model_parts, number, sample_time
 from femfit.fit.notes import import_notes, misfit_notes
 from femfit.fit.ranking import MAY_MISS, rank_laws
 from femfit.fit.result import FitResult
@@ -121,11 +121,12 @@ def fit_model(
         circuit=parts.circuit,
         motion=parts.motion,
         sensor=parts.sensor,
-        sample_time_s=number(entry, "sample_time_s") if entry.get("sample_time_s") else 0.5e-3,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         covariance=law_fit.interval.block_covariance if law_fit else None,
         kind=kind_of(entry),
     )
+    period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
+    model = replace(model, sample_time_s=period)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, built, law_fit)
     notes = (*parts.notes, *misfit_notes(model, rows))

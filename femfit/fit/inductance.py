@@ -10,7 +10,7 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from importlib.metadata import version
 from typing import Any
@@ -22,6 +22,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.law_shape import search_shape
 from femfit.fit.misfit import as_written
+from femfit.fit.model_parts import sample_time
 from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
@@ -91,7 +92,6 @@ def fit_inductance(
     mass_kg: float | None = None,
     resistance_ohm: float | None = None,
     supply_V: tuple[float, float] | None = None,
-    sample_time_s: float = 1e-3,
 ) -> InductanceFit:
     """Fit a force law to measured inductances.
 
@@ -123,25 +123,23 @@ def fit_inductance(
     )
     magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
     circuit, motion, notes = _parts(mass_kg, resistance_ohm, supply_V)
-    model = as_written(
-        ActuatorModel(
-            name=table.source.rpartition(".")[0] or table.source,
-            magnetics=magnetics,
-            validity=ValidityBox(
-                float(distances[0]),
-                float(distances[-1]),
-                min(0.0, float(table.current.min())),
-                float(table.current.max()),
-            ),
-            circuit=circuit,
-            motion=motion,
-            sample_time_s=sample_time_s,
-            provenance={
-                "fit": {"inductances": table.source, "rows": len(table.inductance), "law": chosen.name},
-                "versions": {"femfit": version("femfit")},
-            },
-        )
+    model = ActuatorModel(
+        name=table.source.rpartition(".")[0] or table.source,
+        magnetics=magnetics,
+        validity=ValidityBox(
+            float(distances[0]),
+            float(distances[-1]),
+            min(0.0, float(table.current.min())),
+            float(table.current.max()),
+        ),
+        circuit=circuit,
+        motion=motion,
+        provenance={
+            "fit": {"inductances": table.source, "rows": len(table.inductance), "law": chosen.name},
+            "versions": {"femfit": version("femfit")},
+        },
     )
+    model = as_written(replace(model, sample_time_s=sample_time(model)))
     error = model.magnetics.inductance(table.distance, table.current) - table.inductance
     if rms(error) > POOR * float(np.ptp(table.inductance)):
         notes = (

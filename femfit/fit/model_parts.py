@@ -5,11 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
+
 from femfit.core.errors import TableError
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.actuator_model import Circuit, HallSensor, Motion
+from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,34 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
         values = {name: number(element, name) for name in names}
         sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)
     return ModelParts(circuit, motion, sensor, tuple(notes))
+
+
+def sample_time(model: ActuatorModel) -> float:
+    """The controller's period in s where no file gives it; the model's own where it has neither circuit nor motion.
+
+    A tenth of the coil's smallest L/R or of the body's smallest sqrt(m / |dF/dd|), whichever is shorter, rounded down
+    to 1, 2 or 5 times a power of ten.
+
+    References
+    ----------
+    K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), section 2.9: 4 to 10 samples a
+    rise time.
+    """
+    box = model.validity
+    d, i = np.meshgrid(
+        np.linspace(box.distance_min_m, box.distance_max_m, 15), np.linspace(box.current_min_A, box.current_max_A, 15)
+    )
+    constants = []
+    if model.circuit is not None:
+        constants.append(float(np.min(model.magnetics.inductance(d, i))) / model.circuit.resistance_ohm)
+    if model.motion is not None:
+        steepest = float(np.max(np.abs(model.magnetics.force_gradient(d, i))))
+        constants.append(float(np.sqrt(model.motion.mass_kg / steepest)) if steepest > 0.0 else np.inf)
+    shortest = 0.1 * min((one for one in constants if one > 0.0), default=np.inf)
+    if not np.isfinite(shortest):
+        return model.sample_time_s
+    decade = 10.0 ** np.floor(np.log10(shortest) + 1e-9)
+    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step <= shortest / decade * (1.0 + 1e-9)))
 
 
 def kind_of(entry: Mapping[str, Any]) -> ActuatorKind | None:

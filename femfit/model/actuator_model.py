@@ -142,7 +142,7 @@ class ActuatorModel:
     circuit, motion, sensor : optional
         Absent where the sweep's source did not give them.
     sample_time_s : float
-        Period of the controller and filter.
+        Period of the controller and filter; a millisecond where neither a drawing nor the device says otherwise.
     reference_distances_m : tuple of float
         Steps of the closed-loop reference; empty: derived from the model.
     covariance : array or None
@@ -178,7 +178,7 @@ class ActuatorModel:
     motion: Motion | None = None
     sensor: HallSensor | None = None
     misfit: Misfit | None = None
-    sample_time_s: float = 0.5e-3
+    sample_time_s: float = 1e-3
     reference_distances_m: tuple[float, ...] = ()
     covariance: FloatArray | None = None
     effects: tuple[AddedEffect, ...] = ()

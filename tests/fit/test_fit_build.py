@@ -231,6 +231,14 @@ def test_a_coefficient_whose_interval_holds_zero_is_not_printed_as_a_number(tabl
     assert str(result).count("not determined by this table") == undetermined
 
 
+@pytest.mark.parametrize(("length", "period"), [(1.0, 5e-4), (10.0, 5e-3), (0.01, 5e-6)])
+def test_a_period_that_no_file_gives_follows_from_the_coil_and_the_body(length, period):
+    # L/R is 16 mH / 2.69 ohm = 6 ms, ten times as much and a hundredth; the body is slower throughout
+    actuator = {key: value for key, value in ACTUATOR.items() if key != "sample_time_s"}
+    actuator |= {"resistance_ohm": 2.69 / length, "mass_kg": MASS * max(1.0, length) ** 2}
+    assert fit_model(full_table(actuator=actuator)).model.sample_time_s == pytest.approx(period)
+
+
 def test_a_table_without_an_actuator_says_what_to_give():
     result = fit_model(full_table(actuator=None))
     assert result.model.circuit is None
