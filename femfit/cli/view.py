@@ -90,7 +90,7 @@ def _swept(directory: Path, row: int | None) -> "tuple[Actuator, SolverSettings,
     """The actuator and settings of a sweep, and the point of a row of its table."""
     from femfit.core.errors import DomainError, RunDirectoryError
     from femfit.core.sweep_columns import VARIANT
-    from femfit.device.record import actuator_from_record
+    from femfit.device.summary import actuator_from_record
     from femfit.field.settings import SolverSettings
     from femfit.tables.sweep_table import read_sweep_table
 

@@ -1,5 +1,6 @@
 """Read an actuator file: every problem at once, or the actuator in SI units."""
 
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from femfit.device.drawing import Drawing, read_drawing
 from femfit.device.parameter_table import read_design
 from femfit.device.parts import AIR, Actuator, Coil, HallElement, MovingPart, Region, Supply, SweepAxes
 from femfit.device.schema import (
+    SCHEMA_VERSION,
     CoilEntry,
     CurrentAxis,
     DistanceAxis,
@@ -34,8 +36,37 @@ from femfit.device.schema import (
     SupplyEntry,
     SweepEntry,
 )
-from femfit.device.toml_text import parse, read_text
 from femfit.device.winding import smallest_winding_area, wire_resistance
+
+
+def read_text(path: Path) -> str:
+    """The text of an actuator file."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise ActuatorFileError(str(path), ["does not exist. Give the path of an actuator .toml file."]) from error
+    except OSError as error:
+        raise ActuatorFileError(str(path), [f"cannot be read: {error.strerror}."]) from error
+    except UnicodeDecodeError as error:
+        raise ActuatorFileError(str(path), [f"must be UTF-8 text; byte {error.start} is not. Save it so."]) from error
+
+
+def parse(text: str, source: str) -> dict[str, Any]:
+    """The tables of TOML text."""
+    try:
+        data = tomllib.loads(text)
+    except RecursionError as error:
+        raise ActuatorFileError(source, ["must be TOML; its brackets are nested too deeply."]) from error
+    except ValueError as error:  # TOMLDecodeError, or a number with too many digits
+        raise ActuatorFileError(source, [f"must be TOML; {error}. Correct that place first."]) from error
+    version = data.get("schema")
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        raise ActuatorFileError(
+            source,
+            [f"schema is {version}; this femfit reads up to schema {SCHEMA_VERSION}. Update femfit, or write it so."],
+        )
+    return data
+
 
 MIN_DISTANCE = 1e-3
 """In mm: a micrometre is less than a face is flat, and still a gap that can be meshed."""

@@ -11,7 +11,6 @@ from typing import Any, TypeGuard
 from femfit.core.sweep_columns import COLUMNS, VARIANT
 from femfit.device.complaints import did_you_mean, joined, read_part, read_table
 from femfit.device.decimals import axis_values, decimal_sum
-from femfit.device.design import Points, grid_points, latin_hypercube, list_points
 from femfit.device.file_numbers import (
     Location,
     known_materials,
@@ -20,7 +19,16 @@ from femfit.device.file_numbers import (
     numbers_of,
     unit_of,
 )
-from femfit.device.parameters import AXES, FollowingKey, ParameterDesign, SweptParameter
+from femfit.device.parameters import (
+    AXES,
+    FollowingKey,
+    ParameterDesign,
+    Points,
+    SweptParameter,
+    grid_points,
+    latin_hypercube,
+    list_points,
+)
 from femfit.device.schema import (
     DesignEntry,
     KeyEntry,

@@ -1,14 +1,88 @@
-"""What a sweep changes in its actuator file from variant to variant."""
+"""[sweep.parameters]: what of a file is swept, and the points of the sweep.
+
+References
+----------
+M. D. McKay, R. J. Beckman and W. J. Conover, Technometrics 21 (1979) 239: Latin hypercube sampling.
+"""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
+import numpy as np
+
 from femfit.device.decimals import decimal_sum, scaled
-from femfit.device.design import Points, Value
 from femfit.device.file_numbers import SI_UNITS, Location, unit_of, with_value
+from femfit.device.schema import MAX_AXIS_POINTS, SampledEntry
+
+Value = float | str
+"""Of a parameter: a number, or the name of a material."""
+
+Points = tuple[tuple[Value, ...], ...]
+"""One tuple a point, one value a parameter."""
+
+
+def order(value: Value) -> tuple[str, float]:
+    """What to sort a parameter's values by: numbers by size, names by letters."""
+    return (value, 0.0) if isinstance(value, str) else ("", value)
+
+
+def shown(value: Value) -> str:
+    """A value as a message says it."""
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def grid_points(values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
+    """Every combination, the last parameter fastest."""
+    count = int(np.prod([float(len(column)) for column in values]))
+    if count > MAX_AXIS_POINTS:
+        problems.append(
+            f"sweep.parameters must have at most {MAX_AXIS_POINTS} combinations; they have {count}. Give fewer values, "
+            'or take design = "latin_hypercube".'
+        )
+        return ()
+    return tuple(product(*values))
+
+
+def list_points(names: Sequence[str], values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
+    """The first values together, the second ones together, and so on."""
+    if len({len(column) for column in values}) > 1:
+        lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(names, values, strict=True))
+        problems.append(
+            f'sweep.parameters must have equally many values for design = "list"; they are {lengths}. Complete the '
+            'lists, or take design = "grid".'
+        )
+        return ()
+    return tuple(zip(*values, strict=True))
+
+
+def latin_hypercube(ranges: Sequence[SampledEntry | Sequence[str]], samples: int, seed: int) -> Points:
+    """Samples of which each of equally many slices of every range holds one.
+
+    Returns
+    -------
+    tuple of tuple of float or str
+        With a step, values are those of the steps whose equal shares of the range the samples fall into.
+    """
+    from scipy.stats import qmc  # noqa: PLC0415  half a second that other actuator files need not spend
+
+    shares = qmc.LatinHypercube(len(ranges), rng=np.random.default_rng(seed)).random(samples)
+    return tuple(
+        tuple(_at_share(entry, float(share)) for entry, share in zip(ranges, row, strict=True)) for row in shares
+    )
+
+
+def _at_share(entry: SampledEntry | Sequence[str], share: float) -> Value:
+    if not isinstance(entry, SampledEntry):
+        return entry[int(share * len(entry))]
+    if entry.step is None:
+        return entry.min + share * (entry.max - entry.min)
+    steps = round((entry.max - entry.min) / entry.step)
+    return decimal_sum(entry.min, min(int(share * (steps + 1)), steps), entry.step)
+
 
 AXES = ("current_A", "distance_mm")
 """Grids within each variant where ``[sweep]`` has them, parameters where ``[sweep.parameters]`` does."""

@@ -1,9 +1,15 @@
-"""The actuator as a sweep's manifest records it: what a model needs beside the table."""
+"""The actuator as a sweep's manifest records it: what a model needs beside the table, and the actuator again."""
 
+import re
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
+from femfit.core.errors import ActuatorFileError
 from femfit.device.parts import Actuator, NonlinearMaterial, Region
+from femfit.device.schema import NAME_PATTERN
 
 IRON_FROM = 1.5
 """Relative permeability from which a material without remanence counts as iron; magnets recoil with 1.05."""
@@ -54,3 +60,16 @@ def is_magnet(region: Region) -> bool:
 def is_iron(region: Region) -> bool:
     """Whether a region is soft iron, ferrite or steel rather than a magnet or something not magnetic."""
     return not is_magnet(region) and region.material.relative_permeability >= IRON_FROM
+
+
+def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
+    """Build the actuator again that ``dataclasses.asdict`` made a record of."""
+    try:
+        actuator = TypeAdapter(Actuator).validate_python(dict(record))
+    except ValidationError as error:
+        problems = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}." for fault in error.errors()]
+        raise ActuatorFileError(source, [*problems, "Sweep again, or give the actuator file."]) from error
+    if re.fullmatch(NAME_PATTERN, actuator.name) is None:  # directories are named after it
+        given = f"instead received {actuator.name[:64]!r}. Sweep again."
+        raise ActuatorFileError(source, [f"name: must begin with a letter and hold letters, digits, - and _; {given}"])
+    return actuator

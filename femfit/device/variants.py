@@ -7,12 +7,10 @@ from typing import Any
 
 from femfit.core.errors import ActuatorFileError
 from femfit.device.decimals import scaled
-from femfit.device.design import Value, order, shown
-from femfit.device.load import actuator_from_tables
+from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parameter_table import read_design
-from femfit.device.parameters import AXES, ParameterDesign
+from femfit.device.parameters import AXES, ParameterDesign, Value, order, shown
 from femfit.device.parts import Actuator, SweepAxes
-from femfit.device.toml_text import parse, read_text
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,9 @@ from femfit.device.summary import sweep_manifest_entry
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
-from femfit.fit.law_fit import LawFit, fit_law
-from femfit.fit.law_magnetics import law_magnetics
-from femfit.fit.misfit import as_written, misfit_to_rows
+from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
+from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows
 from femfit.fit.model_parts import kind_of, model_parts, number, sample_time
-from femfit.fit.notes import import_notes, misfit_notes
 from femfit.fit.ranking import MAY_MISS, rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table

@@ -12,9 +12,8 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
-from femfit.fit.coenergy_basis import U_DEGREE, CoenergyBasis
 from femfit.fit.coenergy_choice import choose_basis
-from femfit.fit.coenergy_system import coenergy_system, determined
+from femfit.fit.coenergy_system import U_DEGREE, CoenergyBasis, coenergy_system, determined
 from femfit.fit.rows import FitRows, rms
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.magnetics import CoenergySpline

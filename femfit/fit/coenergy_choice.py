@@ -10,8 +10,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.coenergy_basis import U_DEGREE, CoenergyBasis
-from femfit.fit.coenergy_system import SMOOTHED_DEGREE, CoenergySystem
+from femfit.fit.coenergy_system import SMOOTHED_DEGREE, U_DEGREE, CoenergyBasis, CoenergySystem
 from femfit.fit.rows import FitRows
 
 FEWEST_CURRENTS = 3

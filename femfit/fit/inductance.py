@@ -20,7 +20,7 @@ from scipy.optimize import nnls
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.law_shape import search_shape
+from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
 from femfit.fit.model_parts import sample_time
 from femfit.fit.rows import rms

@@ -1,9 +1,10 @@
-"""A force law fitted to a sweep: shape search, two stages, the joint fit beside them, intervals."""
+"""A force law fitted to a sweep: nonlinear parameters, two stages and the joint fit beside them; as magnetics."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares, nnls
 from scipy.stats import t as student
 
 from femfit.core.arrays import FloatArray
@@ -18,10 +19,56 @@ from femfit.fit.law_columns import (
     term_bounds,
     term_names,
 )
-from femfit.fit.law_shape import search_shape
 from femfit.fit.rows import FitRows
 from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
 from femfit.laws.law import ForceLaw
+from femfit.model.magnetics import Coefficient, LawMagnetics
+
+STEPS = (0.0, -0.1, 0.1)
+"""Starts beside the law's first guess, as parts of the logarithm of the range between its bounds."""
+
+
+def search_shape(
+    law: ForceLaw, residual: Callable[[Mapping[str, float]], FloatArray], start: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """The shape with the least sum of squares of ``residual(shape)``, which is of the order of one a row.
+
+    Variable projection: the law's coefficients are solved for at every trial. Starts from ``start``, or from the law's
+    first guess and two further ones; FitError if none reaches a minimum.
+
+    References
+    ----------
+    G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.
+    """
+    if not law.shape:
+        return {}
+    lower, upper = np.array([p.lower for p in law.shape]), np.array([p.upper for p in law.shape])
+
+    def named(unit: FloatArray) -> dict[str, float]:
+        values = lower * (upper / lower) ** unit
+        return {p.name: float(v) for p, v in zip(law.shape, values, strict=True)}
+
+    def misfit(unit: FloatArray) -> FloatArray:
+        return residual(named(unit))
+
+    first = np.array([p.start if start is None else start[p.name] for p in law.shape])
+    unit = np.log(first / lower) / np.log(upper / lower)
+    found = [
+        least_squares(
+            misfit,
+            np.clip(unit + step, 1e-3, 1.0 - 1e-3),
+            bounds=(0.0, 1.0),
+            xtol=1e-10,
+            ftol=1e-10,
+            gtol=1e-10,
+        )
+        for step in (STEPS if start is None else STEPS[:1])
+    ]
+    best = min(found, key=lambda r: float(r.cost))
+    if not best.success:
+        raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
+    return named(best.x)
+
 
 NEGLIGIBLE = 5e-4
 """Part of the weight (or of the rms force) below which a coefficient function's held-out error does not matter."""
@@ -197,3 +244,38 @@ def _intervals(
         name: (value - float(h), value + float(h)) for (name, value), h in zip(shape.items(), half[terms:], strict=True)
     }
     return Interval(block_interval, covariance[:terms, :terms]), shapes
+
+
+def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None) -> LawMagnetics:
+    """The law with the coefficients of the fit to all rows, its inductance and flux linkage at the farthest point."""
+    sides = fit.limits.active_sides(fit.joint)
+    coefficients = []
+    for n, (basis, power) in enumerate(fit.terms):
+        unit = fit.law.coefficient_units[fit.law.basis.index(basis)]
+        interval = fit.interval.block[n]
+        coefficients.append(
+            Coefficient(
+                basis=basis,
+                current_power=power,
+                value=float(fit.joint.x[n]),
+                unit=f"{unit} A^-{power}" if power else unit,
+                ci95=None if sides[n] else (float(interval[0]), float(interval[1])),
+                bounds=(float(fit.limits.lower[n]), float(fit.limits.upper[n])),
+                active=sides[n],
+            )
+        )
+    farthest = float(rows.distances[-1])
+    law = LawMagnetics(
+        fit.law.name, tuple(coefficients), dict(fit.shape), inductance_H or 0.0, reference_distance_m=farthest
+    )
+    if rows.flux_linkage is None:
+        return law
+    remaining = rows.flux_linkage - law.flux_linkage(rows.distance, rows.current)
+    # Columns for an inductance >= 0 and a flux linkage of either sign.
+    one, i = np.ones_like(rows.current), rows.current / (np.max(np.abs(rows.current)) or 1.0)
+    inductance, plus, minus = nnls(np.stack([i, one, -one], axis=1), remaining)[0]
+    return replace(
+        law,
+        constant_inductance_H=float(inductance / (np.max(np.abs(rows.current)) or 1.0)),
+        constant_flux_linkage_Wb=float(plus - minus),
+    )

@@ -21,8 +21,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FemfitError, FitError
 from femfit.fit.bounded_qp import active_set_least_squares
 from femfit.fit.law_columns import design_matrix
-from femfit.fit.law_fit import LawFit, fit_law, fit_shape, law_sigma
-from femfit.fit.law_magnetics import law_magnetics
+from femfit.fit.law_fit import LawFit, fit_law, fit_shape, law_magnetics, law_sigma
 from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.fit.rows import FitRows, rms
 from femfit.laws.law import ForceLaw

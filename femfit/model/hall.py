@@ -11,7 +11,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.bspline import TensorSpline
-from femfit.model.inverse_distance import partial_derivatives
+from femfit.model.magnetics import partial_derivatives
 
 
 class HallField(ABC):

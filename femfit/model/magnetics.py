@@ -4,11 +4,9 @@ F = -dW'/dd (on the moving part, positive towards the electromagnet), flux linka
 k_m = dF/di = -d(flux linkage)/dd, inductance L = d(flux linkage)/di. Deriving all of them from one function
 makes reciprocity hold to rounding, whatever was fitted.
 
-Derivatives of W' pass through four forms. What is stored is a spline in d_0 / (d + s) and i (``bspline``), or a law;
-``inverse_distance`` turns the spline's derivatives into those in d. ``Magnetics`` gives any of them by order. Effects
-change W' as a function, so they take and give Taylor series about each point (``effects.taylor_series``), from which
-every derivative of the changed W' follows by the product rule. ``coenergy_table`` keeps such series on a grid, because
-filters ask for the same changed W' millions of times.
+Stored is a spline in d_0 / (d + s) and i (``bspline``), or a law; ``Magnetics`` gives any derivative in d and i. Effects
+change W' as a function, so they take and give Taylor series about each point (``effects.taylor_series``), which
+``coenergy_table`` keeps on a grid, because filters ask for the same changed W' millions of times.
 
 References
 ----------
@@ -18,7 +16,8 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from math import comb, factorial
 
 import numpy as np
 
@@ -26,7 +25,47 @@ from femfit.core.arrays import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.bspline import TensorSpline
-from femfit.model.inverse_distance import partial_derivatives
+
+
+def partial_derivatives(
+    spline: TensorSpline,
+    reference_distance: float,
+    shifted_distance: FloatArray,
+    current: FloatArray,
+    orders: tuple[tuple[int, int], ...],
+) -> list[FloatArray]:
+    """Partial derivatives, of orders (in d, in i), of a spline in (d_0 / (d + s), i) at flat arrays of d + s and i.
+
+    du/dd = -u^2 / d_0, so that d^n/dd^n = (-1 / d_0)^n sum_k L(n, k) u^(n + k) d^k/du^k with the Lah numbers
+    L(n, k) = C(n - 1, k - 1) n! / k!.
+
+    References
+    ----------
+    L. Comtet, Advanced Combinatorics (Reidel, 1974), section 3.3, for the Lah numbers.
+    """
+    u = reference_distance / shifted_distance
+    wanted = _inner_orders(orders)
+    inner = dict(zip(wanted, spline.derivatives(u, current, wanted), strict=True))
+    return [_in_distance(inner, u, shifted_distance, a, b) for a, b in orders]
+
+
+@cache
+def _inner_orders(orders: tuple[tuple[int, int], ...]) -> tuple[tuple[int, int], ...]:
+    """Orders (in u, in i) that the chain rule needs."""
+    return tuple(dict.fromkeys((k, b) for a, b in orders for k in range(min(a, 1), a + 1)))
+
+
+def _in_distance(
+    inner: dict[tuple[int, int], FloatArray], u: FloatArray, shifted: FloatArray, a: int, b: int
+) -> FloatArray:
+    if a == 0:
+        return inner[0, b]
+    if a == 1:
+        return (-1.0 / shifted) * (u * inner[1, b])
+    total = np.zeros_like(u)
+    for k in range(1, a + 1):
+        total += comb(a - 1, k - 1) * (factorial(a) // factorial(k)) * u**k * inner[k, b]
+    return np.asarray((-1.0 / shifted) ** a * total)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError
-from femfit.device.record import actuator_from_record
+from femfit.device.summary import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
 from femfit.identify.comparison.compare import Comparison

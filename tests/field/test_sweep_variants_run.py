@@ -9,8 +9,7 @@ import pytest
 
 from femfit.core.errors import FieldSolverError
 from femfit.core.sweep_columns import COLUMNS
-from femfit.device.load import actuator_from_tables, actuator_from_toml
-from femfit.device.toml_text import parse
+from femfit.device.load import actuator_from_tables, actuator_from_toml, parse
 from femfit.device.variants import read_variants, variants_from_toml
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task

@@ -9,7 +9,7 @@ import pytest
 
 from femfit.core.errors import FitError, TableError
 from femfit.fit.build import fit_model
-from femfit.fit.law_magnetics import law_magnetics
+from femfit.fit.law_fit import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.fit.result import misfit_lines
 from femfit.model.actuator_model import Misfit

@@ -9,7 +9,7 @@ import pytest
 from femfit.core.constants import MU_0
 from femfit.core.errors import ActuatorFileError
 from femfit.device.load import read_actuator
-from femfit.device.record import actuator_from_record
+from femfit.device.summary import actuator_from_record
 from femfit.report.field_cells import field_cells
 from femfit.report.field_figures import PICTURES, write_views
 from femfit.report.field_sample import solve_point
