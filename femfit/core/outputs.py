@@ -35,8 +35,8 @@ _BY_MARK = (
     (PICTURE, (b"<svg",)),
     (FEMM, (b"[format]",)),
 )
-_OWN_COLUMNS = (b"offset_v", b"estimated_distance_m", b"withheld_verdict")
-"""Columns that only tables of femfit have: of integrate, simulate and trial, in lower case."""
+_OWN_COLUMNS = (b"offset_v", b"estimated_distance_m")
+"""Columns that only tables of femfit have: of integrate and simulate, in lower case."""
 
 _OF_COLUMNS = (TABLE, PARQUET, RAW, RAW_SIDECAR)
 _NAMES = 2**16
