@@ -23,7 +23,6 @@ from femfit.report.drawing import actuator_figure, material_words
 from femfit.report.field_figures import field_figure, flux_levels
 from femfit.report.field_sample import FieldSample
 from femfit.report.force_figures import (
-    accuracy_figure,
     changes_sign,
     coil_figure,
     force_curves_figure,
@@ -123,8 +122,6 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
         weight = content.weight if content.levitates else None
         figures["force-curves"] = partial(force_curves_figure, grid, weight)
         figures["force-map"] = partial(force_map_figure, grid, weight)
-        if np.any(grid.force_error > 0.0) or reciprocity(grid) is not None:
-            figures["accuracy"] = partial(accuracy_figure, grid, reciprocity(grid))
     ranking = None if content.fit is None else content.fit.ranking
     if rows is not None and ranking is not None and ranking.recommended.fit is not None:
         figures["ranking"] = partial(ranking_figure, ranking)

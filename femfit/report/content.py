@@ -25,18 +25,14 @@ class ReportContent:
     ----------
     model : ActuatorModel
         That the report describes; with a fit to all laws, the co-energy rather than the recommended law.
-    fit : FitResult or None
-        With a ranking of the laws, the notes and the sensor's characteristic.
     no_study : str
         Why the loop was not closed, as the error said.
     field, strongest : FieldSample or None
         The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged.
     unfinished : bool
         Whether the loop is still to come: ``femfit run`` writes the page again when it is there.
-    timings_s : tuple of (str, float)
-        Steps of the run and the time they took.
-    hashes : tuple of (str, str)
-        Files of the run and their SHA-256.
+    timings_s, hashes : tuple of (str, float), tuple of (str, str)
+        Steps of the run and their time; files and their SHA-256.
     """
 
     model: ActuatorModel

@@ -21,7 +21,7 @@ from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
 from femfit.report.field_figures import colour_limit, colours_of, flux_levels
 from femfit.report.field_sample import FieldSample
-from femfit.report.parts import COLOURS, HALL_COLOUR, Outline, kind_of
+from femfit.report.parts import COLOURS, HALL_COLOUR, half_sections
 from femfit.report.style import new_figure, style, words
 
 MM = 1e3
@@ -44,32 +44,16 @@ TIMEOUT_S = 60.0
 
 @dataclass(frozen=True)
 class OffScreenPicture:
-    """What came of drawing.
-
-    Parameters
-    ----------
-    image : bytes or None
-        A PNG file; None where no window works.
-    how : str
-        With which window, or why not, in plain words.
-    """
+    """A PNG file, or None where no window works, and with which window it was drawn or why not."""
 
     image: bytes | None
     how: str
 
 
 def draw_off_screen(actuator: Actuator, sample: FieldSample, timeout: float = TIMEOUT_S) -> OffScreenPicture:
-    """Draw the cut-away in a child process.
+    """Draw the cut-away in a child process, with the first window that works in so many seconds.
 
-    Parameters
-    ----------
-    timeout : float
-        For each window, in s.
-
-    Returns
-    -------
-    OffScreenPicture
-        Of the first window that works. A window that the environment asks for is the only one tried.
+    A window that the environment asks for is the only one tried.
     """
     given = os.environ.get(VARIABLE)
     reasons = []
@@ -104,13 +88,7 @@ def _try(window: str, task: Path, image: Path, timeout: float) -> str:
 
 
 def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
-    """Draw the cut-away with pyvista, which may end this process where it cannot draw.
-
-    Returns
-    -------
-    array of uint8, shape (rows, columns, 3)
-        The picture, without its white margins.
-    """
+    """The cut-away as an array of uint8, shape (rows, columns, 3); VTK may end this process where it cannot draw."""
     import pyvista
 
     plotter = pyvista.Plotter(off_screen=True, window_size=SIZE)
@@ -119,7 +97,10 @@ def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     # VTK knows no square root of colours: it is given the root itself
     limit = float(np.sqrt(colour_limit(sample)))
     colours = {"cmap": "cividis", "clim": (0.0, limit), "scalars": "root_B", "show_scalar_bar": False}
-    parts = _parts(actuator, sample.distance_m)
+    parts = [
+        (MM * (np.asarray(corners) + np.array([0.0, shift])), kind)
+        for corners, shift, kind in half_sections(actuator, sample.distance_m)
+    ]
     for outline, kind in parts:
         plotter.add_mesh(_revolved(outline), color=COLOURS[kind], ambient=0.35, diffuse=0.75)
     lines = _half_plane(sample).contour(flux_levels(sample.flux_Wb).tolist(), scalars="flux")
@@ -132,16 +113,6 @@ def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
         place = (MM * actuator.hall.radius_m, 0.0, -MM * actuator.hall.height_m)
         plotter.add_mesh(pyvista.Sphere(radius=0.02 * MM * float(sample.radius_m[-1]), center=place), color=HALL_COLOUR)
     return _picture(plotter, sample)
-
-
-def _parts(actuator: Actuator, distance: float) -> list[tuple[FloatArray, str]]:
-    def corners(vertices: Outline, shift: float) -> FloatArray:
-        return np.asarray(MM * (np.asarray(vertices) + np.array([0.0, shift])))
-
-    parts = [(corners(r.vertices_m, 0.0), kind_of(r.material, moving=False)) for r in actuator.fixed]
-    parts.append((corners(actuator.coil.vertices_m, 0.0), "winding"))
-    parts += [(corners(r.vertices_m, distance), kind_of(r.material, moving=True)) for r in actuator.moving.regions]
-    return parts
 
 
 def _revolved(outline: FloatArray) -> Any:
@@ -191,13 +162,7 @@ def _picture(plotter: Any, sample: FieldSample) -> Any:
 
 
 def cropped(image: Any) -> Any:
-    """A picture without its white margins.
-
-    Parameters
-    ----------
-    image : array of uint8, shape (rows, columns, 3)
-        On white.
-    """
+    """A picture without its white margins."""
     drawn = (image < 250).any(axis=2)
     rows, columns = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
     top, left = max(rows[0] - 8, 0), max(columns[0] - 8, 0)
@@ -206,6 +171,8 @@ def cropped(image: Any) -> Any:
 
 def save_with_bar(image: Any, sample: FieldSample, path: Path) -> None:
     """Write a picture beside its colour bar, which covers nothing of it."""
+    from matplotlib.cm import ScalarMappable
+
     rows, columns = image.shape[:2]
     with style():
         figure = new_figure(6.0, 6.0 * columns / rows + 0.9)
@@ -213,16 +180,10 @@ def save_with_bar(image: Any, sample: FieldSample, path: Path) -> None:
         axes.imshow(image, interpolation="none")
         axes.axis("off")
         colours = colours_of(colour_limit(sample), "cividis")
-        bar = figure.colorbar(_mappable(**colours), ax=axes, shrink=0.6, pad=0.02, extend="max", format="{x:g}")
+        bar = figure.colorbar(ScalarMappable(**colours), ax=axes, shrink=0.6, pad=0.02, extend="max", format="{x:g}")
         bar.set_ticks([colour_limit(sample) * part for part in (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0)])
         bar.set_label(words("field", "flux_density"))
         figure.savefig(path, dpi=rows / 6.0, format="png")
-
-
-def _mappable(**colours: Any) -> Any:
-    from matplotlib.cm import ScalarMappable
-
-    return ScalarMappable(**colours)
 
 
 def main(task: Path, image: Path) -> None:

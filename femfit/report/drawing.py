@@ -7,7 +7,15 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator, NonlinearMaterial, Region
 from femfit.report.numbers import plain, significant
-from femfit.report.parts import COLOURS, HALL_COLOUR, full_section, kind_of, moving_corners, standing_corners
+from femfit.report.parts import (
+    COLOURS,
+    HALL_COLOUR,
+    full_section,
+    half_sections,
+    kind_of,
+    moving_corners,
+    standing_corners,
+)
 from femfit.report.rating import knee_T
 from femfit.report.style import INK, MUTED, new_figure, styled, words
 
@@ -49,29 +57,17 @@ def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
     drawn: set[str] = set()
     for (outline, kind), label in zip(outlines(actuator, distance), labels, strict=True):
         for piece in outline:
-            axes.fill(
-                *(MM * piece.T),
-                facecolor=COLOURS[kind],
-                edgecolor=INK,
-                linewidth=0.8,
-                label="" if label in drawn else label,
-            )
+            said = "" if label in drawn else label
+            axes.fill(*(MM * piece.T), facecolor=COLOURS[kind], edgecolor=INK, linewidth=0.8, label=said)
             drawn.add(label)
     for region in actuator.fixed:
         _magnetisation(axes, region, 0.0)
     for region in actuator.moving.regions:
         _magnetisation(axes, region, distance)
     if actuator.hall is not None:
-        axes.plot(
-            MM * actuator.hall.radius_m,
-            MM * actuator.hall.height_m,
-            "D",
-            color=HALL_COLOUR,
-            markeredgecolor=INK,
-            markersize=6,
-            zorder=5,
-            label=words("drawing", "hall"),
-        )
+        r, z = MM * actuator.hall.radius_m, MM * actuator.hall.height_m
+        look = {"color": HALL_COLOUR, "markeredgecolor": INK, "markersize": 6, "zorder": 5}
+        axes.plot(r, z, "D", label=words("drawing", "hall"), **look)
 
 
 def draw_outlines(axes: "Axes", actuator: Actuator, distance: float, *, edge: str, opacity: float = 0.0) -> None:
@@ -84,11 +80,8 @@ def draw_outlines(axes: "Axes", actuator: Actuator, distance: float, *, edge: st
 
 
 def outlines(actuator: Actuator, distance: float) -> list[tuple[tuple[FloatArray, ...], str]]:
-    """Outlines and kind of each part: fixed ones, winding, moving ones."""
-    parts = [(full_section(r.vertices_m), kind_of(r.material, moving=False)) for r in actuator.fixed]
-    parts.append((full_section(actuator.coil.vertices_m), "winding"))
-    parts += [(full_section(r.vertices_m, distance), kind_of(r.material, moving=True)) for r in actuator.moving.regions]
-    return parts
+    """Outlines in the full section and kind of each part: fixed ones, winding, moving ones."""
+    return [(full_section(corners, shift), kind) for corners, shift, kind in half_sections(actuator, distance)]
 
 
 def material_words(region: Region) -> str:
@@ -147,33 +140,28 @@ def _dimensions(axes: "Axes", actuator: Actuator, distance: float) -> None:
     )
 
 
-def _across(axes: "Axes", radius: float, z: float, z_part: float, label: str) -> None:
+def _across(axes: "Axes", radius: float, z: float, z_part: float, said: str) -> None:
     """Draw a diameter with its extension lines to the part; the label stands beside the line."""
     for x in (-radius, radius):
         axes.plot([x, x], [z_part, z], color=MUTED, linewidth=0.6)
     _arrow(axes, (-radius, z), (radius, z))
-    axes.annotate(
-        label, (radius, z), xytext=(5, 0), textcoords="offset points", ha="left", va="center", fontsize=8, bbox=_BOX
-    )
+    _beside(axes, (radius, z), 1.0, said)
 
 
-def _along(axes: "Axes", x: float, ends: tuple[float, float], x_part: float, label: str, *, bold: bool = False) -> None:
+def _along(axes: "Axes", x: float, ends: tuple[float, float], x_part: float, said: str, *, bold: bool = False) -> None:
     """Draw a length along z with its extension lines to the part; the label stands outside of the line."""
     for z in ends:
         axes.plot([x_part, x], [z, z], color=MUTED, linewidth=0.6)
     _arrow(axes, (x, ends[0]), (x, ends[1]))
-    outside = 1.0 if x > 0 else -1.0
+    _beside(axes, (x, 0.5 * (ends[0] + ends[1])), float(np.sign(x)), said, bold=bold)
+
+
+def _beside(axes: "Axes", place: tuple[float, float], side: float, said: str, *, bold: bool = False) -> None:
+    weight, align = ("bold" if bold else "normal"), ("left" if side > 0 else "right")
     axes.annotate(
-        label,
-        (x, 0.5 * (ends[0] + ends[1])),
-        xytext=(5 * outside, 0),
-        textcoords="offset points",
-        ha="left" if outside > 0 else "right",
-        va="center",
-        fontsize=8.5 if bold else 8,
-        fontweight="bold" if bold else "normal",
-        bbox=_BOX,
-    )
+        said, place, xytext=(5 * side, 0), textcoords="offset points", ha=align, va="center",
+        fontsize=8.5 if bold else 8, fontweight=weight, bbox=_BOX,
+    )  # fmt: skip
 
 
 def _arrow(axes: "Axes", start: tuple[float, float], end: tuple[float, float]) -> None:

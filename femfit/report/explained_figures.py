@@ -22,13 +22,7 @@ SHOWN = 12
 def ranking_figure(
     ranking: Sequence[ScoredEffect], excess: float, named: Sequence[str], members: Sequence[str]
 ) -> "Figure":
-    """Share of the structured misfit that each effect explains by itself.
-
-    Returns
-    -------
-    Figure
-        A bar an effect; a dot for its share on runs left out, where it was refitted.
-    """
+    """Share of the structured misfit that each effect explains by itself; a dot for that on runs left out."""
     shown = list(ranking)[:SHOWN]
     figure = new_figure(0.9 + 0.24 * len(shown))
     axes = figure.subplots()
@@ -55,17 +49,12 @@ def ranking_figure(
 
 @styled
 def waterfall_figure(steps: Sequence[tuple[str, dict[str, float]]], floor: dict[str, float]) -> "Figure":
-    """How each step lowers the error of each channel towards the noise.
+    """How each step lowers the error of each channel towards the noise, a panel a channel.
 
     Parameters
     ----------
     steps : sequence of (str, dict of str to float)
         What was added, and the error per channel with it and everything before; the first is the model as it was.
-
-    Returns
-    -------
-    Figure
-        A panel a channel, in units of its noise: the model's error, what each step takes off or adds, what is left.
     """
     names = [name for name in steps[0][1] if name in floor]
     labels = [*(text for text, _ in steps), "after"]

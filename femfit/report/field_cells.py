@@ -24,25 +24,17 @@ SUBDIVISIONS = 6
 
 @dataclass(frozen=True, eq=False)
 class FieldCells:
-    """A field on triangles of the half section r >= 0.
+    """A field at n points (r, z) of the half section, vectors of shape (n, 2), with the triangles between them.
 
     Parameters
     ----------
-    points_m : array, shape (n, 2)
-        (r, z).
-    triangles : array of int, shape (m, 3)
-        Points of each triangle.
     elements : array of int, shape (e, 3)
         Points at the corners of each finite element.
     regions : tuple of str
         Names of the mesh's regions: ``fixed:NAME``, ``moving:NAME``, ``coil``, ``air``, and ``halo`` and ``layer``, the
-        air around the moving part.
-    point_region, triangle_region : array of int, shape (n,) and (m,)
-        Place in ``regions``.
+        air around the moving part; ``point_region`` and ``triangle_region`` are places in it.
     potential_Wb_per_m : array, shape (n,)
         A_phi.
-    flux_density_T, field_A_per_m : array, shape (n, 2)
-        (B_r, B_z) and (H_r, H_z).
     relative_permeability : array, shape (n,)
         B / (mu_0 H) where a part saturates; the recoil permeability in magnets.
     """

@@ -18,7 +18,7 @@ from femfit.report.drawing import actuator_figure, draw_outlines
 from femfit.report.field_cells import FieldCells, field_cells, write_vtu
 from femfit.report.field_sample import FieldSample, SolvedPoint, sample_of
 from femfit.report.numbers import plain, quantity, significant
-from femfit.report.parts import COLOURS, all_regions, is_iron, kind_of, mirrored
+from femfit.report.parts import COLOURS, all_regions, half_sections, is_iron, mirrored
 from femfit.report.style import BLUE, INK, MUTED, PAPER, new_figure, style, styled, words
 
 if TYPE_CHECKING:
@@ -41,14 +41,7 @@ _NO_FIELD_T = 1e-6
 
 
 def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldSample:
-    """Draw a point into files.
-
-    Parameters
-    ----------
-    files : sequence of (str, Path)
-        What to draw, of :data:`PICTURES` or ``vtu``, and the file; its suffix names the format of a picture (png, svg,
-        pdf).
-    """
+    """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format."""
     actuator, sample, cells = point.actuator, sample_of(point), field_cells(point)
     draw: dict[str, Callable[[], Figure]] = {
         "geometry": lambda: _titled(actuator_figure(actuator, point.distance_m), actuator, sample, "geometry"),
@@ -81,13 +74,7 @@ def colours_of(limit: float, name: str) -> dict[str, Any]:
 
 
 def flux_levels(flux: FloatArray) -> FloatArray:
-    """Fluxes of the lines drawn, equally spaced, without zero, which is the axis; none where there is no flux.
-
-    Parameters
-    ----------
-    flux : array
-        2 pi r A_phi in Wb.
-    """
+    """Fluxes in Wb of the lines drawn, equally spaced, without zero, which is the axis; none where there is no flux."""
     low, high = min(float(flux.min()), 0.0), max(float(flux.max()), 0.0)
     if low == high:
         return np.zeros(0)
@@ -245,8 +232,7 @@ def point_title(sample: FieldSample) -> str:
 
 def _light_parts(axes: "Axes", actuator: Actuator, sample: FieldSample, legend: float = 1.01) -> None:
     draw_outlines(axes, actuator, sample.distance_m, edge=INK, opacity=LIGHT)
-    kinds = {kind_of(region.material, moving=False) for region in actuator.fixed} | {"winding"}
-    kinds |= {kind_of(region.material, moving=True) for region in actuator.moving.regions}
+    kinds = {kind for _, _, kind in half_sections(actuator, sample.distance_m)}
     handles = [
         axes.fill([], [], facecolor=COLOURS[kind], alpha=LIGHT, edgecolor=INK, label=words("kinds", kind))[0]
         for kind in COLOURS

@@ -23,17 +23,7 @@ CORNER_PERCENTILE = 98.0
 
 @dataclass(frozen=True, eq=False)
 class SolvedPoint:
-    """A solution with its mesh.
-
-    Parameters
-    ----------
-    mesh : ngsolve.Mesh
-        Made at this very distance, so that it is not stretched and points are found where they are.
-    w : ngsolve.GridFunction
-        A_phi = r w in T m.
-    self_force_N : float
-        What the stress of the moving part's own field integrates to on this mesh, taken away from the force.
-    """
+    """A solution, A_phi = r w in T m, with its mesh, made at this very distance so that it is not stretched."""
 
     actuator: Actuator
     distance_m: float
@@ -56,32 +46,20 @@ def solve_point(
     problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)
     field = problem.field(distance, current)
     return SolvedPoint(
-        actuator=actuator,
-        distance_m=distance,
-        current_A=current,
-        mesh=problem.mesh,
-        w=field.w,
-        force_N=field.force,
-        self_force_N=field.self_force,
-        unknowns=problem.unknowns,
+        actuator, distance, current, problem.mesh, field.w, field.force, field.self_force, problem.unknowns
     )
 
 
 @dataclass(frozen=True, eq=False)
 class FieldSample:
-    """A field at one distance and current.
+    """A field at one distance and current on a grid of m heights and n radii, arrays of shape (m, n).
 
     Parameters
     ----------
-    radius_m : array, shape (n,)
-        From 0.
-    height_m : array, shape (m,)
-        z, ascending.
-    flux_density_T : array, shape (m, n)
+    flux_density_T : array
         |B|.
-    flux_Wb : array, shape (m, n)
-        2 pi r A_phi, the flux through the circle of radius r: flux lines are its contours, with equal flux between
-        equally spaced ones.
+    flux_Wb : array
+        2 pi r A_phi, the flux through the circle of radius r, whose contours are the flux lines.
     self_force_N : float
         What the stress of the moving part's own field integrates to on this mesh, taken away from the force.
     part_flux_density_T : dict of str to float

@@ -1,4 +1,4 @@
-"""Force over stroke, coil over stroke, the sweep and how accurate it is: as figures."""
+"""Force over stroke, coil over stroke, and the sweep: as figures."""
 
 from typing import TYPE_CHECKING
 
@@ -20,10 +20,9 @@ from femfit.report.style import (
     styled,
     words,
 )
-from femfit.report.sweep_grid import Reciprocity, SweepGrid
+from femfit.report.sweep_grid import SweepGrid
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
@@ -166,59 +165,6 @@ def changes_sign(grid: SweepGrid) -> bool:
     """Whether the force both attracts and repels, so that logarithms would hide a part of it."""
     low, high = float(grid.force.min()), float(grid.force.max())
     return min(-low, high) > 0.05 * max(-low, high)
-
-
-@styled
-def accuracy_figure(grid: SweepGrid, table: Reciprocity | None) -> "Figure":
-    """Draw the estimated error of the force, and k_m from the force beside k_m from the flux linkage."""
-    figure = new_figure(3.1)
-    panels = figure.subplots(1, 1 if table is None else 2, squeeze=False)[0]
-    x = MM * grid.distances
-    for colour, current, scale, error in zip(
-        ordered_colours(len(grid.currents)), grid.currents, grid.force_scale, grid.force_error, strict=True
-    ):
-        if np.any(error > 0.0):
-            panels[0].semilogy(
-                x, 100.0 * error / scale, color=colour, label=words("accuracy", "current", current=f"{current:g}")
-            )
-    label(panels[0], "accuracy", "distance", "error", "title")
-    if len(grid.currents) > 4:
-        _ends_only(panels[0])
-    if len(panels[0].get_lines()):
-        _plain_decades(panels[0].yaxis)
-        low, high = panels[0].get_ylim()
-        panels[0].set_ylim(low, high * (high / low) ** 0.25)  # room for the legend
-    panels[0].legend(title=words("accuracy", "legend"), ncols=3, loc="upper center")
-    if table is not None:
-        _reciprocity_panel(panels[1], table)
-    return figure
-
-
-def _ends_only(axes: "Axes") -> None:
-    """Keep the labels of the least, middle and largest current: the colours between follow in order."""
-    lines = axes.get_lines()
-    for k, line in enumerate(lines):
-        if k not in {0, len(lines) // 2, len(lines) - 1}:
-            line.set_label("_")
-
-
-def _reciprocity_panel(axes: "Axes", table: Reciprocity) -> None:
-    chosen = 0 if np.ptp(table.from_force, axis=0).max() < 0.05 * np.abs(table.from_force).max() else -1
-    x = MM * table.distances
-    force = words("reciprocity", "force", current=f"{table.currents[chosen]:.3g}")
-    axes.plot(x, table.from_force[chosen], color=BLUE, label=force)
-    axes.plot(
-        x[1:-1],
-        table.from_flux[chosen][1:-1],
-        "o",
-        color=VERMILION,
-        markersize=3.0,
-        fillstyle="none",
-        label=words("reciprocity", "flux"),
-    )
-    label(axes, "reciprocity", "distance", "constant", "title")
-    axes.set_ylim(bottom=0.0 if table.from_force.min() >= 0 else None)
-    axes.legend()
 
 
 def _plain_decades(axis: "Axis") -> None:

@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 MM = 1e3
 MICRO = 1e6
 
-
-def name_of(part: str) -> str:
-    """A controller, filter or measurement as it is written."""
-    return words("loop", part)
+name_of = partial(words, "loop")
+"""A controller, filter or measurement as it is written."""
 
 
 def loop_figures(study: ClosedLoopStudy) -> dict[str, Drawing]:

@@ -52,14 +52,9 @@ def settings_figure(observations: Observations) -> "Figure":
     for run in range(int(runs.max()) + 1):
         here = rows[runs == run]
         shift = spread * (run - 0.5 * runs.max()) / max(runs.max(), 1)  # beside each other, not on top
-        axes[0].plot(
-            MM * (here["distance_m"] + shift),
-            here["current_A"],
-            ".",
-            markersize=3.0,
-            color=CATEGORIES[run % len(CATEGORIES)],
-            label=f"run {run + 1}" if run < len(CATEGORIES) else None,
-        )
+        colour, said = CATEGORIES[run % len(CATEGORIES)], f"run {run + 1}" if run < len(CATEGORIES) else None
+        x = MM * (here["distance_m"] + shift)
+        axes[0].plot(x, here["current_A"], ".", markersize=3.0, color=colour, label=said)
     axes[0].set(xlabel="distance d (mm)", ylabel="current i (A)", title="settings")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", markerscale=3.0)
     for name, colour in zip(warm, (VERMILION, BLUE), strict=False):
@@ -74,12 +69,9 @@ def settings_figure(observations: Observations) -> "Figure":
 def residual_maps_figure(
     observations: Observations, rows: Sequence[tuple[str, FloatArray]], scale: Mapping[str, float], sigma: bool
 ) -> "Figure":
-    """Maps of recorded minus predicted over distance and current, a column a channel.
+    """Maps of recorded minus predicted over distance and current, a column a channel, a row a titled residual.
 
-    Parameters
-    ----------
-    rows : sequence of (str, array of shape (M,))
-        Title and residual of each row of maps, in the readings' units; all rows share a channel's colours.
+    All rows share a channel's colours.
     """
     names = observations.channels
     figure = new_figure(0.5 + 1.9 * len(rows), width=min(WIDTH, 1.4 + 2.2 * len(names)))
@@ -195,13 +187,7 @@ _SETTING = {"distance_m": 1e3, "current_A": 1.0}
 
 @styled
 def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> "Figure":
-    """Draw readings of one channel on the model's curves with the misfit below.
-
-    Parameters
-    ----------
-    fitted : bool
-        Whether something was added to the model: two columns then, before and after, on the same scales.
-    """
+    """Draw readings of one channel on the model's curves with the misfit below; with a fit, before and after."""
     columns = [("before", curves.before, curves.misfit_before)]
     if fitted:
         columns.append(("after", curves.after, curves.misfit_after))
@@ -230,15 +216,8 @@ def _draw(above: "Axes", below: "Axes", curves: MeasuredCurves, lines: FloatArra
         label = quantity(level, curves.over)
         if len(lines):
             above.plot(factor * curves.axis, size * lines[k], color=colour, linewidth=1.2, label=label)
-        above.plot(
-            factor * curves.x[here],
-            size * curves.measured[here],
-            "o",
-            color=colour,
-            markersize=2.8,
-            fillstyle="none",
-            label="" if len(lines) else label,
-        )
+        look = {"color": colour, "markersize": 2.8, "fillstyle": "none", "label": "" if len(lines) else label}
+        above.plot(factor * curves.x[here], size * curves.measured[here], "o", **look)
         below.plot(factor * curves.x[here], small * misfit[here], "o", color=colour, markersize=2.2)
     below.axhline(0.0, color=INK, linewidth=0.8)
     if curves.noise is not None:

@@ -42,13 +42,7 @@ def ranking_figure(ranking: Ranking) -> "Figure":
 
 @styled
 def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> "Figure":
-    """Draw fitted minus solved force, in per cent of the weight or of the rms force.
-
-    Parameters
-    ----------
-    forces : sequence of (str, array)
-        Name and force of each model at the rows, N; a panel each, with its own scale.
-    """
+    """Draw each named force minus the solved one, in per cent of the weight or of the rms force, on its own scale."""
     from matplotlib.ticker import MaxNLocator
 
     figure = new_figure(2.9)
@@ -58,16 +52,8 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
     for ax, (name, force) in zip(panels, forces, strict=True):
         residual = 100.0 * ((force - rows.force) / scale)[order].reshape(len(rows.currents), len(rows.distances))
         largest = float(np.max(np.abs(residual))) or 1.0
-        image = ax.pcolormesh(
-            MM * rows.distances,
-            rows.currents,
-            residual,
-            cmap="RdBu_r",
-            vmin=-largest,
-            vmax=largest,
-            shading="nearest",
-            rasterized=True,
-        )
+        look = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest, "shading": "nearest", "rasterized": True}
+        image = ax.pcolormesh(MM * rows.distances, rows.currents, residual, **look)
         ax.set(title=name, xlabel=words("residuals", "distance"))
         ax.grid(visible=False)
         bar = figure.colorbar(image, ax=ax, location="bottom", pad=0.03, aspect=22)
@@ -91,13 +77,8 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> "Figure":
     shown = distances[[0, len(distances) // 2, -1]]
     for colour, style, d in zip(ordered_colours(3), ("-", "--", ":"), shown, strict=True):
         field = sensor.field.field(np.full_like(fine, d), fine) - sensor.field.field(np.array(d), np.array(0.0))
-        left.plot(
-            across,
-            MM * sensor.sensitivity_V_per_T * field,
-            style,
-            color=colour,
-            label=words("hall", "level", distance=f"{MM * d:g}"),
-        )
+        said = words("hall", "level", distance=f"{MM * d:g}")
+        left.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=said)
     label(left, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")
     left.legend(loc="upper left")
     if not others:
@@ -108,15 +89,8 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> "Figure":
     if rows.hall is not None and np.any(rows.current == 0.0):
         at = rows.current == 0.0
         volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * rows.hall[at]
-        right.plot(
-            MM * rows.distance[at],
-            volts,
-            "o",
-            color=VERMILION,
-            markersize=2.8,
-            fillstyle="none",
-            label=words("hall", "sweep"),
-        )
+        look = {"color": VERMILION, "markersize": 2.8, "fillstyle": "none"}
+        right.plot(MM * rows.distance[at], volts, "o", label=words("hall", "sweep"), **look)
     right.axhline(sensor.quiescent_V, color=MUTED, linewidth=1.0, dashes=(4, 3), label=words("hall", "quiescent"))
     label(right, "hall", "distance", "magnet", "magnet_title")
     right.legend(loc="best")

@@ -54,13 +54,7 @@ def plain(value: float, digits: int = 6) -> str:
 
 
 def formula_markup(formula: str) -> Markup:
-    """A formula for the page.
-
-    Parameters
-    ----------
-    formula : str
-        In plain text, exponents as ``^-4`` or ``^(-3/2)``.
-    """
+    """A formula for the page, from plain text with exponents as ``^-4`` or ``^(-3/2)``."""
     raised = _EXPONENT.sub(lambda m: f"<sup>{_minus(m)}</sup>", str(escape(formula)))
     return Markup(raised)  # noqa: S704 - escaped before
 

@@ -52,21 +52,15 @@ def is_iron(material: Material) -> bool:
     return not material.remanence_T and material.relative_permeability >= IRON_FROM
 
 
+def half_sections(actuator: Actuator, distance: float) -> list[tuple[Outline, float, str]]:
+    """Corners, shift along z and kind of each part: fixed ones, winding, moving ones."""
+    parts = [(r.vertices_m, 0.0, kind_of(r.material, moving=False)) for r in actuator.fixed]
+    parts.append((actuator.coil.vertices_m, 0.0, "winding"))
+    return parts + [(r.vertices_m, distance, kind_of(r.material, moving=True)) for r in actuator.moving.regions]
+
+
 def full_section(vertices: Outline, shift: float = 0.0) -> tuple[FloatArray, ...]:
-    """Outlines of a part in the full section.
-
-    Parameters
-    ----------
-    vertices : tuple of (float, float)
-        Corners (r, z) of the half section, r >= 0, in m.
-    shift : float
-        Along z, in m.
-
-    Returns
-    -------
-    tuple of array, shape (n, 2)
-        Corners (x, z): one outline for a part on the axis, a left and a right one for a ring.
-    """
+    """Corners (x, z) of a part in the full section: one outline on the axis, a left and a right one of a ring."""
     half = np.asarray(vertices, dtype=np.float64) + np.array([0.0, shift])
     both = shapely.union_all([shapely.Polygon(half), shapely.Polygon(half * np.array([-1.0, 1.0]))])
     parts = getattr(both, "geoms", [both])
@@ -74,15 +68,7 @@ def full_section(vertices: Outline, shift: float = 0.0) -> tuple[FloatArray, ...
 
 
 def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A quantity that is even in r, on the full section.
-
-    Parameters
-    ----------
-    radius : array, shape (n,)
-        Ascending from 0, in m.
-    values : array, shape (m, n)
-        On the half section.
-    """
+    """A quantity that is even in r, shape (m, n), on the full section."""
     return np.concatenate([-radius[:0:-1], radius]), np.concatenate([values[:, :0:-1], values], axis=1)
 
 

@@ -69,17 +69,13 @@ class Feed:
 
 @dataclass(frozen=True, eq=False)
 class Rating:
-    """Ratings of a coil and the forces over the stroke that belong to them.
+    """Ratings of a coil and the forces over the model's distances, by the name of the feed.
 
     Parameters
     ----------
-    distance_m : array, shape (n,)
-        Over the model's distances.
-    forces_N : dict of str to array, shape (n,)
-        By the name of the feed.
-    inductance_H, idle_inductance_H : array, shape (n,)
+    inductance_H, idle_inductance_H : array
         At the rated current and at the smallest current in size.
-    motor_constant : array, shape (n,)
+    motor_constant : array
         dF/di over the root of the cold resistance at the rated current, N/sqrt(W).
     surface_m2 : float or None
         Of the cylinder that encloses the fixed part; None without a drawing, and then no current is rated.

@@ -29,23 +29,6 @@ class SweepGrid:
     flux_linkage: FloatArray | None
 
 
-@dataclass(frozen=True, eq=False)
-class Reciprocity:
-    """Force per ampere of the table in N/A, from dF/di and from -d(flux linkage)/dd, at the middles of the currents."""
-
-    currents: FloatArray
-    distances: FloatArray
-    from_force: FloatArray
-    from_flux: FloatArray
-
-    @property
-    def largest_difference(self) -> float:
-        """Over the largest k_m; the outermost distances, where a spline has one neighbour only, left out."""
-        inner = slice(1, -1)
-        difference = self.from_flux[:, inner] - self.from_force[:, inner]
-        return float(np.max(np.abs(difference)) / np.max(np.abs(self.from_force)))
-
-
 def sweep_grid(rows: FitRows) -> SweepGrid | None:
     """Arrange rows on their grid."""
     currents, distances = rows.currents, rows.distances
@@ -59,23 +42,16 @@ def sweep_grid(rows: FitRows) -> SweepGrid | None:
     return SweepGrid(currents, distances, force, error, scale, flux)
 
 
-def reciprocity(grid: SweepGrid) -> Reciprocity | None:
-    """Compare dF/di with -d(flux linkage)/dd, both averaged over each pair of adjacent currents.
+def reciprocity(grid: SweepGrid) -> float | None:
+    """Largest difference of dF/di and -d(flux linkage)/dd over the largest dF/di; None where the table cannot tell.
 
-    Over a pair, the mean of dF/di is the difference quotient; the mean flux linkage is taken by the trapezoidal rule,
-    which is exact in a linear actuator, and differentiated along the distance by a cubic spline.
-
-    Returns
-    -------
-    Reciprocity or None
-        None without flux linkage, with one current, or with too few distances for a derivative.
+    Over a pair of adjacent currents the mean of dF/di is the difference quotient; the mean flux linkage is taken by the
+    trapezoidal rule, which is exact in a linear actuator, and differentiated along the distance by a cubic spline,
+    whose ends, with one neighbour only, are left out.
     """
     if grid.flux_linkage is None or len(grid.currents) < 2 or len(grid.distances) < FEWEST_DISTANCES:
         return None
     mean_flux = 0.5 * (grid.flux_linkage[1:] + grid.flux_linkage[:-1])
-    return Reciprocity(
-        currents=0.5 * (grid.currents[1:] + grid.currents[:-1]),
-        distances=grid.distances,
-        from_force=np.diff(grid.force, axis=0) / np.diff(grid.currents)[:, None],
-        from_flux=-np.asarray(CubicSpline(grid.distances, mean_flux, axis=1)(grid.distances, 1)),
-    )
+    from_force = (np.diff(grid.force, axis=0) / np.diff(grid.currents)[:, None])[:, 1:-1]
+    from_flux = -CubicSpline(grid.distances, mean_flux, axis=1)(grid.distances[1:-1], 1)
+    return float(np.max(np.abs(from_flux - from_force)) / np.max(np.abs(from_force)))

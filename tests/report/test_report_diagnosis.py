@@ -32,9 +32,15 @@ def hidden(name, **values):
 HALL = hidden("hall_offset", offset_V=0.02)
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pages of which only the words and the names of the pictures are read."""
+    monkeypatch.setattr("femfit.report.bench_report.picture_uri", lambda name, draw: "data:image/svg+xml,")
+
+
 def page_of(model, table, added=(), **more):
     diagnosis = diagnose(model, table, bootstrap=0)
-    advice = suggest(model, table, diagnosis).suggestions
+    advice = suggest(model, table, diagnosis).suggestions if added else ()
     result = add_effects(model, table, added) if added else None
     content = content_of(table, diagnosis, suggestions=advice, added=result, **more)
     return content, Page(render_diagnosis(content))
@@ -108,6 +114,7 @@ def test_the_fall_of_the_error_is_said_in_one_way(added):
     assert str(worst) in page.text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_nothing_missing_is_said_without_a_ranking_or_a_waterfall(levitation_model):
     _, page = page_of(levitation_model, campaign(levitation_model, 62, **SIZE))
     assert "Nothing is missing" in page.text
@@ -115,6 +122,7 @@ def test_nothing_missing_is_said_without_a_ranking_or_a_waterfall(levitation_mod
     assert "nine times in ten" in page.text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_class_of_several_is_said_first_and_what_splits_it_follows(levitation_model):
     table = campaign(levitation_model, 63, [hidden("distance_offset", offset_m=3e-4)], **SIZE)
     given = tuple(name for name in table.given if name not in CHANNELS or name == "force_N")
@@ -134,6 +142,7 @@ def test_a_class_of_several_is_said_first_and_what_splits_it_follows(levitation_
     assert "No measurement that femfit knows" in silent.text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_something_unknown_is_called_unknown_and_its_place_is_shown(levitation_model):
     def ripple(readings, rows):
         wave = 2e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
@@ -155,6 +164,7 @@ def test_without_a_noise_floor_the_page_says_what_to_measure(levitation_model):
     assert others(page) == {"settings", "misfit-maps"}
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_mounts_are_spoken_of_only_where_the_data_tell_them(levitation_model):
     table = campaign(levitation_model, 66, **SIZE)
     _, page = page_of(levitation_model, table)

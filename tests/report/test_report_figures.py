@@ -12,7 +12,6 @@ import pytest
 from femfit.report.drawing import actuator_figure
 from femfit.report.field_figures import colour_limit, colours_of, field_figure, flux_levels
 from femfit.report.force_figures import (
-    accuracy_figure,
     changes_sign,
     coil_figure,
     force_curves_figure,
@@ -40,7 +39,6 @@ def all_figures(content):
         "coil": coil_figure(rating),
         "force-map": force_map_figure(grid, rows.weight),
         "force-curves": force_curves_figure(grid, rows.weight),
-        "accuracy": accuracy_figure(grid, reciprocity(grid)),
         "ranking": ranking_figure(fit.ranking),
         "residuals": residual_figure(rows, [("model", content.model.force(rows.distance, rows.current))]),
         "hall": hall_figure(fit.model, rows),
@@ -124,9 +122,9 @@ def test_an_actuator_without_field_is_drawn_without_lines(rig_content):
 
 def test_a_reciprocal_table_agrees_and_a_wrong_flux_does_not(rig_content):
     grid = sweep_grid(rig_content.fit.rows)
-    assert reciprocity(grid).largest_difference < 3e-3  # a cubic spline through 13 distances
+    assert reciprocity(grid) < 3e-3  # a cubic spline through 13 distances
     doubled = replace(grid, flux_linkage=2.0 * grid.flux_linkage)
-    assert reciprocity(doubled).largest_difference == pytest.approx(1.0, abs=0.2)  # at the second distance, k_m itself
+    assert reciprocity(doubled) == pytest.approx(1.0, abs=0.2)  # at the second distance, k_m itself
 
 
 def test_points_that_do_not_fill_a_grid_are_not_arranged(rig_content):
@@ -141,7 +139,7 @@ def through_a_coil(rows):
     return replace(rows, current=current, force=3.0 * current * (rows.distance - middle), force_error=rows.force_error)
 
 
-def test_a_force_of_both_signs_is_drawn_on_linear_axes_and_its_error_stays_finite(rig_content):
+def test_a_force_of_both_signs_is_drawn_on_linear_axes(rig_content):
     grid = sweep_grid(through_a_coil(rig_content.fit.rows))
     assert changes_sign(grid)
     assert not changes_sign(sweep_grid(rig_content.fit.rows))
@@ -151,6 +149,3 @@ def test_a_force_of_both_signs_is_drawn_on_linear_axes_and_its_error_stays_finit
     image = force_map_figure(grid, 0.02).axes[0].collections[0]
     # White is no force: the scale is as long for repulsion as for attraction.
     assert image.norm.vmin == -image.norm.vmax == -np.abs(1e3 * grid.force).max()
-    drawn = [line.get_ydata() for line in accuracy_figure(grid, None).axes[0].get_lines()]
-    assert drawn
-    assert all(np.all(np.isfinite(y)) for y in drawn)
