@@ -48,7 +48,7 @@ class CarriedRange:
         if self.supply_A > self.current_max_A:
             feed = f"{amount(self.current_max_A, 'A')}, where the model ends below the supply's current,"
         else:
-            feed = f"{self.voltage_max_V:g} V at a coil of {self.coil_C:g} °C"
+            feed = f"{self.voltage_max_V:g} V with the coil at {self.coil_C:g} °C"
         weight = f"the moving part's weight of {amount(self.weight_N, 'N', 3)}"
         if self.low_m is None or self.high_m is None:
             return f"{feed} can balance {weight} nowhere"

@@ -20,7 +20,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.report.content import ReportContent
 from femfit.report.cutaway import OffScreenPicture, draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
-from femfit.report.field_figures import field_figure, flux_levels
+from femfit.report.field_figures import field_figure, line_flux
 from femfit.report.field_sample import FieldSample
 from femfit.report.force_figures import (
     changes_sign,
@@ -91,7 +91,7 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "carried": _carried(model),
         "usual_knees": USUAL_KNEES,
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
-        "field": _field_facts(content),
+        "line_flux_Wb": None if content.field is None else line_flux(content.field),
         "sweep": None if rows is None else _sweep_facts(content, rows, grid),
         "laws": _law_facts(content, rows),
         "coenergy": None if content.fit is None else content.fit.coenergy,
@@ -190,25 +190,10 @@ def _at_rest(content: ReportContent) -> str:
     return "both" if attracted and repelled else "attracted" if attracted else "repelled"
 
 
-def _field_facts(content: ReportContent) -> dict[str, Any] | None:
-    sample = content.field
-    if sample is None:
-        return None
-    levels = flux_levels(sample.flux_Wb)
-    hanging = content.levitates and content.weight
-    return {
-        "sample": sample,
-        "of_weight": sample.force_N / content.weight if hanging and content.weight else None,
-        "parts": list(sample.part_flux_density_T.items()),
-        "line_flux_Wb": float(np.diff(levels).min()) if len(levels) > 1 else None,
-    }
-
-
 def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) -> dict[str, Any]:
     largest = float(np.max(np.abs(rows.force))) or 1.0
     known = rows.force_error > 0.0
     facts: dict[str, Any] = {
-        "points": len(rows.force),
         "failed": 0 if content.sweep is None else len(content.sweep.rows) - len(rows.force),
         "currents": rows.currents.tolist(),
         "distances": rows.distances.tolist(),
@@ -218,7 +203,6 @@ def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) 
         "error_median": float(np.median((rows.force_error / rows.force_scale)[known])) if known.any() else None,
         "grid": grid,
         "reciprocity": None if grid is None else reciprocity(grid),
-        "self_force": None,
     }
     if grid is not None:
         factor, unit = axis_scale(grid.force, "N")
@@ -230,9 +214,6 @@ def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) 
                 for k, d in enumerate(grid.distances)
             ],
         }
-    sample = content.field
-    if sample is not None and sample.self_force_N and sample.force_N:
-        facts["self_force"] = (sample.self_force_N, abs(sample.self_force_N / sample.force_N))
     return facts
 
 

@@ -84,6 +84,12 @@ def flux_levels(flux: FloatArray) -> FloatArray:
     return np.asarray(levels[inside])
 
 
+def line_flux(sample: FieldSample) -> float | None:
+    """Flux in Wb between neighbouring lines; None for fewer than two."""
+    levels = flux_levels(sample.flux_Wb)
+    return float(np.diff(levels).min()) if len(levels) > 1 else None
+
+
 def draw_flux_lines(axes: "Axes", sample: FieldSample, **line_style: Any) -> None:
     """Draw flux lines on the full section, in mm."""
     from contourpy import contour_generator
@@ -138,9 +144,8 @@ def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
     _titled(figure, actuator, sample, "flux-lines")
     _light_parts(axes, actuator, sample)
     draw_flux_lines(axes, sample, color=BLUE, linewidth=0.8)
-    levels = flux_levels(sample.flux_Wb)
-    if len(levels) > 1:
-        _note(axes, words("flux-lines", "note", flux=quantity(float(np.diff(levels).min()), "Wb")))
+    if flux := line_flux(sample):
+        _note(axes, words("flux-lines", "note", flux=quantity(flux, "Wb")))
     return figure
 
 
