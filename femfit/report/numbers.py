@@ -24,11 +24,6 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
     return f"{_set(number)}{NO_BREAK}{unit}".rstrip().replace("ohm", "Ω")
 
 
-def noise_words(noise_V: float) -> str:
-    """A sensor's noise as one says it."""
-    return f"noise of {quantity(noise_V, 'V')} rms" if noise_V else "its noise not known"
-
-
 def percent(fraction: float | None, digits: int = 2) -> str:
     """A fraction in per cent."""
     return quantity(fraction, "", digits)
@@ -55,14 +50,5 @@ def plain(value: float, digits: int = 6) -> str:
 
 def formula_markup(formula: str) -> Markup:
     """A formula for the page, from plain text with exponents as ``^-4`` or ``^(-3/2)``."""
-    raised = _EXPONENT.sub(lambda m: f"<sup>{_minus(m)}</sup>", str(escape(formula)))
+    raised = _EXPONENT.sub(lambda m: f"<sup>{m[1] or m[2]}</sup>".replace("-", "−"), str(escape(formula)))
     return Markup(raised)  # noqa: S704 - escaped before
-
-
-def formula_label(formula: str) -> str:
-    """A formula for a picture's label."""
-    return _EXPONENT.sub(lambda m: f"$^{{{_minus(m)}}}$", formula)
-
-
-def _minus(match: re.Match[str]) -> str:
-    return (match[1] or match[2]).replace("-", "−")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from femfit import __version__
 from femfit.core.atomic import write_text
 from femfit.core.errors import RunDirectoryError
-from femfit.report.numbers import NOTHING, formula_markup, noise_words, p_value, percent, plain, quantity, significant
+from femfit.report.numbers import NOTHING, formula_markup, p_value, percent, plain, quantity, significant
 from femfit.report.style import data_uri, svg_uri, words
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -59,7 +59,6 @@ def _environment() -> "Environment":
         "amperes": lambda current: f"{plain(current)} A",
         "wordy": lambda cells: (str(cells[0]).replace("_", " "), *cells[1:]),
         "formula": formula_markup,
-        "noise": noise_words,
         "channel": CHANNEL_WORDS.__getitem__,
         "p_value": p_value,
         "counted": lambda number, word: f"{number:,} {word}{'' if number == 1 else 's'}",

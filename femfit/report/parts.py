@@ -37,11 +37,6 @@ def all_regions(actuator: Actuator) -> tuple[Region, ...]:
     return (*actuator.fixed, *actuator.moving.regions)
 
 
-def has_magnet(actuator: Actuator) -> bool:
-    """Whether any part has a remanence."""
-    return any(region.material.remanence_T for region in all_regions(actuator))
-
-
 def saturates(actuator: Actuator) -> bool:
     """Whether any part has a B-H curve."""
     return any(isinstance(region.material, NonlinearMaterial) for region in all_regions(actuator))

@@ -13,6 +13,7 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, Figures 6 to 11.
 """
 
 import argparse
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -28,12 +29,20 @@ from femfit.laws.catalogue import law_by_name
 from femfit.model.magnetics import Magnetics
 from femfit.report.force_figures import force_curves_figure, force_map_figure
 from femfit.report.model_figures import hall_figure
-from femfit.report.numbers import formula_label
 from femfit.report.style import BLUE, CATEGORIES, INK, MUTED, VERMILION, new_figure, style, styled
 from femfit.report.sweep_grid import sweep_grid
 from femfit.tables.sweep_table import read_sweep_table
 
 MM = 1e3
+
+_EXPONENT = re.compile(r"\^(?:\((-?[\d/]+)\)|(-?\d+))")
+
+
+def formula_label(formula: str) -> str:
+    """A formula in a picture, its exponents raised."""
+    return _EXPONENT.sub(lambda m: f"$^{{{(m[1] or m[2]).replace('-', '−')}}}$", formula)
+
+
 CURVES = 3
 POINTS = 200
 

@@ -5,18 +5,14 @@ import re
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from markupsafe import Markup
 
 from femfit.core.amount import axis_scale
 from femfit.report.numbers import (
-    formula_label,
     formula_markup,
-    noise_words,
     percent,
     quantity,
     significant,
 )
-from femfit.report.section import text
 
 PREFIX = {"p": 1e-12, "n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
 POWER = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
@@ -77,13 +73,3 @@ def test_exponents_of_formulas_are_raised():
     assert formula_markup("a d^-4 + b (d^2 + R^2)^(-3/2)") == (
         "a d<sup>−4</sup> + b (d<sup>2</sup> + R<sup>2</sup>)<sup>−3/2</sup>"
     )
-    assert formula_label("c d^-4") == "c d$^{−4}$"
-
-
-def test_values_in_a_paragraph_are_escaped_and_markup_is_kept():
-    assert text("<b>{}</b> {}", "<i>", Markup("<i>")) == "<b>&lt;i&gt;</b> <i>"
-
-
-def test_a_noise_that_nobody_stated_is_not_zero():
-    assert noise_words(0.0) == "its noise not known"
-    assert noise_words(3.2e-3) == f"noise of {quantity(3.2e-3, 'V')} rms"
