@@ -17,10 +17,9 @@ from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh, PointField
-from femfit.field.other_forces import OtherForces
 from femfit.field.point_rows import DistanceSolution, superpose
 from femfit.field.settings import SolverSettings
-from femfit.field.stress import weight
+from femfit.field.stress import OtherForces, weight
 
 
 class LinearActuator:

@@ -4,7 +4,7 @@ A linear actuator's distance is a polynomial in the current: F = F_0 + F_1 i + F
 W' = W_0 + flux_0 i + L i^2 / 2, B = B_0 + B_1 i. A saturating one's is solved current by current.
 
 No single body is always safe, so the force is also had from the reaction on the fixed parts and by virtual work
-(:mod:`femfit.field.other_forces`). The estimate is the larger of the change from one order lower, with its factor,
+(:mod:`femfit.field.stress`). The estimate is the larger of the change from one order lower, with its factor,
 and of the disagreement of the three. With the fields' own stresses removed the bodies mostly differ by far less than
 the orders do: what is left is the error of the magnetisation, which they share.
 """
@@ -38,7 +38,7 @@ class DistanceSolution:
     force_change : array, shape (3,), or None
         That of the force from one polynomial order lower, where that was solved.
     reaction, work : array, shape (3,)
-        The force by :class:`femfit.field.other_forces.OtherForces`.
+        The force by :class:`femfit.field.stress.OtherForces`.
     self_force : array, shape (3,)
         The stress of the moving part's own field, as subtracted from the force.
     """
