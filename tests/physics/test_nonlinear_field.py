@@ -135,7 +135,17 @@ def magnet_with_steel_back():
     return [magnet(1.3, 0.0055, 0.003, permeability=1.05), back]
 
 
-@pytest.mark.parametrize("mover", [None, magnet_with_steel_back()], ids=["steel disc", "magnet with steel back"])
+DISC, BACK = (
+    pytest.param(mover, id=name)
+    for name, mover in (("steel disc", None), ("magnet with steel back", magnet_with_steel_back()))
+)
+
+
+def long(case):
+    return pytest.param(*case.values, id=case.id, marks=pytest.mark.long)
+
+
+@pytest.mark.parametrize("mover", [long(DISC), BACK])  # both magnetisations are in the second
 def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
     currents = (1.0, 1.1, 1.2, 7.9, 8.0, 8.1)
     actuator = bobbin(distances=DISTANCES, currents=currents, mover=mover)
@@ -151,7 +161,7 @@ def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
     np.testing.assert_allclose((flux[[2, 5]] - flux[[0, 3]]) / 0.2, inductance[[1, 4]], rtol=2e-3)
 
 
-@pytest.mark.parametrize("mover", [None, magnet_with_steel_back()], ids=["steel disc", "magnet with steel back"])
+@pytest.mark.parametrize("mover", [DISC, long(BACK)])
 def test_force_error_covers_the_error_against_a_finer_run(mover):
     actuator = bobbin(distances=(0.003,), currents=(2.0, 8.0), mover=mover)
     rows, finer = rows_at(actuator), rows_at(actuator, settings=finer_settings(SolverSettings()))

@@ -19,6 +19,13 @@ def solved(actuator, distance=None, settings=None):
     return prepared(actuator, distance, settings).solve(distance)
 
 
+def fields(problem, distance):
+    """Solutions w of magnets and of 1 A at a distance, with the mesh left stretched to it."""
+    problem._moving.move_to(distance)
+    problem._system.solve()
+    return problem._system.total
+
+
 def finer_settings(settings):
     """Settings for checking others: one order more and corners a quarter of the size, about ten times the work."""
     return SolverSettings(

@@ -20,7 +20,7 @@ from femfit.device.parts import LinearMaterial, Region
 from femfit.field.settings import SolverSettings
 from femfit.field.weak_form import flux_density, stiffness
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
-from support.field import finer_settings, prepared, solved
+from support.field import fields, finer_settings, prepared, solved
 from support.reference import REFERENCE
 from support.saturating import bobbin, problem_at, rows_at
 
@@ -48,7 +48,7 @@ def loops(a, b, z):
     coil = rectangle(a - side / 2.0, a + side / 2.0, -side / 2.0, side / 2.0)
     actuator = assembly(moving=[magnet(DUMMY, 0.02 * a, 0.02 * a)], distances=(3.0 * a,), coil=coil, hall=(b, z))
     problem = prepared(actuator, 3.0 * a)
-    w = problem.fields(3.0 * a).coil
+    w = fields(problem, 3.0 * a).coil
     point = problem.mesh(b, z)
     return 2.0 * math.pi * b**2 * w(point), -2.0 * math.pi * b * flux_density(w)[0](point)
 
@@ -226,7 +226,7 @@ def ldx_mass():
         turns=ampere_turns,
     )
     problem = prepared(actuator, 3.0)
-    w = problem.fields(3.0).coil
+    w = fields(problem, 3.0).coil
     nodes, weights = np.polynomial.legendre.leggauss(12)
     force = 0.0
     for middle, width, height, turns in LDX_FLOAT:
