@@ -319,3 +319,13 @@ def test_the_diagnosis_or_a_file_can_be_given(levitation_model, tmp_path):
     clean = diagnose(levitation_model, campaign(levitation_model, 52, distances=6, currents=5), bootstrap=0)
     with pytest.raises(TableError, match="names no effect"):
         add_effects(levitation_model, table, clean)
+
+
+def test_a_tolerance_that_explains_more_than_the_effect_is_given_the_credit(levitation_model):
+    """A winding with 3 % fewer turns must not be booked as a wrong ammeter because the turns were fitted beside it."""
+    turns = AddedEffect(effect_by_name("turns"), {"turns_error": -0.03})
+    table = campaign(levitation_model, 44, [turns], noise={"force_N": 4e-4, "flux_linkage_Wb": 2e-6})
+    result = add_effects(levitation_model, table, "current_gain")
+    assert "turns" in result.better_alone
+    assert "turns" in str(result).split("\n")[0]
+    assert not add_effects(levitation_model, table, "turns").better_alone

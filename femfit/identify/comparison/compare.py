@@ -15,7 +15,7 @@ from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.diagnosis_text import SCATTERED, mount_words
+from femfit.identify.decision.diagnosis_text import beyond_noise, mount_words
 from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
@@ -148,9 +148,9 @@ class Comparison:
         freedom = None
         if self.mount_m:
             freedom = mount_words(self.mount_m, self.mount_assumed, self.observations.given)
-        ratios = [one.rms / one.noise_floor for one in self.channels if one.noise_floor]
+        beyond = any(beyond_noise(one.rms / one.noise_floor, one.readings) for one in self.channels if one.noise_floor)
         why = str(self.findings[-1]) if self.findings else ""
-        scatter = f" and {freedom}" if freedom and max(ratios, default=0.0) > SCATTERED else ""
+        scatter = f" and {freedom}" if freedom and beyond else ""
         lines = [*suspicions(self.findings)]
         lines.append(_VERDICTS[self.verdict].format(where=self.where.sentence, scatter=scatter, why=why))
         lines += [str(one) for one in self.channels]

@@ -51,7 +51,8 @@ def look_alikes(
     unseen = _noticed(campaign) / max(float(signal @ signal), 1e-12)
     others = [name for members in classes for name in members[1:]]
     slack = TIE * campaign.expected_variance
-    as_good = [one for one in rivals if one.passes() and one.fit.chi2 <= chosen.fit.chi2 + slack]
+    others_of = [one for one in rivals if len(one.fit.names) == len(chosen.fit.names)]
+    as_good = [one for one in others_of if one.passes() and one.fit.chi2 <= chosen.fit.chi2 + slack]
     others += [name for one in as_good for name in one.fit.names if name not in chosen.fit.names]
     alike = ranked([name for name, sine in beside.items() if sine < unseen], lambda name: -beside[name], ROUNDING)
     return tuple(dict.fromkeys(others + alike))

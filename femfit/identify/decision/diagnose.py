@@ -1,6 +1,6 @@
 """Which effect is missing, or none, or none of ours: the whole diagnosis of a measurement."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.decision.campaign import Campaign, campaign_remarks, considered_effects, gather
+from femfit.identify.decision.candidate import Candidate
 from femfit.identify.decision.confidence import look_alikes
 from femfit.identify.decision.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
@@ -108,11 +109,7 @@ def clean_campaigns(campaign: Campaign, count: int, rng: np.random.Generator) ->
 
 def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, clean: CleanCampaigns | None) -> Diagnosis:
     observations, chosen = campaign.observations, decision.chosen
-    shares = {
-        c.fit.names[0]: explained_share(campaign, c.fit, decision.excess)
-        for c in decision.candidates
-        if len(c.fit.names) == 1
-    }
+    alone = {c.fit.names[0]: c for c in decision.candidates if len(c.fit.names) == 1}
     after = observations.predict(chosen.fit.effects) if chosen else observations.base
     missing = _named_effects(campaign, decision)
     alike = look_alikes(campaign, chosen, decision.classes, decision.candidates) if chosen else ()
@@ -123,9 +120,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     return Diagnosis(
         verdict=decision.verdict,
         missing=missing,
-        ranking=tuple(
-            replace(s, explained_share=shares[s.name]) if s.name in shares else s for s in decision.test.scores
-        ),
+        ranking=_ranking(campaign, decision, alone),
         where=where,
         error_fall=error_fall(observations, observations.base, after, known),
         noise_floor=known,
@@ -149,6 +144,21 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
         campaign=campaign,
         decision=decision,
     )
+
+
+def _ranking(campaign: Campaign, decision: Decision, alone: Mapping[str, Candidate]) -> tuple[ScoredEffect, ...]:
+    """Every effect as these data see it: those that were refitted as they were, the cheapest first, then the others."""
+    before, scores = campaign.whitened_residual, {score.name: score for score in decision.test.scores}
+    refitted = [
+        replace(
+            scores[name],
+            chi2_fall=float(before @ before) - one.fit.chi2,
+            explained_share=explained_share(campaign, one.fit, decision.excess),
+            error_left=float(np.sqrt(one.fit.chi2 / len(before))),
+        )
+        for name, one in alone.items()
+    ]
+    return (*refitted, *(score for name, score in scores.items() if name not in alone))
 
 
 def _named_effects(campaign: Campaign, decision: Decision) -> tuple[NamedEffect, ...]:

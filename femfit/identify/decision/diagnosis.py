@@ -59,11 +59,14 @@ class ScoredEffect:
     p_value : float
         Of its score test, nuisance removed; 1 where it cannot be tested.
     chi2_fall : float
-        By how much it lowers the weighted sum of squares.
+        By how much it lowers the weighted sum of squares: refitted where ``error_left`` is a number, else to first
+        order.
     degrees_of_freedom : int
         Number of its amplitudes that these data can see.
     explained_share : float
         As in :class:`NamedEffect`; NaN where it was not refitted.
+    error_left : float
+        Weighted rms error that it leaves alone, refitted, over the noise; NaN where it was not refitted.
     note : str
         Why it cannot be tested; empty where it can.
     """
@@ -74,6 +77,7 @@ class ScoredEffect:
     degrees_of_freedom: int
     explained_share: float = float("nan")
     note: str = ""
+    error_left: float = float("nan")
 
 
 @dataclass(frozen=True)

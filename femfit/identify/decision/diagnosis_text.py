@@ -5,21 +5,19 @@ from typing import TYPE_CHECKING
 from femfit.core.amount import amount, probability
 from femfit.effects.catalogue import all_effects
 from femfit.effects.words import smallest_visible
+from femfit.identify.decision.constants import LEVEL_AFTER
 from femfit.identify.readings.place import notes, suspicions
 from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
     from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 
-SCATTERED = 1.5
-"""Assumed: error over the noise from which a passing model is said to use the freedom of mounts and runs as well."""
-
 _SHOWN, _ALIKE = 8, 4
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}.",
     "own_misfit": "Nothing is missing beyond the model's own misfit to the table that it was fitted to.",
-    "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}.",
+    "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}{own}.",
     "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
     "unexplained": "Something is missing that no effect of the catalogue explains, nor any two of them.",
     "compare_only": "No verdict. {why}",
@@ -47,7 +45,9 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
     key = "own_misfit" if diagnosis.own_misfit else diagnosis.verdict
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
-    return _VERDICTS[key].format(names=names, it=it, explain=explain, why=why, scatter=_scatter(diagnosis))
+    after = diagnosis.lack_of_fit_after
+    own = " and its own misfit to the table that it was fitted to" if after and after.p_value <= LEVEL_AFTER else ""
+    return _VERDICTS[key].format(names=names, it=it, explain=explain, why=why, scatter=_scatter(diagnosis), own=own)
 
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:
@@ -60,6 +60,8 @@ def certainty_sentence(diagnosis: "Diagnosis") -> str:
     if diagnosis.look_alikes:
         alike = _any_of(diagnosis.look_alikes[:_ALIKE])
         return f"Not certain: {alike}, or a cause like it that the catalogue lacks, could give these readings."
+    if any(not fit.converged for fit in diagnosis.explanations[:1]):
+        return "Not certain: the fit was ended before it had settled, so its sizes are not final."
     if diagnosis.verdict == "named":
         return "Not certain: its size is unusual. Check it by another measurement."
     return "Not certain: the readings differ from the effect's exact form."
@@ -72,10 +74,15 @@ def _any_of(names: "list[str] | tuple[str, ...]") -> str:
 def _scatter(diagnosis: "Diagnosis") -> str:
     """The freedom of mounts that a passing model uses, where it misses by clearly more than the noise."""
     noise = diagnosis.campaign.noise if diagnosis.campaign else None
-    ratios = [one.after_over_noise or 0.0 for one in diagnosis.error_fall.channels]
-    if noise is None or noise.mount_m <= 0.0 or max(ratios) <= SCATTERED:
+    beyond = [beyond_noise(one.after_over_noise or 0.0, one.readings) for one in diagnosis.error_fall.channels]
+    if noise is None or noise.mount_m <= 0.0 or not any(beyond):
         return ""
     return f" and {mount_words(noise.mount_m, noise.mount_assumed, diagnosis.observations.given)}"
+
+
+def beyond_noise(ratio: float, readings: int) -> bool:
+    """Whether an error over the noise is more than noise makes it: by three standard deviations of 1 / sqrt(2 n)."""
+    return ratio > 1.0 + 3.0 / (2.0 * readings) ** 0.5
 
 
 def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:
@@ -108,9 +115,9 @@ def _evidence(diagnosis: "Diagnosis") -> list[str]:
         return []
     lines = [f"Lack of fit: {probability(diagnosis.p_value)}" + _after(diagnosis) + "."]
     if diagnosis.verdict not in {"nothing_missing", "named"} or diagnosis.missing:
-        ranked = [score for score in diagnosis.ranking if not score.note][:_SHOWN]
-        best = ", ".join(f"{score.name} {score.chi2_fall:.0f}" for score in ranked)
-        lines.append(f"Fall of the weighted sum of squares with each effect alone: {best}.")
+        ranked = [score for score in diagnosis.ranking if score.error_left >= 0.0][:_SHOWN]
+        best = ", ".join(f"{score.name} {score.error_left:.3g}" for score in ranked)
+        lines.append(f"Error left with each effect alone, in times the noise: {best}.")
     if diagnosis.clean is not None:
         named = diagnosis.clean
         lines.append(

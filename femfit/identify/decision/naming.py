@@ -50,7 +50,7 @@ class Decision:
     classes : tuple of tuple of str
         Per named effect, what cannot be told from it, itself first.
     candidates : tuple of Candidate
-        Those that were compared with it, the cheapest first.
+        All that were refitted, the cheapest first.
     """
 
     verdict: Verdict
@@ -81,13 +81,14 @@ def _search(campaign: Campaign, test: ModelTest) -> Decision:
     starts += forward_pairs(singles, CONTINUED, CONTINUED)
     pairs = refitted_candidates(campaign, _without_repeats(starts))
     pairs = [pair for pair in pairs if _both_needed(campaign, pair, singles, test.excess)]
+    every = ranked([*singles, *pairs], lambda one: -one.cost, ROUNDING)
     chosen = _first_passing(pairs, test.excess)
     if chosen is not None and all(chosen.cost < one.cost for one in _explaining(singles, ENOUGH, test.excess)):
-        return _named(campaign, "named", chosen, pairs, test)
+        return _named(campaign, "named", chosen, every, test)
     insufficient = _insufficient(campaign, singles, pairs, test.excess)
     if insufficient is not None:
-        return _named(campaign, "form_insufficient", *insufficient, test)
-    return Decision("unexplained", test, candidates=tuple(ranked(singles + pairs, lambda one: -one.cost, ROUNDING)))
+        return _named(campaign, "form_insufficient", insufficient, every, test)
+    return Decision("unexplained", test, candidates=tuple(every))
 
 
 def _first_passing(candidates: Sequence[Candidate], excess: float) -> Candidate | None:
@@ -108,21 +109,21 @@ def _without_repeats(starts: Sequence[list[Start]]) -> list[list[Start]]:
 
 def _insufficient(
     campaign: Campaign, singles: Sequence[Candidate], pairs: Sequence[Candidate], excess: float
-) -> tuple[Candidate, Sequence[Candidate]] | None:
-    """What explains most of the excess but not its exact form, with its rivals: one effect before two."""
+) -> Candidate | None:
+    """What explains most of the excess but not its exact form: one effect before two."""
     leading = _explaining(singles, ENOUGH, excess)
     if not leading:
         together = _explaining(pairs, ENOUGH_OF_TWO, excess)
         if together:
-            return together[0], pairs
+            return together[0]
         if not _stands_alone(singles, excess):
             return None
         leading = list(singles[:1])
     first = leading[0]
     for pair in (pair for pair in pairs if first.fit.names[0] in pair.fit.names):
         if pair.excess <= (1.0 - REMAINDER_SHARE) * first.excess or _acts_elsewhere(campaign, pair, first):
-            return pair, pairs
-    return first, singles
+            return pair
+    return first
 
 
 def _stands_alone(singles: Sequence[Candidate], excess: float) -> bool:
@@ -174,6 +175,8 @@ def _named(
     for k in ranked(range(len(names)), lambda k: float(np.sum(chosen.fit.contribution(k) ** 2))):
         others, members = set(names) - {names[k]}, [names[k]]
         for rival in rivals:
+            if len(rival.fit.names) != len(names):
+                continue
             instead = set(rival.fit.names) - others
             if rival.cost - chosen.cost <= slack and others <= set(rival.fit.names) and len(instead) == 1:
                 members += [name for name in instead if name not in members]

@@ -17,6 +17,7 @@ from femfit.core.finding import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
+from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW
@@ -128,6 +129,7 @@ def add_effects(
     alone = _fitted(readings, start)
     say("Fitting the tolerances of the drawing beside them")
     fitted, dropped = _with_tolerances(readings, alone, base)
+    better_alone = _better_alone(readings, alone.fit, fitted.fit.start[: len(fitted.fit.start) - len(start)])
     fit, beside = fitted.fit, len(fitted.fit.effects) - len(start)
     before, after = observations.predict(given), observations.predict(fit.effects)
     stages = [(effect.name, one) for effect, one in zip(new, [*partial, alone.fit.effects], strict=False)]
@@ -161,7 +163,21 @@ def add_effects(
         runs=len(np.unique(observations.column("run"))),
         observations=observations,
         findings=(*observations.findings, *fitted.findings, *dropped),
+        better_alone=better_alone,
     )
+
+
+def _better_alone(readings: _Readings, effects: Refit, beside: Sequence[Start]) -> str:
+    """The tolerances that were fitted beside effects, in words, where they explain more by themselves than these do."""
+    if not beside:
+        return ""
+    observations, whitening = readings.observations, readings.whitening
+    prior = {one.name: TOLERANCE_SD for one in beside}
+    start = starting_point(observations, whitening, [one.columns.effect for one in beside])
+    fit = refit(observations, whitening, start, prior_sd=prior)
+    if fit.chi2 >= effects.chi2:
+        return ""
+    return "; ".join(clause for one in fit.effects for clause in describe(one, observations.nominal))
 
 
 def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:

@@ -51,6 +51,8 @@ class AddResult:
         From the model as it was to the last effect.
     suspicious : tuple of str
         What is unusual of the fitted parameters, one sentence each.
+    better_alone : str
+        A tolerance that was fitted beside the effects and explains more by itself than they do, in words; else empty.
     observations : Observations
         The readings beside the model without what was refitted.
 
@@ -80,6 +82,7 @@ class AddResult:
     runs: int
     observations: Observations
     findings: tuple[Finding, ...] = ()
+    better_alone: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
@@ -121,6 +124,8 @@ class AddResult:
         else:
             rest = f"the misfit that is left is not noise ({probability(after.p_value)})."
         doubt = " Its size is not certain: see below." if self.suspicious else ""
+        if self.better_alone:
+            names += f", but a tolerance of the drawing explains more than it by itself ({self.better_alone})"
         return f"Added {names}: {rest}{doubt}"
 
     def _left_out(self) -> str:
@@ -132,7 +137,7 @@ class AddResult:
         lines = []
         if self.base:
             words = [clause for one in self.base for clause in describe(one, self.observations.nominal)]
-            lines.append(f"Fitted beside it, held to 2 %, since that helps on readings left out: {'; '.join(words)}.")
+            lines.append(f"Fitted beside it, each known to 2 % (one standard deviation): {'; '.join(words)}.")
         if self.kept:
             lines.append(f"Kept as they were, since these data cannot refit them: {', '.join(self.kept)}.")
         if any(added.effect.circuit or "temperature" in " ".join(added.effect.needs) for added in self.added):

@@ -109,7 +109,9 @@ def suspicious_values(
     beside : collection of str
         Tolerances of the drawing that were fitted beside the effects; these may well be zero.
     """
-    nominal, result = observations.nominal, []
+    nominal, result = observations.nominal, list[str]()
+    if not fit.converged:
+        result.append("The fit was ended before it had settled: do not trust these sizes. Start from fewer effects.")
     for added in fit.effects:
         for p in (p for p in added.effect.parameters if not is_plausible(added, p)):
             low, high = (size_of(p, end, nominal) for end in p.plausible)
