@@ -187,16 +187,16 @@ def test_forces_on_a_steel_disc_agree_with_the_peers_within_the_peers_error():
 
     tables = [pd.read_csv(REFERENCE / name) for name in ("steel_xfemm.csv", "steel_xfemm_saturated.csv")]
     peer = pd.concat(tables, ignore_index=True)
-    peer = peer[peer["current_A"].isin([1.0, 3.0, 6.0, 12.0]) & peer["distance_m"].round(6).isin([0.002, 0.005, 0.012])]
+    peer = peer[peer["current_A"].isin([1.0, 6.0, 12.0]) & peer["distance_m"].round(6).isin([0.002, 0.012])]
     ours = {
-        d: rows_at(bobbin(distances=(d,), currents=(1.0, 3.0, 6.0, 12.0)))
+        d: rows_at(bobbin(distances=(d,), currents=(1.0, 6.0, 12.0)))
         for d in sorted(peer["distance_m"].round(6).unique())
     }
     for row in peer.itertuples():
-        rows, k = ours[round(row.distance_m, 6)], [1.0, 3.0, 6.0, 12.0].index(row.current_A)
+        rows, k = ours[round(row.distance_m, 6)], [1.0, 6.0, 12.0].index(row.current_A)
         # Its notes give 0.12 % for the flux; its boundary lies at a fifth of our distance.
         assert row.flux_linkage_Wb == pytest.approx(rows["flux_linkage_Wb"][k], rel=3e-3)
         # Its two bodies differ by 3 to 8 %, its self-force is not removed, and grows with the stray field of a
         # saturated core: 0.5 % below saturation, 3.5 % at 12 A, where ours moves by 0.06 % with ten times the work.
         assert row.force_N == pytest.approx(rows["force_N"][k], rel=6e-3 if row.current_A < 4.0 else 4e-2)
-    assert len(peer) == 12
+    assert len(peer) == 6
