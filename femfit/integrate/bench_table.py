@@ -1,4 +1,4 @@
-"""From a record of a coil's voltage to a bench table: the flux linkage on each plateau."""
+"""From a record of a coil's voltage to a bench table: the flux linkage on each plateau, and what looks wrong."""
 
 from dataclasses import dataclass, field, replace
 from html import escape
@@ -9,17 +9,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing, write_text
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.outputs import NOTES, TABLE, require_outputs
 from femfit.effects.conditions import Conditions
-from femfit.integrate.bench_watch import resistance_finding, watch_run
-from femfit.integrate.plateaus import OffsetMethod, PlateauOptions, plateau_flux
+from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
+from femfit.integrate.plateaus import OffsetMethod, PlateauFlux, PlateauOptions, plateau_flux
+from femfit.integrate.record_watch import RecordWatch
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
+from femfit.tables.coil_block import CoilBlock
 from femfit.tables.measurement_columns import BENCH_COLUMNS, column_values, recognise
 from femfit.tables.measurement_file import read_raw_table
 
@@ -28,16 +31,10 @@ NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]
 
 @dataclass(frozen=True, eq=False)
 class BenchFlux:
-    """A bench table whose flux linkage was integrated from a coil's voltage.
+    """A bench table, a row a plateau, whose flux linkage was integrated from a coil's voltage.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        One row a plateau, in the columns of a bench table.
-    noise_Wb : float
-        Standard uncertainty of a row's flux linkage from the voltage's noise, rms over the rows.
-    notes : str
-        What was done, and what the noise leaves out.
+    ``noise_Wb`` is the standard uncertainty of a row's flux linkage from the voltage's noise, rms over the rows;
+    ``notes`` say what was done, and what the noise leaves out.
     """
 
     rows: pd.DataFrame = field(repr=False)
@@ -172,15 +169,42 @@ def _table(
         means = means.assign(order=means["time_s"] - time[0], branch=flux.branch)
         begin = first
         if isinstance(begin, ActuatorModel):
-            place = means.iloc[:1]
-            values = predict_readings(
-                begin,
-                place["distance_m"].to_numpy(),
-                place["current_A"].to_numpy(),
-                Conditions(nominal=nominal_of(begin)),
-            )
+            place = (means[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
+            values = predict_readings(begin, *place, Conditions(nominal=nominal_of(begin)))
             begin = float(values["flux_linkage_Wb"][0])
         pieces.append(means.drop(columns="time_s").assign(flux_linkage_Wb=begin + flux.flux))
         variances.append(flux.sigma**2)
     noise = float(np.sqrt(np.mean(np.concatenate(variances))))
     return pd.concat(pieces, ignore_index=True), noise, findings
+
+
+def watch_run(
+    time: FloatArray, voltage: FloatArray, induced: FloatArray, current: FloatArray, found: PlateauFlux
+) -> tuple[Finding, ...]:
+    """Gaps, clock jumps, samples clipped between plateaus, and a coil wired the wrong way round, of one run."""
+    between = voltage.copy()
+    for first, last in zip(found.first, found.last, strict=True):
+        between[first:last] = 0.0
+    step = float(np.median(np.diff(time)))
+    seen, wired = RecordWatch(1.0, step), RecordWatch(1.0, step, "current_A")
+    seen.see(CoilBlock(time, between))
+    wired.see(CoilBlock(time, induced, current=current))
+    return (*seen.findings(), *(finding for finding in wired.findings() if finding.code == "sign"))
+
+
+def resistance_finding(voltage: FloatArray, current: FloatArray, given: float | None) -> Finding | None:
+    """Whether the plateaus' mean voltages contradict the resistance in ohm that is taken off; None is taken off."""
+    i, u = current - current.mean(), voltage - voltage.mean()
+    spread, common = float(i @ i), float(i @ u)
+    if spread <= 0.0 or common**2 <= PLATEAU_FOLLOWS * spread * float(u @ u):
+        return None
+    shown = common / spread
+    if given is None:
+        text = f"The plateaus' voltage follows the current as {shown:.4g} ohm would make it."
+        remedy = f"Is it the winding's own voltage? Then it needs --resistance-ohm {shown:.4g}."
+        return Finding("resistance", "warning", text, remedy, size=shown)
+    if abs(shown - given) <= GAIN_TOLERANCE * given:
+        return None
+    wrong = "the sign of the voltage or the current is wrong" if shown < 0.0 else "the winding is warm, or another"
+    text = f"The plateaus show {shown:.4g} ohm where {given:.4g} ohm are taken off: {wrong}."
+    return Finding("resistance", "warning", text, size=shown)

@@ -298,7 +298,7 @@ def _stream(
     watch = _watch(options, columns, quantity, integrator.sample_time, known)
     if progress is not None and total:
         progress(0, total)
-    seen, samples, corrected = watch.start(), 0, False
+    samples, corrected = 0, False
     value, unit = quantity.rsplit("_", 1)
     sigma_name = f"{value}_sigma_{unit}"
     names = ["time_s", *columns, quantity, sigma_name, "offset_V"]
@@ -312,12 +312,12 @@ def _stream(
                 kept.append(pd.DataFrame(table))
             else:
                 writer.write(table)
-            seen = watch.advance(seen, block, out)
+            watch.see(block, out)
             samples += len(block)
             corrected |= bool(np.any(out.offset != 0.0))
             if progress is not None and total:
                 progress(samples, total)
-    findings = watch.findings(seen)
+    findings = watch.findings()
     if options.method == "ffa2" and not corrected:
         text = (
             f"ffa2 found no settled plateau, on which the current moves by less than {options.still_A:g} A in a "

@@ -26,18 +26,8 @@ FILTERS = ("cs1-offset", "cs2", "cs2-identified")
 class IntegrationOptions:
     """What a method is given besides the record.
 
-    Parameters
-    ----------
-    initial_field : float or None
-        B_0 in T; None is 0 for feed-forward methods, and the reference's first reading for filters.
-    zero_reading, settling, still_A : float or None
-        Of ffa1 and ffa2, in s and A.
-    field_model : FieldModel or None
-        Of cs2 and cs2-identified.
-    reference_sigma : LinearSigma or None
-        What the field model is believed to be off by, T; None takes its rms.
-    noise : Noise or None
-        White noise of the samples; None evaluates it from the record's first block.
+    No initial field in T is 0 for feed-forward methods, and the reference's first reading for filters; no
+    ``reference_sigma`` of the field model is its rms; no noise evaluates it from the record's first block.
     """
 
     method: Method

@@ -1,9 +1,7 @@
-"""A bench record's plateaus, and the flux linkage on each from the coil voltage. numpy only.
+"""A bench record's plateaus, and the flux linkage on each from the coil voltage.
 
-References
-----------
-P. Arpaia et al., Sensors 22 (2022) 182, section 3 (the offset is the mean voltage of a settled plateau).
-F. Fiorillo, Characterization and Measurement of Magnetic Materials (Elsevier, 2004), section 5.1 (integrator drift).
+The offset is the mean voltage of a settled plateau: P. Arpaia et al., Sensors 22 (2022) 182, section 3; F. Fiorillo,
+Characterization and Measurement of Magnetic Materials (Elsevier, 2004), section 5.1 (integrator drift).
 """
 
 import itertools
@@ -28,18 +26,10 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class PlateauOptions:
-    """How a run is cut and its offset voltage found.
+    """How a run is cut and its offset voltage found, as :func:`~femfit.integrate.bench_table.make_bench_table` says.
 
-    Parameters
-    ----------
-    method : str
-        ``trapezoid``: no offset; ``ffa1``: the mean over the first plateau; ``plateaus``: the mean over each settled
-        plateau, linear in time from one to the next (FFA2 offline, which may look ahead). An error of R i on a
-        plateau is taken off with the offset.
-    settling : float
-        Seconds that are left out after each change.
-    still_A, still_m : float
-        A sample that moved by less since the one before is on a plateau, whose quarters may not differ by more either.
+    With ``plateaus`` an error of R i on a plateau is taken off with the offset. Neither neighbouring samples of a
+    plateau nor its first and last quarter may differ by more than ``still_A`` and ``still_m``.
     """
 
     method: OffsetMethod = "plateaus"
@@ -50,21 +40,17 @@ class PlateauOptions:
 
 @dataclass(frozen=True, eq=False)
 class PlateauFlux:
-    """Flux linkage on the plateaus of a run.
+    """Flux linkage on the p settled plateaus of a run, arrays of shape (p,).
 
     Parameters
     ----------
-    first, last : array of int, shape (p,)
-        Samples of each settled plateau, the last exclusive.
-    flux : array, shape (p,)
-        Mean flux linkage minus that of the first plateau, Wb.
-    sigma : array, shape (p,)
-        Standard uncertainty of it, Wb: from the samples' white noise and, of ``plateaus``, the offset's wander between
-        them (both type A), and from what gaps in the record between plateaus may hide.
-    branch : array, shape (p,)
+    first, last : array
+        Samples of each plateau, the last exclusive.
+    flux, sigma : array
+        Mean flux linkage minus that of the first plateau, Wb, and its standard uncertainty: from the samples' white
+        noise, the offset's wander between plateaus (both type A), and what gaps between plateaus may hide.
+    branch : array
         Sign of the last change of current: +1, -1, or 0 before any.
-    offset : array, shape (p,)
-        Offset voltage taken on each plateau, V.
     """
 
     first: IntArray
@@ -72,22 +58,15 @@ class PlateauFlux:
     flux: FloatArray
     sigma: FloatArray
     branch: FloatArray
-    offset: FloatArray
 
 
 def plateau_flux(
     time: FloatArray, voltage: FloatArray, current: FloatArray, distance: FloatArray, options: PlateauOptions
 ) -> PlateauFlux:
-    """Integrate a run's induced voltage and average it on the plateaus.
+    """Integrate a run's induced voltage dlambda/dt plus offset, V, and average it on the plateaus.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        In s, rising.
-    voltage : array, shape (n,)
-        Induced voltage dlambda/dt plus offset in V: u - R i of an excitation winding, u of a sensing coil.
-    current, distance : array, shape (n,)
-        In A and m; they tell the plateaus.
+    The voltage is u - R i of an excitation winding, u of a sensing coil; current in A and
+    distance in m tell the plateaus.
     """
     if not all(np.isfinite(column).all() for column in (time, voltage, current, distance)):
         raise TableError("A bench record must have a time, voltage, current and distance in each row; fill or cut it.")
@@ -115,7 +94,7 @@ def plateau_flux(
     if options.method == "plateaus":
         variance += _wandered(time, voltage, first, last, noise)
     sigma = np.sqrt(variance)
-    return PlateauFlux(first, last, mean - mean[0], sigma, _branch(level, options.still_A), means)
+    return PlateauFlux(first, last, mean - mean[0], sigma, _branch(level, options.still_A))
 
 
 def _variance(time: FloatArray, first: IntArray, last: IntArray, method: OffsetMethod) -> FloatArray:

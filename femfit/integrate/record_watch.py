@@ -4,7 +4,7 @@ Each finding names the suspect. None stops the integration: a gap, for one, is b
 variance.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -30,7 +30,7 @@ from femfit.tables.coil_block import CoilBlock
 Reference = Literal["hall_T", "current_A"]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Tally:
     """How often something was seen, when first, and how much of it in all."""
 
@@ -38,50 +38,14 @@ class Tally:
     first: float = float("nan")
     amount: float = 0.0
 
-    def more(self, times: FloatArray, amount: float = 0.0) -> "Tally":
-        """With further ones at these times."""
-        if len(times) == 0:
-            return self
-        first = float(times[0]) if self.count == 0 else self.first
-        return Tally(self.count + len(times), first, self.amount + amount)
 
-
-@dataclass(frozen=True, eq=False)
-class WatchState:
-    """What was seen so far.
-
-    Parameters
-    ----------
-    reading, run, moved : float, int, float
-        The Hall probe's last reading, how often it came in a row, and how far the coil saw the field move meanwhile, T.
-    highest, stuck_at : float
-        Largest |reading| so far, and largest at which the probe stood still, T.
-    waiting : (array, array)
-        Times and normalised squares of the latest innovations, s and 1.
-    xx, xy, yy : float
-        Sums of products of the changes that coil (x, in T) and reference (y, in its unit) saw.
-    """
-
-    time: float = float("nan")
-    voltage: float = float("nan")
-    tallies: dict[str, Tally] = field(default_factory=dict)
-    reading: float = float("nan")
-    run: int = 0
-    moved: float = 0.0
-    highest: float = 0.0
-    stuck_at: float = 0.0
-    waiting: tuple[FloatArray, FloatArray] = field(default_factory=lambda: (np.empty(0), np.empty(0)))
-    xx: float = 0.0
-    xy: float = 0.0
-    yy: float = 0.0
-
-
-@dataclass(frozen=True)
 class RecordWatch:
-    """Watches a record.
+    """Watches a record, block by block.
 
     Parameters
     ----------
+    area, sample_time : float
+        Of the coil in m2, and of the record in s.
     reference : str or None
         The column that the coil is compared with.
     scale : float or None
@@ -91,57 +55,63 @@ class RecordWatch:
         Between which a field model holds, A.
     """
 
-    area: float
-    sample_time: float
-    reference: Reference | None = None
-    scale: float | None = None
-    currents: tuple[float, float] | None = None
+    def __init__(
+        self,
+        area: float,
+        sample_time: float,
+        reference: Reference | None = None,
+        scale: float | None = None,
+        currents: tuple[float, float] | None = None,
+    ) -> None:
+        self.area, self.sample_time = area, sample_time
+        self.reference, self.scale, self.currents = reference, scale, currents
+        self._tallies: dict[str, Tally] = {}
+        self._time = self._voltage = float("nan")
+        # The probe's last reading, how often it came in a row, how far the coil saw the field move meanwhile (T), the
+        # largest |reading|, and the largest at which the probe stood still.
+        self._reading, self._run, self._moved, self._highest, self._stuck_at = float("nan"), 0, 0.0, 0.0, 0.0
+        self._waiting = np.empty((2, 0))  # times and normalised squares of the latest innovations
+        self._products = np.zeros(3)  # sums of xx, xy, yy of the changes that coil (x, T) and reference (y) saw
 
-    def start(self) -> WatchState:
-        """Nothing seen."""
-        return WatchState()
-
-    def advance(self, state: WatchState, block: CoilBlock, out: FieldBlock | None = None) -> WatchState:
+    def see(self, block: CoilBlock, out: FieldBlock | None = None) -> None:
         """Watch a block, and the field block that a filter made of it."""
-        first = np.isnan(state.time)
-        dt = np.diff(block.time, prepend=block.time[0] if first else state.time)
-        before = np.concatenate([[block.voltage[0] if first else state.voltage], block.voltage[:-1]])
+        first = np.isnan(self._time)
+        dt = np.diff(block.time, prepend=block.time[0] if first else self._time)
+        before = np.concatenate([[block.voltage[0] if first else self._voltage], block.voltage[:-1]])
         rise = dt * (block.voltage + before) / (2.0 * self.area)
-        tallies = dict(state.tallies)
         gap, late = dt > GAP * self.sample_time, (dt < 0.5 * self.sample_time) & (dt > 0.0)
-        lost = float(np.sum(dt[gap])) - self.sample_time * int(np.sum(gap))
-        _add(tallies, "gap", block.time[gap], lost)
-        _add(tallies, "clock", block.time[late])
-        _add(tallies, "clipped", block.time[_clipped(block.voltage)])
+        self._add("gap", block.time[gap], float(np.sum(dt[gap])) - self.sample_time * int(np.sum(gap)))
+        self._add("clock", block.time[late])
+        self._add("clipped", block.time[_clipped(block.voltage)])
         if block.current is not None and self.currents is not None:
             low, high = self.currents
             slack = RANGE_SLACK * (high - low)
-            outside = (block.current < low - slack) | (block.current > high + slack)
-            _add(tallies, "range", block.time[outside])
-        waiting = state.waiting if out is None else _watch_innovations(tallies, state.waiting, out)
-        end = (float(block.time[-1]), float(block.voltage[-1]))
-        state = replace(state, time=end[0], voltage=end[1], tallies=tallies, waiting=waiting)
+            self._add("range", block.time[(block.current < low - slack) | (block.current > high + slack)])
+        self._time, self._voltage = float(block.time[-1]), float(block.voltage[-1])
+        if out is not None:
+            self._watch_innovations(out)
         if block.hall is not None:
-            state = self._watch_probe(state, block.time, block.hall, rise)
+            self._watch_probe(block.time, block.hall, rise)
         reading = {"hall_T": block.hall, "current_A": block.current, None: None}[self.reference]
-        return state if reading is None else self._compare(state, rise, reading)
+        if reading is not None:
+            self._compare(rise, reading)
 
-    def findings(self, state: WatchState) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         """What was seen, in words."""
-        tallies, found = state.tallies, []
+        found = []
         for code, text in _SENTENCES.items():
             source = "stuck" if code == "saturated" else code
-            at_top = state.stuck_at >= (1.0 - 1e-9) * state.highest
-            if source in tallies and (source != "stuck" or at_top == (code == "saturated")):
-                seen = tallies[source]
+            at_top = self._stuck_at >= (1.0 - 1e-9) * self._highest
+            if source in self._tallies and (source != "stuck" or at_top == (code == "saturated")):
+                seen = self._tallies[source]
                 said = text.format(count=seen.count, first=f"{seen.first:.6g}", amount=f"{seen.amount:.3g}")
                 found.append(Finding(code, "warning", said, _REMEDIES[code]))
-        found += self._disagreement(state)
-        if "innovations" in tallies:
-            seen = tallies["innovations"]
+        found += self._disagreement()
+        if "innovations" in self._tallies:
+            seen = self._tallies["innovations"]
             suspect = next((name for code, name in _SUSPECTS.items() if code in {one.code for one in found}), None)
             if suspect is None and self.reference == "hall_T":
-                suspect = "the offset voltage (cs1-offset estimates it), or the Hall probe's drift"
+                suspect = "the offset voltage, or the Hall probe's drift"
             text = (
                 f"The filter's innovations left their band {seen.count} times, first at {seen.first:.6g} s (squared up "
                 f"to {seen.amount:.3g} times what it expects). Suspect: "
@@ -150,69 +120,82 @@ class RecordWatch:
             found.append(Finding("innovations", "warning", text))
         return tuple(found)
 
-    def _watch_probe(self, state: WatchState, time: FloatArray, hall: FloatArray, rise: FloatArray) -> WatchState:
+    def _add(self, code: str, times: FloatArray, amount: float = 0.0) -> None:
+        if len(times):
+            tally = self._tallies.setdefault(code, Tally(first=float(times[0])))
+            tally.count += len(times)
+            tally.amount += amount
+
+    def _watch_innovations(self, out: FieldBlock) -> None:
+        """Hold means of normalised squares against the band; what is left over waits for more."""
+        used = np.isfinite(out.innovation)
+        squares = out.innovation[used] ** 2 / out.innovation_variance[used]
+        seen = np.concatenate([self._waiting, [out.time[used], squares]], axis=1)
+        whole = seen.shape[1] // INNOVATIONS_AVERAGED * INNOVATIONS_AVERAGED
+        times, means = seen[0, :whole:INNOVATIONS_AVERAGED], seen[1, :whole].reshape(-1, INNOVATIONS_AVERAGED).mean(1)
+        outside = means > INNOVATION_BAND
+        self._add("innovations", times[outside])
+        if outside.any():
+            tally = self._tallies["innovations"]
+            tally.amount = max(tally.amount, float(means.max()))
+        self._waiting = seen[:, whole:]
+
+    def _watch_probe(self, time: FloatArray, hall: FloatArray, rise: FloatArray) -> None:
         """Runs of one and the same reading while the coil sees the field move."""
         known = np.isfinite(hall)
         if not known.any():
-            return state
-        highest = max(state.highest, float(np.abs(hall[known]).max()))
-        new = np.flatnonzero(hall != np.concatenate([[state.reading], hall[:-1]]))
-        begins = np.concatenate([[0], new]) if len(new) == 0 or new[0] > 0 else new
+            return
+        self._highest = max(self._highest, float(np.abs(hall[known]).max()))
+        new = np.flatnonzero(hall != np.concatenate([[self._reading], hall[:-1]]))
+        goes_on = len(new) == 0 or new[0] > 0  # the first run goes on from the block before
+        begins = np.concatenate([[0], new]) if goes_on else new
         ends = np.concatenate([begins[1:], [len(hall)]])
         path = np.concatenate([[0.0], np.cumsum(rise)])
         lengths, moved = ends - begins, path[ends] - path[begins]
-        if len(new) == 0 or new[0] > 0:  # the first run goes on from the block before
-            lengths[0] += state.run
-            moved[0] += state.moved
+        if goes_on:
+            lengths[0] += self._run
+            moved[0] += self._moved
         stuck = (lengths * self.sample_time >= STUCK_TIME_S) & (lengths > CLIPPED_RUN)
-        stuck &= np.abs(moved) > STUCK_SHARE * highest
-        tallies = dict(state.tallies)
-        _add(tallies, "stuck", time[begins[stuck]], float(np.sum(lengths[stuck])) * self.sample_time)
-        stuck_at = max(state.stuck_at, float(np.abs(hall[begins[stuck]]).max(initial=0.0)))
-        last_stuck = bool(stuck[-1])
-        return replace(
-            state,
-            tallies=tallies,
-            reading=float(hall[-1]),
-            run=0 if last_stuck else int(lengths[-1]),
-            moved=0.0 if last_stuck else float(moved[-1]),
-            highest=highest,
-            stuck_at=stuck_at,
-        )
+        stuck &= np.abs(moved) > STUCK_SHARE * self._highest
+        self._add("stuck", time[begins[stuck]], float(np.sum(lengths[stuck])) * self.sample_time)
+        self._stuck_at = max(self._stuck_at, float(np.abs(hall[begins[stuck]]).max(initial=0.0)))
+        self._reading = float(hall[-1])
+        self._run, self._moved = (0, 0.0) if stuck[-1] else (int(lengths[-1]), float(moved[-1]))
 
-    def _compare(self, state: WatchState, rise: FloatArray, reading: FloatArray) -> WatchState:
+    def _compare(self, rise: FloatArray, reading: FloatArray) -> None:
         """Sum up what coil and reference saw of the same changes."""
         size = max(1, round(COMPARED_S / self.sample_time))
         stretches = (len(rise) - 1) // size
         if stretches < 1:
-            return state
+            return
         x = rise[1 : 1 + stretches * size].reshape(stretches, size).sum(axis=1)
         y = np.diff(reading[: 1 + stretches * size : size])
         used = np.isfinite(y)
         x, y = x[used], y[used]
-        return replace(state, xx=state.xx + float(x @ x), xy=state.xy + float(x @ y), yy=state.yy + float(y @ y))
+        self._products += x @ x, x @ y, y @ y
 
-    def _disagreement(self, state: WatchState) -> list[Finding]:
+    def _disagreement(self) -> list[Finding]:
         """Whether coil and reference see the field move in opposite directions, or by different amounts."""
-        if state.xx <= 0.0 or state.xy**2 < AGREEMENT * state.xx * state.yy:
+        xx, xy, yy = self._products.tolist()
+        if xx <= 0.0 or xy**2 < AGREEMENT * xx * yy:
             return []
         of_hall = self.reference == "hall_T"
         name = "Hall probe" if of_hall else "current"
-        if state.xy < 0.0:
+        if xy < 0.0:
             text = (
                 f"The coil sees the field fall when the {name} sees it rise: the coil (or the {name}) is wired the "
                 "wrong way round."
             )
             return [Finding("sign", "warning", text, "Change the sign of its column.")]
-        slope = state.xy / state.xx * (self.scale or 0.0)
+        slope = xy / xx * (self.scale or 0.0)
         if self.scale is None or abs(slope - 1.0) <= GAIN_TOLERANCE:
             return []
         area = f"an area of {self.area / slope:.6g} m2"
         if of_hall:
             wrong, agree = "the coil's area (or the probe's gain)", f"{area} would agree"
         else:
-            ratio = state.xy / state.xx
-            wrong, agree = "the current-to-field ratio (or the coil's area)", f"{ratio:.6g} A/T, or {area}, would agree"
+            wrong = "the current-to-field ratio (or the coil's area)"
+            agree = f"{xy / xx:.6g} A/T, or {area}, would agree"
         text = f"The {name} shows {slope:.3g} times the changes that the coil sees: {wrong} is wrong; {agree}."
         return [Finding("gain", "warning", text, size=slope - 1.0)]
 
@@ -252,11 +235,6 @@ _SUSPECTS = {
 """Who is suspected of large innovations, by the code of another finding; the first that applies."""
 
 
-def _add(tallies: dict[str, Tally], code: str, times: FloatArray, amount: float = 0.0) -> None:
-    if len(times):
-        tallies[code] = tallies.get(code, Tally()).more(times, amount)
-
-
 def _clipped(voltage: FloatArray) -> BoolArray:
     """Samples in runs of equal values at the largest |voltage| of the block, as a mask."""
     highest = float(np.abs(voltage).max())
@@ -272,19 +250,3 @@ def _clipped(voltage: FloatArray) -> BoolArray:
     for begin, end in zip(begins[long], ends[long], strict=True):
         clipped[begin:end] = True
     return clipped
-
-
-def _watch_innovations(
-    tallies: dict[str, Tally], waiting: tuple[FloatArray, FloatArray], out: FieldBlock
-) -> tuple[FloatArray, FloatArray]:
-    """Hold means of normalised squares against the band; return times and squares that wait for more."""
-    used = np.isfinite(out.innovation)
-    times = np.concatenate([waiting[0], out.time[used]])
-    squares = np.concatenate([waiting[1], out.innovation[used] ** 2 / out.innovation_variance[used]])
-    whole = len(squares) // INNOVATIONS_AVERAGED * INNOVATIONS_AVERAGED
-    means = squares[:whole].reshape(-1, INNOVATIONS_AVERAGED).mean(axis=1)
-    outside = means > INNOVATION_BAND
-    if outside.any():
-        seen = tallies.get("innovations", Tally()).more(times[:whole:INNOVATIONS_AVERAGED][outside])
-        tallies["innovations"] = replace(seen, amount=max(seen.amount, float(means.max())))
-    return times[whole:], squares[whole:]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.integrate.bench_watch import resistance_finding, watch_run
+from femfit.integrate.bench_table import resistance_finding, watch_run
 from femfit.integrate.plateaus import PlateauOptions, plateau_flux
 
 RATE, INDUCTANCE, RESISTANCE = 100.0, 0.02, 2.0

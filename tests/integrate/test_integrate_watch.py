@@ -25,10 +25,9 @@ def found(record, coil=PAPER_COIL, block=5000, of_hall=True, ratio=PAPER_CURRENT
     reference, scale = ("hall_T", 1.0) if of_hall else ("current_A", 1.0 / ratio)
     watch = RecordWatch(coil.area_m2, DT, reference, scale)
     blocks = [record[k : k + block] for k in range(0, len(record), block)]
-    state = watch.start()
     for given, out in integrate_blocks(make_integrator(options, blocks[0]), blocks):
-        state = watch.advance(state, given, out)
-    return {finding.code: str(finding) for finding in watch.findings(state)}
+        watch.see(given, out)
+    return {finding.code: str(finding) for finding in watch.findings()}
 
 
 def changed(record, **columns):
@@ -104,11 +103,10 @@ def test_a_wrong_ratio_of_current_to_field_is_found_and_the_right_one_proposed(s
 
 
 def test_without_a_ratio_the_signs_alone_are_compared(stretch):
-    watch = RecordWatch(PAPER_COIL.area_m2, DT, "current_A")
-    state = watch.advance(watch.start(), stretch)
-    assert watch.findings(state) == ()
-    wired = watch.advance(watch.start(), changed(stretch, voltage=-stretch.voltage))
-    assert [finding.code for finding in watch.findings(wired)] == ["sign"]
+    for voltage, expected in ((stretch.voltage, []), (-stretch.voltage, ["sign"])):
+        watch = RecordWatch(PAPER_COIL.area_m2, DT, "current_A")
+        watch.see(changed(stretch, voltage=voltage))
+        assert [finding.code for finding in watch.findings()] == expected
 
 
 def test_missing_readings_are_no_fault(stretch):
