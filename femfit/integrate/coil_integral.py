@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from femfit.core.finding import Finding
-from femfit.integrate.methods import Method
+from femfit.integrate.methods import FEED_FORWARD, Method
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,9 @@ class CoilIntegral:
     def __str__(self) -> str:
         unit = self.quantity.rsplit("_", 1)[1]
         given = ", ".join(f"{name.replace('_', ' ')} {part:.3g}" for name, part in self.parts.items() if part > 0.0)
-        none = [name.replace("_", " ") for name, part in self.parts.items() if part == 0.0]
+        # A plain integral has no reference, and a filter estimates the offset voltage.
+        idle = ("reference_gain", "reference_offset") if self.method in FEED_FORWARD else ("offset_voltage",)
+        none = [name.replace("_", " ") for name, part in self.parts.items() if part == 0.0 and name not in idle]
         how = f"{self.method}, smoothed" if self.smoothed else self.method
         lines = [
             (

@@ -63,7 +63,7 @@ def _texts(model: ActuatorModel) -> dict[str, str]:
     """Every file but the model's, by its name in the directory."""
     example = Path(__file__).with_name("estimator_example.py").read_text(encoding="utf-8")
     sources = reachable_sources(example, _unused(model))
-    foreign = third_party_imports(sources) - RUN_TIME_DEPENDENCIES
+    foreign = third_party_imports(sources.values()) - RUN_TIME_DEPENDENCIES
     if foreign:
         raise MissingPartError(
             f"The exported rooms may import numpy alone; this femfit's import {', '.join(sorted(foreign))}. "
@@ -72,7 +72,7 @@ def _texts(model: ActuatorModel) -> dict[str, str]:
     words = {"name": model.name, "runtime": RUNTIME, "version": __version__}
     readme = files("femfit.targets").joinpath("estimator_readme.md").read_text(encoding="utf-8")
     texts = {f"{RUNTIME}/__init__.py": _FRONT.format(**words)}
-    texts |= {f"{RUNTIME}/{source.file_in_package}": renamed_imports(source.text, RUNTIME) for source in sources}
+    texts |= {f"{RUNTIME}/{file.as_posix()}": renamed_imports(text, RUNTIME) for file, text in sources.items()}
     texts |= {"README.md": readme.format(**words), "pyproject.toml": _PYPROJECT.format(**words)}
     texts["example.py"] = renamed_imports(example, RUNTIME)
     licence = _licence()

@@ -3,49 +3,29 @@
 import ast
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
-from femfit.core.errors import FemfitError
-
 PACKAGE = "femfit"
+ROOT = Path(__file__).resolve().parents[1]
 
 
-@dataclass(frozen=True)
-class SourceFile:
-    """One module of femfit; ``name`` is dotted, for example ``femfit.core.errors``."""
+def reachable_sources(program: str, unused: Iterable[str] = ()) -> dict[Path, str]:
+    """Text of every file of femfit that a program imports, directly or through others, by its place in the package.
 
-    name: str
-    path: Path
-    text: str
-
-    @property
-    def file_in_package(self) -> Path:
-        """Its file relative to the package's directory."""
-        place = Path(*self.name.split(".")[1:])
-        return place / "__init__.py" if self.path.name == "__init__.py" else place.with_suffix(".py")
-
-
-def package_root() -> Path:
-    """Directory of the running femfit."""
-    return Path(__file__).resolve().parents[1]
-
-
-def reachable_sources(program: str, unused: Iterable[str] = ()) -> tuple[SourceFile, ...]:
-    """Every module of femfit that a program imports, directly or through others, without the package's own front."""
-    unused = frozenset(unused)
-    found: dict[str, SourceFile] = {}
-    waiting = list(_own_modules(program))
+    The package's own front is left out, and so are ``unused`` constants of the catalogues.
+    """
+    names = frozenset(unused)
+    found: dict[Path, str] = {}
+    waiting = _own_modules(program)
     while waiting:
         name = waiting.pop()
-        if name in found or name == PACKAGE:
+        file = _file_of(name)
+        if file in found or name == PACKAGE:
             continue
-        source = _read(name)
-        if name.endswith(".catalogue"):
-            source = SourceFile(name, source.path, without_imports(source.text, unused))
-        found[name] = source
-        waiting += [name.rpartition(".")[0], *_own_modules(source.text)]
-    return tuple(found[name] for name in sorted(found))
+        text = (ROOT / file).read_text(encoding="utf-8")
+        found[file] = without_imports(text, names) if name.endswith(".catalogue") else text
+        waiting += [name.rpartition(".")[0], *_own_modules(found[file])]
+    return dict(sorted(found.items()))
 
 
 def imported_modules(text: str) -> tuple[str, ...]:
@@ -65,9 +45,9 @@ def imported_modules(text: str) -> tuple[str, ...]:
     return tuple(names)
 
 
-def third_party_imports(sources: Iterable[SourceFile]) -> set[str]:
+def third_party_imports(texts: Iterable[str]) -> set[str]:
     """Top-level packages that sources import, other than femfit and the standard library."""
-    tops = {name.partition(".")[0] for source in sources for name in imported_modules(source.text)}
+    tops = {name.partition(".")[0] for text in texts for name in imported_modules(text)}
     return {top for top in tops if top != PACKAGE and top not in sys.stdlib_module_names}
 
 
@@ -92,18 +72,12 @@ def without_imports(text: str, names: frozenset[str]) -> str:
 
 
 def _own_modules(text: str) -> list[str]:
-    return [_module_of(name) for name in imported_modules(text) if name.partition(".")[0] == PACKAGE]
-
-
-def _module_of(target: str) -> str:
     """``femfit.room.file.Name`` and ``femfit.room.file`` are both the module ``femfit.room.file``."""
-    place = package_root().joinpath(*target.split(".")[1:])
-    return target if place.is_dir() or place.with_suffix(".py").is_file() else target.rpartition(".")[0]
+    targets = [name for name in imported_modules(text) if name.partition(".")[0] == PACKAGE]
+    return [name if (ROOT / _file_of(name)).is_file() else name.rpartition(".")[0] for name in targets]
 
 
-def _read(name: str) -> SourceFile:
-    place = package_root().joinpath(*name.split(".")[1:])
-    path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-    if not path.is_file():
-        raise FemfitError(f"Module {name} is imported but {path} does not exist; install femfit again.")
-    return SourceFile(name, path, path.read_text(encoding="utf-8"))
+def _file_of(name: str) -> Path:
+    """A module's place in the package's directory."""
+    place = Path(*name.split(".")[1:])
+    return place / "__init__.py" if (ROOT / place).is_dir() else place.with_suffix(".py")
