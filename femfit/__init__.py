@@ -14,7 +14,7 @@ _PLACES = {
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
     "AddResult": "femfit.identify.refit.add_result:AddResult",
     "BenchTable": "femfit.tables.measurement:BenchTable",
-    "CoilIntegral": "femfit.integrate.integrate_coil:CoilIntegral",
+    "CoilIntegral": "femfit.integrate.coil_integral:CoilIntegral",
     "Comparison": "femfit.identify.comparison.compare:Comparison",
     "Diagnosis": "femfit.identify.decision.diagnosis:Diagnosis",
     "FemfitError": "femfit.core.errors:FemfitError",

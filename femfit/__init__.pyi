@@ -16,7 +16,7 @@ from femfit.identify.decision.diagnosis import Diagnosis as Diagnosis
 from femfit.identify.experiments.suggest import suggest as suggest
 from femfit.identify.refit.add_effects import add_effects as add_effects
 from femfit.identify.refit.add_result import AddResult as AddResult
-from femfit.integrate.integrate_coil import CoilIntegral as CoilIntegral
+from femfit.integrate.coil_integral import CoilIntegral as CoilIntegral
 from femfit.integrate.integrate_coil import integrate_coil as integrate_coil
 from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
