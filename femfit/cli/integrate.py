@@ -64,8 +64,7 @@ def integrate(
     still_A : float
         Of ffa2: a current that moves by less in a second is on a plateau; default 0.1 A.
     current_to_field : float
-        Of cs2, in A/T: the magnet's current over its field. Say by --reference-gain-sigma how well it is known; it is
-        weighed as good to 1 % otherwise.
+        Of cs2, in A/T: the magnet's current over its field. Say by --reference-gain-sigma how well it is known.
     lab : Path
         Of cs2-identified: a record with Hall probe and current of a cycled magnet, to identify its field from.
     field_model : Path

@@ -70,8 +70,7 @@ MODEL_ERROR_TIME_S = 1.0
 it. Chosen: the scale of a ramp."""
 
 SWEPT_SHARE = 0.01
-"""Of its largest field that a swept model, and of its field that a current over a ratio, is believed to be off by.
-Chosen: remanence, saturation and eddy currents."""
+"""Of its largest field that a swept model is believed to be off by, remanence and eddy currents included. Chosen."""
 
 SETTLING_S = 1.0
 """After each ramp, before ffa2 takes the mean voltage for the offset. Chosen: eddy currents of a small actuator decay

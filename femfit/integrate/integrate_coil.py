@@ -17,12 +17,10 @@ from femfit.core.finding import Finding
 from femfit.core.outputs import FIELD_MODEL, RAW_SIDECAR, require_outputs
 from femfit.integrate.coil_integral import CoilIntegral
 from femfit.integrate.constants import (
-    FIRST_FIELD_SIGMA_T,
     LARGEST_VOLTAGE_V,
     OFFSET_SIGMA_V,
     SETTLING_S,
     STILL_A,
-    SWEPT_SHARE,
 )
 from femfit.integrate.field_of_current import FieldModel, field_of_ratio, read_field_model, write_field_model
 from femfit.integrate.identified_field import field_of_lab_record, field_of_swept_model
@@ -247,9 +245,8 @@ class _CurrentField:
 
 
 def _of_ratio(ratio: float, gain_sigma: float | None, offset_sigma: float | None) -> _CurrentField:
-    floor = FIRST_FIELD_SIGMA_T if offset_sigma is None else offset_sigma
-    sigma = LinearSigma(floor, SWEPT_SHARE if gain_sigma is None else gain_sigma)
-    return _CurrentField(field_of_ratio(ratio, floor), None, sigma, ratio)
+    sigma = LinearSigma(offset_sigma or 0.0, gain_sigma or 0.0)
+    return _CurrentField(field_of_ratio(ratio, sigma.floor), None, sigma, ratio)
 
 
 def _identified(coil: SensingCoil, lab: str | Path | None, given: str | Path | FieldModel | None) -> _CurrentField:

@@ -26,8 +26,9 @@ FILTERS = ("cs1-offset", "cs2", "cs2-identified")
 class IntegrationOptions:
     """What a method is given besides the record.
 
-    No initial field in T is 0 for feed-forward methods, and the reference's first reading for filters; no
-    ``reference_sigma`` of the field model is its rms; no noise evaluates it from the record's first block.
+    No initial field in T is 0 for feed-forward methods, and the reference's first reading for filters. No
+    ``reference_sigma`` of the field model, beside the current's own noise, is its rms. No noise evaluates it from the
+    record's first block.
     """
 
     method: Method
@@ -85,7 +86,12 @@ def record_noise(options: IntegrationOptions, first: CoilBlock) -> Noise:
             raise TableError(f"{options.method} needs hall_T; instead received a record without it.")
         hall = white_sigma(first.hall)
         return Noise(voltage, LinearSigma(hall), max(10.0 * hall, 1e-3))
-    error = options.reference_sigma or LinearSigma(options.field_model.rms_T)
+    error = LinearSigma(options.field_model.rms_T)
+    if options.reference_sigma is not None:
+        if first.current is None:
+            raise TableError(f"{options.method} needs current_A; instead received a record without it.")
+        _, field = options.field_model.advance(options.field_model.start(), first.time, first.current)
+        error = LinearSigma(max(options.reference_sigma.floor, white_sigma(field)), options.reference_sigma.relative)
     return Noise(voltage, error, max(FIRST_FIELD_SIGMA_T, 3.0 * error.floor))
 
 
