@@ -122,9 +122,8 @@ def _readings(lines: list[Line], layout: Layout) -> tuple[list[Line], list[list[
 
 def _is_no_reading(cells: list[str], width: int) -> bool:
     """Whether a line at the end of a table is a footnote, or a mean or sum of the lines above."""
-    words = [word for cell in cells for word in re.findall(r"[^\W\d_]+", cell)[:1]]
-    summary = bool(words) and words[0].casefold() in _SUMMARIES
-    return summary or (len(cells) != width and not _is_data(cells))
+    words = re.findall(r"[^\W\d_]+", next(filter(None, cells), ""))
+    return (bool(words) and words[0].casefold() in _SUMMARIES) or (len(cells) != width and not _is_data(cells))
 
 
 def _deciding(rows: Sequence[Sequence[str]], layout: Layout) -> set[str]:
@@ -244,7 +243,7 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
                 name if parse_header(name).unit or unit in {"", "-", "1"} else f"{name} [{unit}]"
                 for name, unit in zip(headers, units, strict=True)
             )
-        elif line_number == below[0][0] and len(set(headers)) < width:
+        elif line_number == below[0][0] and len(set(headers)) < width and sum(map(bool, cells)) > 1:
             headers = _two_lines(headers, cells)
         else:
             continue
@@ -258,7 +257,7 @@ def _two_lines(groups: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ..
     group = ""
     for above, below in zip(groups, names, strict=True):
         group = above or group
-        headers.append(f"{group} {below}".strip())
+        headers.append(f"{group} {below}".strip() if below else above)
     return tuple(headers)
 
 

@@ -123,6 +123,13 @@ def test_repeated_headers_footnotes_and_a_line_of_means_are_no_readings(tmp_path
     assert any("Mean" in str(said) for said in read_measurement(path).findings)
 
 
+def test_a_word_beside_the_last_reading_is_no_line_of_means(tmp_path):
+    rows = [f"{d};{i};{f};{'max' if d == 4 else 'ok'}" for d, i, f in POINTS]
+    assert (
+        len(read_measurement(written(tmp_path / "a.csv", "Luftspalt [mm];Strom [A];Kraft [cN];Status", rows)).rows) == 4
+    )
+
+
 @pytest.mark.parametrize("below", ["actual\tmean\tmean", "mm\tA\tcN"])
 def test_a_second_line_of_the_header_is_used_or_said(tmp_path, below):
     path = written(tmp_path / "a.csv", "air gap\tcurrent\tpull\n" + below, ["2\t0.5\t25.4", "2\t1\t48.1", "4\t1\t13"])

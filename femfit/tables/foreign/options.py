@@ -45,28 +45,20 @@ class ImportOptions:
 
     Parameters
     ----------
-    columns : mapping of str to str
-        Header to the column of the sweep table that it is (``force_N``, or ``force``).
-    units : mapping of str to str
-        Header, or column of the sweep table, to its unit in the file, or to a number that multiplies it to SI.
+    columns, units : mapping of str to str
+        Header to the column of the sweep table that it is; header or column to its unit, or to a factor to SI.
     column_names : tuple of str
         Names of the columns of a table without a header line, in order; of a matrix, its first row.
-    form : {"auto", "long", "matrix"}
-        One row a point, or force(distance, current) with the axes in the first row and column.
-    matrix_rows : {"auto", "distance", "current"}
-        What the first column of a matrix holds.
-    delimiter : str or None
-        One character, or a blank for any run of blanks.
+    form, matrix_rows : str
+        One row a point, or force(distance, current) with axes; and what the first column of such a matrix holds.
     file_currents_A, file_distances_m : tuple of float
         Current (distance) of each file, in the order of the files, where no column holds it.
-    distance_step_m, distance_start_m : float or None
-        distance = start + step * column; a start without a step shifts the column.
-    flip_distance : bool
-        distance = start - column, for positions that count towards the electromagnet.
+    distance_step_m, distance_start_m, flip_distance : float or None, bool
+        distance = start + step * column, or start - column for positions that count towards the electromagnet.
     flip_current : bool
         Negate current and flux linkage (co-energy and force stay what they are).
-    accept : tuple of str
-        Codes of error findings that shall not stop the import.
+    without, accept : tuple of str
+        Quantities that are left out; codes of error findings that shall not stop the import.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
