@@ -200,9 +200,7 @@ def _loop_line(study: "ClosedLoopStudy") -> str:
 
 
 def _loop_data(study: "ClosedLoopStudy | None") -> dict[str, object] | None:
-    from femfit.simulation.study_text import study_data
-
-    return None if study is None else dict(study_data(study))
+    return None if study is None else study.data()
 
 
 def _begin_report(

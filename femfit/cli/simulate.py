@@ -7,7 +7,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 ControllerOption = Literal["backstepping", "pid"]
-FilterOption = Literal["direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4"]
+FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 
 
 def simulate(
@@ -40,8 +40,8 @@ def simulate(
     controller : str
         pid (default) or backstepping.
     observer : str
-        ukf4 (default), ekf4 or srukf4, which estimate the Hall offset as a fourth state; ukf, ekf or srukf, which do
-        not; or direct, which inverts the Hall voltage without a filter.
+        ukf4 (default) or ekf4, which estimate the Hall offset as a fourth state; ukf or ekf, which do not; or direct,
+        which inverts the Hall voltage without a filter.
     noise_mV : float
         White noise of a Hall sample; default: the model's.
     hall_bias_mV : float
@@ -78,11 +78,10 @@ def simulate(
     faults = (hall_bias_mV, drift_mV_per_s, force_scale - 1.0, dropout)
     if all(choice is None for choice in chosen) and not any(faults):
         from femfit.simulation.study import closed_loop_study
-        from femfit.simulation.study_text import study_data
 
         study = closed_loop_study(actuator, seed, noise)
         print(study)
-        write_json(json, study_data(study))
+        write_json(json, study.data())
         return
     from femfit.simulation.close_loop import close_loop
 

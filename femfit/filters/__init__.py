@@ -1,1 +1,1 @@
-"""State estimators: UKF, square-root UKF, EKF. numpy only."""
+"""Kalman filters of a model, and what they can reach. numpy only."""

@@ -118,25 +118,3 @@ def hall_inverse(model: ActuatorModel) -> HallInverse:
     volts = sensor.voltage(distances, np.asarray(middle))
     order = np.argsort(volts)
     return HallInverse(model, distances[order], volts[order])
-
-
-def hall_distance(model: ActuatorModel, hall_voltage: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Distance from Hall voltage and current, once; in a loop keep a :func:`hall_inverse`.
-
-    Parameters
-    ----------
-    hall_voltage, current : array, shape (n,)
-        As in :meth:`HallInverse.distance`.
-    """
-    return hall_inverse(model).distance(hall_voltage, current)
-
-
-def static_current(model: ActuatorModel, voltage: FloatArray) -> FloatArray:
-    """Static current u / R, the one current that the paper's compensation CH assumes.
-
-    Parameters
-    ----------
-    voltage : array
-        Across the winding, in V.
-    """
-    return np.asarray(voltage) / model.require_circuit().resistance_ohm

@@ -14,7 +14,7 @@ from typing import final
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.filters.filter import Correction, Filter, Moments, moments_of
+from femfit.filters.filter import Correction, Filter, Moments
 from femfit.filters.filter_state import FilterState
 
 
@@ -28,13 +28,12 @@ class ExtendedFilter(Filter):
         mean = self.process.transition(state.mean, voltage).astype(dtype, copy=False)
         jacobian = self.process.state_jacobian(state.mean, voltage).astype(dtype, copy=False)
         covariance = jacobian @ state.covariance @ jacobian.swapaxes(1, 2)
-        return moments_of(mean, covariance + self.process.process_covariance.astype(dtype))
+        return Moments(mean, covariance + self.process.process_covariance.astype(dtype, copy=False))
 
     def _corrected(self, state: FilterState, measurement: FloatArray) -> Correction:
-        dtype = state.mean.dtype
+        dtype, noise = state.mean.dtype, self.process.measurement_variance
         predicted = self.process.measure(state.mean).astype(dtype, copy=False)
         slope = self.process.output_jacobian(state.mean).astype(dtype, copy=False)
-        noise = dtype.type(self.process.measurement_variance)
         cross = np.einsum("rij,rj->ri", state.covariance, slope)
         variance = np.einsum("ri,ri->r", slope, cross) + noise
         gain = cross / variance[:, None]
@@ -42,5 +41,4 @@ class ExtendedFilter(Filter):
         mean = state.mean + gain * innovation[:, None]
         kept = np.eye(self.process.order, dtype=dtype) - gain[:, :, None] * slope[:, None, :]
         covariance = kept @ state.covariance @ kept.swapaxes(1, 2) + noise * gain[:, :, None] * gain[:, None, :]
-        covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
-        return Correction(moments_of(mean, covariance), innovation, variance)
+        return Correction(Moments(mean, 0.5 * (covariance + covariance.swapaxes(1, 2))), innovation, variance)

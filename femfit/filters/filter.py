@@ -5,59 +5,33 @@ innovations is here, once.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import FilterError
-from femfit.filters.cholesky import cholesky, empty_matrices
+from femfit.filters.cholesky import cholesky
 from femfit.filters.constants import BAND_99_9, DIVERGENCE_STEPS
-from femfit.filters.filter_state import FilterState
-from femfit.filters.outcome import FilterOutcome
+from femfit.filters.filter_state import FilterOutcome, FilterState
 from femfit.filters.process import FilterProcess
 from femfit.filters.single_step import SingleStep
 
+RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to look up
 
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """Mean, covariance and its factor of many runs.
 
-    Parameters
-    ----------
-    mean : array, shape (runs, n)
-        Means.
-    covariance, factor : array, shape (runs, n, n)
-        Covariance P and lower L with L L^T = P.
-    definite : array of bool, shape (runs,)
-        Where P is positive definite.
-    """
+class Moments(NamedTuple):
+    """Means of shape (runs, n) and covariances of shape (runs, n, n), symmetric up to rounding."""
 
     mean: FloatArray
     covariance: FloatArray
-    factor: FloatArray
-    definite: BoolArray
-    points: FloatArray | None = None
 
 
-def moments_of(mean: FloatArray, covariance: FloatArray, points: FloatArray | None = None) -> Moments:
-    """Moments with the factor of the covariance, which is symmetric up to rounding."""
-    factor, definite = cholesky(covariance)
-    return Moments(mean, covariance, factor, definite, points)
-
-
-@dataclass(frozen=True, eq=False)
-class Correction:
-    """Result of an update.
-
-    Parameters
-    ----------
-    innovation, innovation_variance : array, shape (runs,)
-        Measurement minus prediction, and its expected square.
-    """
+class Correction(NamedTuple):
+    """What an update gives; innovation and variance have the shape (runs,)."""
 
     moments: Moments
     innovation: FloatArray
@@ -70,8 +44,6 @@ class Filter(ABC):
 
     Parameters
     ----------
-    process : FilterProcess
-        The world as told to the filter.
     divergence_steps : int
         A run is named INNOVATIONS_OUT_OF_BAND once more than half of its last (exponentially weighted) so many
         innovations left their 99.9 % band; a true filter leaves it once in a thousand steps.
@@ -129,7 +101,7 @@ class Filter(ABC):
             )
         runs = len(mean) if mean.ndim == 2 else runs
         mean = np.array(np.broadcast_to(mean, (runs, order)), dtype, order="F")
-        matrices = empty_matrices(runs, order, dtype)
+        matrices = np.empty((order, order, runs), dtype).transpose(2, 0, 1)
         matrices[:] = covariance
         factor, definite = cholesky(matrices)
         if not (np.all(definite) and np.all(np.isfinite(mean))):
@@ -142,7 +114,6 @@ class Filter(ABC):
             mean=mean,
             covariance=matrices,
             factor=factor,
-            points=None,
             innovation=unknown,
             innovation_variance=unknown,
             out_of_band=np.zeros(runs, dtype=dtype),
@@ -151,21 +122,18 @@ class Filter(ABC):
 
     @final
     def predict(self, state: FilterState, voltage: FloatArray | float) -> FilterState:
-        """The state one sample later.
+        """The state one sample later, before its measurement.
 
         Parameters
         ----------
         voltage : array, shape (runs,), or float
             Input u held from this sample to the next.
-
-        Returns
-        -------
-        FilterState
-            Of the next sample, before its measurement.
         """
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
-            return self._next(state, self._predicted(state, _per_run(state, voltage)), state.outcome)
+            moments = self._predicted(state, _per_run(state, voltage))
+            known = state.innovation, state.innovation_variance, state.out_of_band
+            return self._next(moments, known, state.outcome)
 
     @final
     def update(self, state: FilterState, measurement: FloatArray | float) -> FilterState:
@@ -177,20 +145,14 @@ class Filter(ABC):
             z.
         """
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
-            correction = self._corrected(state, _per_run(state, measurement))
-            innovation, variance = correction.innovation, correction.innovation_variance
+            moments, innovation, variance = self._corrected(state, _per_run(state, measurement))
             outside = innovation**2 > BAND_99_9 * variance
             fraction = state.out_of_band + (outside - state.out_of_band) / self.divergence_steps
             outcome = state.outcome
-            if (out := (fraction > 0.5) & (outcome == FilterOutcome.RUNNING)).any():
+            if (out := (fraction > 0.5) & (outcome == RUNNING)).any():
                 outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
-            following = self._next(state, correction.moments, outcome)
-        return replace(
-            following,
-            innovation=innovation,
-            innovation_variance=variance,
-            out_of_band=fraction.astype(state.mean.dtype, copy=False),
-        )
+            fraction = fraction.astype(state.mean.dtype, copy=False)
+            return self._next(moments, (innovation, variance, fraction), outcome)
 
     @final
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: FloatArray | float) -> FilterState:
@@ -219,35 +181,29 @@ class Filter(ABC):
             mean=numbers[2 * entries : -3].reshape(1, order),
             covariance=numbers[:entries].reshape(1, order, order),
             factor=numbers[entries : 2 * entries].reshape(1, order, order),
-            points=None,
             innovation=numbers[-3:-2],
             innovation_variance=numbers[-2:-1],
             out_of_band=numbers[-1:],
             outcome=state.outcome,
         )
 
-    def _next(self, state: FilterState, moments: Moments, outcome: IntArray) -> FilterState:
-        """Name what went wrong; the first name of a run stays."""
-        finite = np.isfinite(moments.mean).all(axis=1)
-        healthy = finite & moments.definite
-        mean = moments.mean
-        if not healthy.all():
+    def _next(
+        self, moments: Moments, known: tuple[FloatArray, FloatArray, FloatArray], outcome: IntArray
+    ) -> FilterState:
+        """Name what went wrong; the first name of a run stays. ``known`` is what a state holds of innovations."""
+        mean, covariance = moments
+        factor, definite = cholesky(covariance)
+        if not (definite.all() and np.isfinite(mean).all()):
+            finite = np.isfinite(mean).all(axis=1)
+            healthy = finite & definite
             code = np.where(finite, FilterOutcome.COVARIANCE_LOST, FilterOutcome.NOT_FINITE)
-            running = state.outcome == FilterOutcome.RUNNING
-            outcome = np.where(running & ~healthy, code, outcome)
-            mean = np.where(healthy[:, None], mean, np.nan).astype(state.mean.dtype, copy=False)
-        lost = healthy & ~self.process.plausible(mean)
-        if lost.any():
-            running = state.outcome == FilterOutcome.RUNNING
-            outcome = np.where(running & lost, FilterOutcome.LEFT_MODEL, outcome)
-        return replace(
-            state,
-            mean=mean,
-            covariance=moments.covariance,
-            factor=moments.factor,
-            points=moments.points,
-            outcome=outcome,
-        )
+            outcome = np.where((outcome == RUNNING) & ~healthy, code, outcome)
+            mean = np.where(healthy[:, None], mean, np.nan).astype(mean.dtype, copy=False)
+        plausible = self.process.plausible(mean)
+        if not plausible.all():
+            # A run that broke down has its name already
+            outcome = np.where((outcome == RUNNING) & ~plausible, FilterOutcome.LEFT_MODEL, outcome)
+        return FilterState(mean, covariance, factor, *known, outcome)
 
 
 def _per_run(state: FilterState, value: FloatArray | float) -> FloatArray:

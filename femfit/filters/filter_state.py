@@ -1,12 +1,46 @@
-"""The state of a batch of filters: what one step hands to the next."""
+"""The state of a batch of filters, which one step hands to the next, and how a run ended."""
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.core.errors import FilterError
-from femfit.filters.outcome import FilterOutcome
+
+
+class FilterOutcome(IntEnum):
+    """How a run ended; the first outcome other than RUNNING stays."""
+
+    RUNNING = 0
+    COVARIANCE_LOST = 1
+    NOT_FINITE = 2
+    LEFT_MODEL = 3
+    INNOVATIONS_OUT_OF_BAND = 4
+
+    @property
+    def sentence(self) -> str:
+        """What happened and what to do about it."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    FilterOutcome.RUNNING: "The filter runs.",
+    FilterOutcome.COVARIANCE_LOST: (
+        "The covariance is no longer positive definite. Use double precision, and a process covariance that is "
+        "positive definite."
+    ),
+    FilterOutcome.NOT_FINITE: (
+        "A measurement, input or estimate is not a finite number. Check the sensor's samples and the initial state."
+    ),
+    FilterOutcome.LEFT_MODEL: (
+        "The estimate went far outside of the distances and currents for which the model was fitted: the moving part "
+        "is lost or the initial state is wrong. Start again from a measured distance."
+    ),
+    FilterOutcome.INNOVATIONS_OUT_OF_BAND: (
+        "Most innovations stayed outside of their 99.9 % band: model, noise or sensor are not what the filter was "
+        "given. Check the sensor's offset (4-state filter), the measurement noise and the force law."
+    ),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,16 +51,10 @@ class FilterState:
     ----------
     mean : array, shape (runs, n)
         Estimated state; NaN from the step at which a run broke down numerically.
-    covariance : array, shape (runs, n, n)
-        Of the estimate's error.
-    factor : array, shape (runs, n, n)
-        Lower Cholesky factor of the covariance.
-    points : array, shape (runs, 2n + 1, n), or None
-        Predicted sigma points, kept for the update where the filter reuses them.
-    innovation : array, shape (runs,)
-        Measurement minus its prediction at the last update; NaN before the first.
-    innovation_variance : array, shape (runs,)
-        What the filter expects of its square.
+    covariance, factor : array, shape (runs, n, n)
+        Of the estimate's error, and its lower Cholesky factor.
+    innovation, innovation_variance : array, shape (runs,)
+        Measurement minus its prediction at the last update, and its expected square; NaN before the first.
     out_of_band : array, shape (runs,)
         Recent fraction of innovations outside of their band.
     outcome : array of int, shape (runs,)
@@ -36,7 +64,6 @@ class FilterState:
     mean: FloatArray
     covariance: FloatArray
     factor: FloatArray
-    points: FloatArray | None
     innovation: FloatArray
     innovation_variance: FloatArray
     out_of_band: FloatArray
@@ -50,7 +77,7 @@ class FilterState:
     @property
     def diverged(self) -> BoolArray:
         """Which runs have an outcome other than RUNNING."""
-        return np.asarray(self.outcome != FilterOutcome.RUNNING)
+        return self.outcome != 0
 
     @property
     def normalised_innovation_squared(self) -> FloatArray:
@@ -60,13 +87,3 @@ class FilterState:
     def outcomes(self) -> tuple[FilterOutcome, ...]:
         """The outcome of every run."""
         return tuple(FilterOutcome(int(code)) for code in self.outcome)
-
-    def require_running(self) -> None:
-        """Refuse to go on with a diverged run."""
-        if np.any(self.diverged):
-            run = int(np.flatnonzero(self.diverged)[0])
-            outcome = FilterOutcome(int(self.outcome[run]))
-            raise FilterError(
-                f"{int(np.sum(self.diverged))} of {self.runs} filters diverged; run {run}: "
-                f"{outcome.name.lower()}. {outcome.sentence}"
-            )

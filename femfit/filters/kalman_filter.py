@@ -10,18 +10,13 @@ from femfit.filters.extended import ExtendedFilter
 from femfit.filters.filter import Filter
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import FilterNoise, initial_covariance, with_memory
-from femfit.filters.square_root import SquareRootUnscentedFilter
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 
-FilterKind = Literal["ukf", "ekf", "srukf"]
+FilterKind = Literal["ukf", "ekf"]
 
-_KINDS: dict[str, type[Filter]] = {
-    "ukf": UnscentedFilter,
-    "ekf": ExtendedFilter,
-    "srukf": SquareRootUnscentedFilter,
-}
+_KINDS: dict[str, type[Filter]] = {"ukf": UnscentedFilter, "ekf": ExtendedFilter}
 
 
 def kalman_filter(
@@ -37,8 +32,8 @@ def kalman_filter(
 
     Parameters
     ----------
-    kind : {'ukf', 'ekf', 'srukf'}
-        Unscented, extended or square-root unscented.
+    kind : {'ukf', 'ekf'}
+        Unscented or extended.
     hall_bias : bool
         Estimate the Hall element's offset as the last state.
     noise : FilterNoise or None

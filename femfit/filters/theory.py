@@ -1,18 +1,21 @@
-"""What any filter can reach at an operating point: the unstable pole and the best noise reduction.
+"""What any filter can reach at an operating point, and whether its innovations are as large as it says.
 
 At constant current the body obeys d'' = lambda^2 d with lambda^2 = -(dF/dd) / m about the point where F = m g. Without
 process noise a steady Kalman filter mirrors the unstable pole to -lambda, and its error variance is 2 lambda times the
-measurement's spectral density r = R t_s. Hence standard deviation of the measurement over that of the estimate is at
-most 1 / sqrt(2 lambda t_s). With white acceleration noise of density q and rho = q / (r lambda^4) the poles s obey
-(s^2 - lambda^2)^2 = -rho lambda^4, and the ratio falls by the factor ((1 + sqrt(1 + rho)) / 2)^(-1/4).
+measurement's spectral density R t_s. Hence standard deviation of the measurement over that of the estimate is at most
+1 / sqrt(2 lambda t_s).
 
 References
 ----------
 B. D. O. Anderson and J. B. Moore, Optimal Filtering (Prentice-Hall, 1979), section 4.4 (steady state of a filter for an
 unstable process), applied here to d'' = lambda^2 d.
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 5.4 (consistency).
 """
 
+from dataclasses import dataclass
 from functools import partial
+from statistics import NormalDist
 
 import numpy as np
 
@@ -62,6 +65,25 @@ def noise_ratio_bound(model: ActuatorModel, distance: float) -> float:
     return float(1.0 / np.sqrt(2.0 * unstable_pole(model, distance) * model.sample_time_s))
 
 
-def noise_ratio_with_process_noise(bound: float, rho: float) -> float:
-    """The ratio that remains with white acceleration noise."""
-    return float(bound * (0.5 * (1.0 + np.sqrt(1.0 + rho))) ** -0.25)
+@dataclass(frozen=True)
+class ConsistencyBand:
+    """Interval for a mean of normalised innovations squared; 1 is expected."""
+
+    lower: float
+    upper: float
+
+    def contains(self, value: float) -> bool:
+        """Whether a mean lies in the band; NaN does not."""
+        return self.lower <= value <= self.upper
+
+
+def consistency_band(samples: int, confidence: float = 0.95) -> ConsistencyBand:
+    """Two-sided band of the mean of so many normalised innovations squared.
+
+    Those of a true filter are chi-square with one degree of freedom and white, so that their sum is chi-square with
+    ``samples``. Quantiles by E. B. Wilson and M. M. Hilferty's cube-root transformation (Proc. Natl. Acad. Sci. 17
+    (1931) 684), within 0.1 % for 60 samples and more (numpy has none).
+    """
+    width = 2.0 / (9.0 * samples)
+    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence) * width**0.5
+    return ConsistencyBand((1.0 - width - z) ** 3, (1.0 - width + z) ** 3)

@@ -1,21 +1,30 @@
-"""The unscented Kalman filter with control input, the paper's (19) to (31).
+"""The unscented Kalman filter with control input, the paper's (19) to (31), in difference form.
+
+With delta_i = Y_i - Y_0 and s = sum_i W_i delta_i, the weighted mean is Y_0 + s, and the weighted covariance about it
+is sum_{i>0} W_i delta_i delta_i^T + (2 - alpha^2) s s^T: the centre weight, -2.5e5 for alpha = 0.002, has cancelled
+algebraically, so that it cannot cancel numerically. New points are drawn for the update, so that they contain Q.
+
+Points are arrays of shape (n, 2n + 1, runs), the centre first: what is computed for all runs at once lies together in
+memory.
 
 References
 ----------
-A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504.
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (19) to (31).
 S. J. Julier and J. K. Uhlmann, Proc. IEEE 92 (2004) 401.
+S. J. Julier, The scaled unscented transformation, American Control Conference (2002) 4555.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 from typing import final
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.filters.filter import Correction, Moments, moments_of
+from femfit.core.errors import FilterError
+from femfit.filters.filter import Correction, Filter, Moments
 from femfit.filters.filter_state import FilterState
-from femfit.filters.sigma_points import SigmaPointFilter, deviations
 from femfit.filters.single_step import single_step
 
 DOUBLE = np.dtype(np.float64)
@@ -23,34 +32,78 @@ DOUBLE = np.dtype(np.float64)
 
 @final
 @dataclass(frozen=True, eq=False)
-class UnscentedFilter(SigmaPointFilter):
-    """Unscented Kalman filter in difference form."""
+class UnscentedFilter(Filter):
+    """Unscented Kalman filter.
+
+    Parameters
+    ----------
+    alpha : float
+        Scaling of the sigma points, with beta = 2 (a Gaussian) and kappa = 0.
+    """
+
+    alpha: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.alpha > 0.0:
+            raise FilterError(f"Sigma points need alpha > 0; instead received {self.alpha:g}.")
+
+    @cached_property
+    def _scaling(self) -> tuple[float, float, float]:
+        """Spread sqrt(n + lambda) of the points, weight W_i of all but the centre, and weight of s s^T."""
+        spread = self.alpha * sqrt(self.process.order)
+        return spread, 0.5 / spread**2, 2.0 - self.alpha**2
 
     def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
-        moved = self.propagated(state, voltage)
-        delta, shift = deviations(moved, self.weight)
-        dtype = moved.dtype.type
+        _, weight, shift_weight = self._scaling
+        points = self._points(state)
+        order, count, runs = points.shape
+        inputs = np.empty((count, runs), voltage.dtype)
+        inputs[:] = voltage
+        moved = self.process.transition(points.reshape(order, -1).T, inputs.ravel())
+        moved = np.ascontiguousarray(moved.T, dtype=points.dtype).reshape(points.shape)
+        delta, shift = _deviations(moved, weight)
         covariance = np.einsum("iar,jar->ijr", delta, delta)
-        covariance *= dtype(self.weight)
-        covariance += dtype(self.shift_weight) * (shift[:, None] * shift)
-        covariance += self.process.process_covariance.astype(moved.dtype)[:, :, None]
-        return moments_of((moved[:, 0] + shift).T, covariance.transpose(2, 0, 1), None if self.redraw else moved)
+        covariance *= weight
+        covariance += shift_weight * (shift[:, None] * shift)
+        covariance += self.process.process_covariance.astype(moved.dtype, copy=False)[:, :, None]
+        return Moments((moved[:, 0] + shift).T, covariance.transpose(2, 0, 1))
 
     def _corrected(self, state: FilterState, measurement: FloatArray) -> Correction:
-        predicted, variance, cross = self.output_moments(state)
-        innovation = measurement - predicted
+        _, weight, shift_weight = self._scaling
+        points = self._points(state)
+        values = self.process.measure(points.reshape(len(points), -1).T)
+        values = values.astype(points.dtype, copy=False).reshape(points.shape[1:])
+        delta, shift = _deviations(points, weight)
+        delta_z, shift_z = _deviations(values, weight)
+        variance = weight * np.einsum("kr,kr->r", delta_z, delta_z)
+        variance += shift_weight * shift_z**2 + self.process.measurement_variance
+        cross = weight * np.einsum("kr,ikr->ir", delta_z, delta)
+        cross += shift_weight * shift_z * shift
+        innovation = measurement - (values[0] + shift_z)
         mean = state.mean + (cross * (innovation / variance)).T
         covariance = state.covariance - (cross[:, None] * cross / variance).transpose(2, 0, 1)
-        return Correction(moments_of(mean, covariance), innovation, variance)
+        return Correction(Moments(mean, covariance), innovation, variance)
+
+    def _points(self, state: FilterState) -> FloatArray:
+        """The points mean, mean + spread L_k and mean - spread L_k, eq. (20)."""
+        runs, order = state.mean.shape
+        points = np.empty((order, 2 * order + 1, runs), dtype=state.mean.dtype)
+        columns, centre = self._scaling[0] * state.factor.transpose(1, 2, 0), state.mean.T
+        points[:, 0] = centre
+        np.add(centre[:, None], columns, out=points[:, 1 : order + 1])
+        np.subtract(centre[:, None], columns, out=points[:, order + 1 :])
+        return points
 
     def _step_alone(self, state: FilterState, voltage: float, measurement: float) -> FilterState | None:
-        if not self.redraw or state.mean.dtype != DOUBLE:
+        if state.mean.dtype != DOUBLE:
             return None
         step = single_step(
             self.process, state.mean[0].tolist(), state.factor[0].tolist(), voltage, measurement, self._scaling
         )
         return None if step is None else self._next_alone(state, step)
 
-    @cached_property
-    def _scaling(self) -> tuple[float, float, float]:
-        return self.spread, self.weight, self.shift_weight
+
+def _deviations(values: FloatArray, weight: float) -> tuple[FloatArray, FloatArray]:
+    """delta_i = Y_i - Y_0 of shape (..., 2n, runs), and their weighted sum s = mean - Y_0."""
+    delta = values[..., 1:, :] - values[..., :1, :]
+    return delta, weight * delta.sum(axis=-2)

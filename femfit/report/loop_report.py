@@ -10,8 +10,7 @@ from femfit.report.numbers import percent, quantity
 from femfit.report.page import Drawing
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure, styled, words
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.fault import FaultRow
-from femfit.simulation.study import ClosedLoopStudy, SpectrumPair, StepSeries
+from femfit.simulation.study import ClosedLoopStudy, FaultRow, SpectrumPair, StepSeries
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,9 +85,7 @@ def _fault(experiment: Experiment) -> str:
         return f"Hall offset {quantity(experiment.offset_V, 'V', 2)}"
     if experiment.force_scale != 1.0:
         return f"true force {percent(experiment.force_scale - 1.0)} above the model's"
-    cutoff = experiment.velocity_cutoff_rad_s
-    derivative = f"no filter, derivative below {cutoff:.0f} rad/s" if np.isfinite(cutoff) else "no filter"
-    return derivative if experiment.noise_V is None else f"{derivative}, noise {quantity(experiment.noise_V, 'V', 2)}"
+    return "no filter"
 
 
 @styled
@@ -120,10 +117,9 @@ def spectrum_figure(pair: SpectrumPair) -> "Figure":
     """Draw spectra of the direct measurement and of the filter at rest."""
     figure = new_figure(2.8)
     axes = figure.subplots()
-    for spectrum, colour, name in ((pair.direct, ORANGE, "direct"), (pair.filtered, BLUE, "ukf")):
-        keep = spectrum.frequency_Hz > 0.0
-        amplitude = MICRO * spectrum.amplitude_m[keep]
-        axes.loglog(spectrum.frequency_Hz[keep], amplitude, color=colour, linewidth=1.1, label=name_of(name))
+    keep = pair.frequency_Hz > 0.0
+    for amplitude, colour, name in ((pair.direct_m, ORANGE, "direct"), (pair.filtered_m, BLUE, "ukf")):
+        axes.loglog(pair.frequency_Hz[keep], MICRO * amplitude[keep], color=colour, linewidth=1.1, label=name_of(name))
     axes.set(xlabel=words("loop", "frequency"), ylabel=words("loop", "amplitude"))
     axes.legend(loc="lower left")
     return figure

@@ -1,6 +1,7 @@
 """Close the loop around a model, and say whether it held, how well, and if not, why."""
 
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
@@ -12,16 +13,15 @@ from femfit.core import atomic
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
-from femfit.filters.consistency import ConsistencyBand, consistency_band
+from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.loop import LoopResult
-from femfit.simulation.outcome import LoopOutcome
-from femfit.simulation.study_text import design_data, design_lines
-from femfit.simulation.why_lost import why_lost
+from femfit.simulation.loop import LoopOutcome, LoopResult
+from femfit.simulation.loop_text import design_data, design_lines, verdict
+from femfit.simulation.why_lost import LostLoop, why_lost
 
 SERIES_COLUMNS = (
     "voltage_V",
@@ -101,18 +101,12 @@ class LoopSummary:
         return f"<pre>{escape(str(self))}</pre>"
 
     def _lines(self) -> list[str]:
-        experiment, step = self.experiment, self.design.model.sample_time_s
-        verdict = "Held" if self.held == self.runs else "Lost" if self.held == 0 else "Lost in part"
-        around = f" around the plant {self.plant}" if self.plant else ""
-        lines = [
-            (
-                f"{verdict}: {self.held} of {self.runs} runs of {self.steps * step:.3g} s held the body; "
-                f"{experiment.controller} on {experiment.observer}, {self.design.model.name}{around}"
-            )
-        ]
+        seconds = self.steps * self.design.model.sample_time_s
+        lines = [verdict(self.design, seconds, [(self.experiment, self.held, self.runs)], self.plant)]
         for name, count in self.outcomes.items():
             if name != LoopOutcome.HELD.name:
-                lines.append(f"  {count} x {name}: {LoopOutcome[name].sentence}")
+                runs = f"{count} run" if count == 1 else f"{count} runs"
+                lines.append(f"  {runs} lost: {LoopOutcome[name].sentence}")
         if self.last_loss_s is not None:
             lines.append(f"  lost between {self.first_loss_s:.4g} and {self.last_loss_s:.4g} s")
         if self.advice:
@@ -127,8 +121,8 @@ class LoopSummary:
         if self.normalised_innovation_squared is not None:
             band = self.innovation_band
             lines.append(
-                f"  normalised innovations squared {self.normalised_innovation_squared:.4f} "
-                f"(95 % band {band.lower:.4f} .. {band.upper:.4f})"
+                f"  squared errors of the filter's predictions are {self.normalised_innovation_squared:.3f} of what it "
+                f"expects (a filter that knows its errors: {band.lower:.3f} to {band.upper:.3f}, 95 %)"
             )
         return lines
 
@@ -254,6 +248,7 @@ def run_loops(
     """Repeat one experiment and sum it up while it runs: nothing is stored but what is to be recorded."""
     steps = max(1, round(duration_s / design.model.sample_time_s))
     supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT_TIME_CONSTANTS)
+    before = deepcopy(random)
     (result,) = run_experiments(
         design,
         [experiment],
@@ -265,7 +260,6 @@ def run_loops(
         recorded=recorded,
         plant=plant,
     )
-    names = [outcome.name for outcome in result.outcomes()]
     held, statistics = result.held, result.windows[0]
     quality = statistics.normalised_innovation_squared[held]
     return LoopSummary(
@@ -274,14 +268,16 @@ def run_loops(
         plant=plant.name if plant is not None else None,
         runs=runs,
         steps=steps,
-        outcomes={name: names.count(name) for name in dict.fromkeys(names)},
+        outcomes=result.counts(),
         first_loss_s=None if held.all() else float(np.nanmin(result.outcome_time_s)),
         last_loss_s=None if held.all() else float(np.nanmax(result.outcome_time_s)),
         estimate_rms_m=_spread(statistics.estimate_rms_m[held]),
         tracking_rms_m=_spread(statistics.tracking_rms_m[held]),
         normalised_innovation_squared=float(quality.mean()) if np.isfinite(quality).any() else None,
         innovation_band=consistency_band(max(1, int(held.sum())) * steps),
-        advice="" if held.all() else why_lost(design, experiment, duration_s, plant),
+        advice=""
+        if held.all()
+        else why_lost(LostLoop(design, experiment, before, runs, steps, supported, plant), result),
         result=result,
     )
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NoReturn, cast
+from typing import Literal, NoReturn, cast, get_args
 
 import numpy as np
 
@@ -13,23 +13,17 @@ from femfit.filters.direct import hall_inverse
 from femfit.filters.kalman_filter import FilterKind, kalman_filter
 from femfit.filters.noise import default_noise
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor
-from femfit.simulation.backstepping import Backstepping, design_backstepping
-from femfit.simulation.constants import (
-    COVERED_PART,
-    DESIGN_POINTS,
-    UNKNOWN_NOISE_PART,
-)
-from femfit.simulation.controller import Controller
-from femfit.simulation.observer import DirectObserver, FilterObserver, Observer
+from femfit.simulation.constants import COVERED_PART, DESIGN_POINTS, UNKNOWN_NOISE_PART
+from femfit.simulation.controllers import Backstepping, Controller, Pid, design_backstepping, design_pid
+from femfit.simulation.observers import DirectObserver, Observer
 from femfit.simulation.operating_point import OperatingPoint, current_for_force, current_range, operating_point
-from femfit.simulation.pid import Pid, design_pid
 from femfit.simulation.reference import reference_rate
 
 ControllerName = Literal["backstepping", "pid"]
-ObserverName = Literal["direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4"]
+ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 
-CONTROLLERS: tuple[ControllerName, ...] = ("backstepping", "pid")
-OBSERVERS: tuple[ObserverName, ...] = ("direct", "ukf", "ekf", "srukf", "ukf4", "ekf4", "srukf4")
+CONTROLLERS: tuple[ControllerName, ...] = get_args(ControllerName)
+OBSERVERS: tuple[ObserverName, ...] = get_args(ObserverName)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +39,7 @@ class LoopDesign:
     pid : Pid or None
         Designed for the middle one; None where there is none for it.
     noise_V : float
-        White noise of a Hall sample, in the sensor and as told to the filters.
+        White noise of a Hall sample, in the sensor and as the filters know it.
     why_no_pid : str
         Why there is no PID controller; empty where there is one.
     """
@@ -90,16 +84,11 @@ class LoopDesign:
         """The names of the controllers that there are."""
         return CONTROLLERS if self.pid is not None else tuple(name for name in CONTROLLERS if name != "pid")
 
-    def observer(
-        self,
-        name: ObserverName,
-        distance_deviation_m: float = FIRST_DEVIATION_M,
-        velocity_cutoff_rad_s: float = np.inf,
-    ) -> Observer[Any]:
+    def observer(self, name: ObserverName, distance_deviation_m: float = FIRST_DEVIATION_M) -> Observer:
         """The observer of this name: a filter for the Hall voltage, or the direct measurement."""
         if name == "direct":
-            return DirectObserver(self.model, hall_inverse(self.model), velocity_cutoff_rad_s)
-        filter_ = kalman_filter(
+            return DirectObserver(hall_inverse(self.model))
+        return kalman_filter(
             self.model,
             cast("FilterKind", name.removesuffix("4")),
             hall_bias=name.endswith("4"),
@@ -107,7 +96,6 @@ class LoopDesign:
             distance=self.targets_m[0],
             first_deviation_m=distance_deviation_m,
         )
-        return FilterObserver(filter_)
 
 
 def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesign:

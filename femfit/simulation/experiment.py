@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal, cast
 
 import numpy as np
 
@@ -10,13 +10,13 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.filters.constants import FIRST_DEVIATION_M
 from femfit.filters.direct import hall_inverse
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.controller import Reference, SplitController
+from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName
 from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
-from femfit.simulation.observer import SplitObserver
+from femfit.simulation.observers import SplitObserver
 from femfit.simulation.operating_point import current_for_acceleration, operating_point
 from femfit.simulation.plant import Plant, with_force_scale
-from femfit.simulation.reference import reference_steps, stack_references
+from femfit.simulation.reference import Reference, reference_steps, stack_references
 from femfit.simulation.sensor import SensorErrors
 
 
@@ -44,13 +44,11 @@ class Experiment:
     force_scale: float = 1.0
     offset_V: float = 0.0
     drift_V_per_s: float = 0.0
-    drift_V_per_sqrt_s: float = 0.0
     stuck_after_s: float = np.inf
     dropout_probability: float = 0.0
     noise_V: float | None = None
     believed_m: float | None = None
     start_error_m: float = 0.0
-    velocity_cutoff_rad_s: float = np.inf
 
 
 def run_experiments(
@@ -93,7 +91,6 @@ def run_experiments(
             noise_V=each([design.noise_V if e.noise_V is None else e.noise_V for e in experiments]),
             offset_V=each([e.offset_V for e in experiments]),
             drift_V_per_s=each([e.drift_V_per_s for e in experiments]),
-            drift_V_per_sqrt_s=each([e.drift_V_per_sqrt_s for e in experiments]),
             stuck_after_s=each([e.stuck_after_s for e in experiments]),
             dropout_probability=each([e.dropout_probability for e in experiments]),
             blocks=noise_blocks,
@@ -145,23 +142,17 @@ def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int)
     if any(e.observer == "exact" for e in experiments):
         return None
 
-    def kind(e: Experiment) -> tuple[Any, float, float]:
-        return e.observer, abs((e.believed_m or e.targets_m[0]) - e.targets_m[0]), e.velocity_cutoff_rad_s
+    def kind(e: Experiment) -> tuple[ObserverName, float]:
+        return cast("ObserverName", e.observer), abs((e.believed_m or e.targets_m[0]) - e.targets_m[0])
 
     parts = []
-    for name, wrong, cutoff in dict.fromkeys(kind(e) for e in experiments):
-        observer = design.observer(name, wrong or FIRST_DEVIATION_M, cutoff)
-        parts.append((_rows([kind(e) == (name, wrong, cutoff) for e in experiments], runs), observer))
+    for name, wrong in dict.fromkeys(kind(e) for e in experiments):
+        observer = design.observer(name, wrong or FIRST_DEVIATION_M)
+        parts.append((_rows([kind(e) == (name, wrong) for e in experiments], runs), observer))
     return SplitObserver(tuple(parts))
 
 
 def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
-    """The direct measurement of a recorded loop: its readings inverted with the current that its observer had.
-
-    Returns
-    -------
-    array, shape (steps, recorded runs)
-        In m; NaN after a run was lost.
-    """
+    """The direct measurement of a recorded loop in m: its readings inverted with the current that its observer had."""
     distance, _ = hall_inverse(design.model).distance(series.hall_V.ravel(), series.estimated_current_A.ravel())
     return distance.reshape(series.hall_V.shape)

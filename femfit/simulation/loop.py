@@ -6,18 +6,46 @@ then on and it never enters a mean.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from enum import IntEnum
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.dynamics import hall_voltage
-from femfit.simulation.controller import Controller, Reference
-from femfit.simulation.observer import Observer
-from femfit.simulation.outcome import LoopOutcome
+from femfit.simulation.controllers import Controller
+from femfit.simulation.observers import Observer
 from femfit.simulation.plant import Plant
-from femfit.simulation.sensor import SensorErrors, initial_sensor_state, read_sensor
+from femfit.simulation.reference import Reference
+from femfit.simulation.sensor import SensorErrors, read_sensor
+
+
+class LoopOutcome(IntEnum):
+    """End of one run; the first outcome other than HELD stays."""
+
+    HELD = 0
+    PULLED_IN = 1
+    FELL = 2
+    CURRENT_OUT_OF_RANGE = 3
+    FILTER_DIVERGED = 4
+
+    @property
+    def sentence(self) -> str:
+        """What happened; :mod:`femfit.simulation.why_lost` finds why."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    LoopOutcome.HELD: "The body was held over the whole time.",
+    LoopOutcome.PULLED_IN: "The body came closer than the model's shortest distance and hits the electromagnet.",
+    LoopOutcome.FELL: "The body fell beyond the model's longest distance.",
+    LoopOutcome.CURRENT_OUT_OF_RANGE: "The current left the range of the model, so that its force there is not known.",
+    LoopOutcome.FILTER_DIVERGED: (
+        "The filter diverged before anything else went wrong: its estimate left the model, was no number, or its "
+        "readings were unlike its predictions for long."
+    ),
+}
+_HELD = int(LoopOutcome.HELD)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,20 +61,14 @@ class ClosedLoop:
     plant: Plant
     sensor: HallSensor
     errors: SensorErrors
-    observer: Observer[Any] | None
+    observer: Observer | None
     controller: Controller
     reference: Reference
 
 
 @dataclass(frozen=True, eq=False)
 class TimeSeries:
-    """What was recorded; every array of shape (steps, recorded runs), NaN after a run was lost.
-
-    Parameters
-    ----------
-    normalised_innovation_squared : array
-        NaN where the observer has none.
-    """
+    """What was recorded; every array of shape (steps, recorded runs), NaN after a run was lost."""
 
     distance_m: FloatArray
     velocity_m_s: FloatArray
@@ -62,12 +84,12 @@ class TimeSeries:
 
 @dataclass(frozen=True, eq=False)
 class WindowStatistics:
-    """Sums over the samples of one window, each of shape (runs,); NaN for runs lost before the window's end.
+    """Over the samples of one window, each of shape (runs,); NaN for runs lost before the window's end.
 
     Parameters
     ----------
     estimate_rms_m : array
-        sqrt(mean((true - estimated distance)^2)), the paper's RMS.
+        sqrt(mean((estimated - true distance)^2)).
     normalised_innovation_squared : array
         Mean; 1 is expected of a true filter.
     """
@@ -85,8 +107,6 @@ class LoopResult:
 
     Parameters
     ----------
-    time_s : array, shape (steps,)
-        Of the samples.
     windows : tuple of WindowStatistics
         In the order asked for, over all runs.
     outcome : array of int, shape (runs,)
@@ -105,6 +125,11 @@ class LoopResult:
         """The outcome of every run."""
         return tuple(LoopOutcome(int(code)) for code in self.outcome)
 
+    def counts(self) -> dict[str, int]:
+        """Runs by the name of their outcome."""
+        names = [outcome.name for outcome in self.outcomes()]
+        return {name: names.count(name) for name in dict.fromkeys(names)}
+
     def part(self, runs: slice) -> "LoopResult":
         """The result of some consecutive runs of the batch."""
         series = TimeSeries(*(getattr(self.series, name)[:, runs] for name in TimeSeries.__dataclass_fields__))
@@ -117,7 +142,7 @@ class LoopResult:
     @property
     def held(self) -> BoolArray:
         """Which runs were held, shape (runs,)."""
-        return np.asarray(self.outcome == LoopOutcome.HELD)
+        return np.asarray(self.outcome == _HELD)
 
 
 def run_loop(
@@ -145,45 +170,52 @@ def run_loop(
         Number of runs whose series are kept; None: all.
     """
     model = loop.plant.model
+    circuit, step = model.require_circuit(), model.sample_time_s
     runs, steps = len(start), len(loop.reference.distance)
-    step = model.sample_time_s
     kept = slice(0, runs if recorded is None else min(recorded, runs))
     record = np.full((len(TimeSeries.__dataclass_fields__), steps, kept.stop), np.nan)
     sums = np.zeros((len(windows), 5, runs))
     plant_sensor = replace(model, sensor=loop.sensor)
     state = loop.plant.start(start)
     belief = state[:, :3] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
-    sensor = initial_sensor_state(runs)
+    reading = np.zeros(runs)
     seen = None if loop.observer is None else loop.observer.start(belief)
-    memory = loop.controller.initial_memory(belief)
-    voltage = np.clip(model.require_circuit().resistance_ohm * belief[:, 2], *_clamp(model))
+    memory = np.zeros((runs, loop.controller.words))
+    voltage = np.clip(circuit.resistance_ohm * belief[:, 2], circuit.voltage_min_V, circuit.voltage_max_V)
     outcome, when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
-    alive = np.ones(runs, dtype=bool)
-    held_volts = hall_voltage(plant_sensor, state)
-    for k in range(-supported_steps, 0):
-        sensor = read_sensor(loop.sensor, loop.errors, sensor, held_volts, 0.0, step, random)
+    none, unknown = np.zeros(runs, dtype=np.bool_), np.full(runs, np.nan)
+    resting = hall_voltage(plant_sensor, state)
+    for k in range(-supported_steps, steps):
+        volts = resting if k < 0 else hall_voltage(plant_sensor, state, k * step)
+        reading = read_sensor(loop.sensor, loop.errors, reading, volts, max(k, 0) * step, random)
+        estimate, diverged, quality = state[:, :3], none, unknown
         if loop.observer is not None:
-            seen = loop.observer.observe(seen, voltage, sensor.reading_V, first=k == -supported_steps)
-    for k in range(steps):
-        volts = hall_voltage(plant_sensor, state, k * step)
-        sensor = read_sensor(loop.sensor, loop.errors, sensor, volts, k * step, step, random)
-        estimate, diverged, quality = state[:, :3], np.zeros(runs, dtype=np.bool_), np.full(runs, np.nan)
-        if loop.observer is not None:
-            seen = loop.observer.observe(seen, voltage, sensor.reading_V, first=k == 0 and not supported_steps)
-            estimate, diverged = loop.observer.estimate(seen), loop.observer.diverged(seen)
-            quality = loop.observer.normalised_innovation_squared(seen)
-        usable = np.asarray(np.isfinite(estimate).all(axis=1))
-        outcome, when, alive = _judge(model, state, diverged, usable, outcome, when, k * step)
-        belief = np.where((alive & usable)[:, None], estimate, belief)
+            first = k == -supported_steps
+            seen = loop.observer.update(seen, reading) if first else loop.observer.step(seen, voltage, reading)
+            estimate, diverged, quality = seen.mean[:, :3], seen.diverged, seen.normalised_innovation_squared
+        if k < 0:
+            continue
+        usable = np.isfinite(estimate).all(axis=1)
+        alive = model.validity.contains(state[:, 0], state[:, 2]) & usable
+        whole = bool(alive.all())
+        if not whole or diverged.any():
+            code = _code(model, state, diverged)
+            fresh = (outcome == _HELD) & (code != _HELD)
+            outcome, when = np.where(fresh, code, outcome), np.where(fresh, k * step, when)
+        belief = estimate if whole else np.where(alive[:, None], estimate, belief)
         reference = loop.reference.at(k)
         voltage, memory = loop.controller.command(memory, belief, reference)
-        wanted = np.broadcast_to(reference.distance, (runs,))
         if kept.stop:
-            row = [*state.T[:3], *belief.T, voltage, sensor.reading_V, wanted, quality]
-            record[:, k] = np.where(alive[kept], np.stack([part[kept] for part in row]), np.nan)
-        _accumulate(sums, windows, k, state[:, 0], belief[:, 0], reference.distance, quality)
-        state = np.where(alive[:, None], loop.plant.step(state, voltage), state)
-        if not np.any(alive):
+            wanted = np.broadcast_to(reference.distance, (runs,))
+            row = [*state.T[:3], *belief.T, voltage, reading, wanted, quality]
+            record[:, k] = np.where(alive[kept], [part[kept] for part in row], np.nan)
+        inside = [j for j, window in enumerate(windows) if window.start <= k < window.stop]
+        if inside:
+            error, deviation = belief[:, 0] - state[:, 0], state[:, 0] - reference.distance
+            sums[inside] += np.stack([error**2, error, deviation**2, deviation, quality])
+        moved = loop.plant.step(state, voltage)
+        state = moved if whole else np.where(alive[:, None], moved, state)
+        if not alive.any():
             break
     lost_at = np.where(np.isnan(when), steps * step, when)
     return LoopResult(
@@ -195,25 +227,12 @@ def run_loop(
     )
 
 
-def _clamp(model: ActuatorModel) -> tuple[float, float]:
-    circuit = model.require_circuit()
-    return circuit.voltage_min_V, circuit.voltage_max_V
-
-
-def _judge(
-    model: ActuatorModel,
-    state: FloatArray,
-    diverged: BoolArray,
-    usable: BoolArray,
-    outcome: IntArray,
-    when: FloatArray,
-    time: float,
-) -> tuple[IntArray, FloatArray, BoolArray]:
-    """Name what is lost at this sample; a diverged filter that still gives numbers goes on, named."""
+def _code(model: ActuatorModel, state: FloatArray, diverged: BoolArray) -> IntArray:
+    """What is lost at this sample; a diverged filter that still gives numbers goes on, named."""
     box = model.validity
     distance, current = state[:, 0], state[:, 2]
     slack = 1e-9 * (box.current_max_A - box.current_min_A)
-    code = np.select(
+    return np.select(
         [
             ~(distance >= box.distance_min_m),
             distance > box.distance_max_m,
@@ -221,26 +240,8 @@ def _judge(
             diverged,
         ],
         [LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.CURRENT_OUT_OF_RANGE, LoopOutcome.FILTER_DIVERGED],
-        LoopOutcome.HELD,
+        _HELD,
     )
-    inside = model.validity.contains(distance, current)
-    fresh = (outcome == LoopOutcome.HELD) & (code != LoopOutcome.HELD)
-    return np.where(fresh, code, outcome), np.where(fresh, time, when), inside & usable
-
-
-def _accumulate(
-    sums: FloatArray,
-    windows: tuple[slice, ...],
-    k: int,
-    distance: FloatArray,
-    estimated: FloatArray,
-    reference: FloatArray,
-    quality: FloatArray,
-) -> None:
-    inside = [j for j, window in enumerate(windows) if window.start <= k < window.stop]
-    if inside:
-        error, deviation = estimated - distance, distance - reference
-        sums[inside] += np.stack([error**2, error, deviation**2, deviation, quality])
 
 
 def _statistics(sums: FloatArray, window: slice, lost_at: FloatArray, step: float, steps: int) -> WindowStatistics:

@@ -33,10 +33,8 @@ class OperatingPoint:
     ----------
     mechanical_pole_rad_s : float
         sqrt(-F_d/m) where the point is unstable, 0 where it is stable.
-    A : array, shape (3, 3)
-        In (m, m/s, A).
-    B : array, shape (3,)
-        Input column, in A/(V s).
+    A, B : array, shape (3, 3) and (3,)
+        In (m, m/s, A) and V.
     """
 
     distance_m: float
@@ -44,7 +42,6 @@ class OperatingPoint:
     voltage_V: float
     mechanical_pole_rad_s: float
     coil_pole_rad_s: float
-    motional_constant_N_A: float
     inductance_H: float
     A: FloatArray
     B: FloatArray
@@ -83,7 +80,6 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
         voltage_V=resistance * current,
         mechanical_pole_rad_s=float(np.sqrt(max(-gradient / mass, 0.0))),
         coil_pole_rad_s=resistance / inductance,
-        motional_constant_N_A=motional,
         inductance_H=inductance,
         A=A,
         B=np.array([0.0, 0.0, 1.0 / inductance]),
@@ -94,23 +90,12 @@ def usable_coil_pole(point: OperatingPoint, step: float) -> float:
     """The coil's pole that a controller may count on: its own, but slow enough for the samples.
 
     An air coil's R/L is beyond what a sampled loop can use: gains made for it would act within one sample.
-
-    Returns
-    -------
-    float
-        In rad/s, at most :data:`USABLE_PART` over the step.
     """
     return min(point.coil_pole_rad_s, USABLE_PART / step)
 
 
 def current_range(model: ActuatorModel) -> tuple[float, float]:
-    """The currents in A that the driver's clamp can hold and the model covers.
-
-    Returns
-    -------
-    (float, float)
-        Smallest and largest, in A.
-    """
+    """The smallest and the largest current in A that the driver's clamp can hold and the model covers."""
     circuit, box = model.require_circuit(), model.validity
     low = max(circuit.voltage_min_V / circuit.resistance_ohm, box.current_min_A)
     high = min(circuit.voltage_max_V / circuit.resistance_ohm, box.current_max_A)
@@ -124,15 +109,7 @@ def current_for_force(
 
     Newton's iteration from the largest current: dF/di rises with the current in an unsaturated actuator, so that it
     approaches the root from one side. Where no current of the range gives the force, the nearer end is returned.
-
-    Parameters
-    ----------
-    distance : array, shape (...)
-        In m.
-    force : array, shape (...)
-        In N.
-    near : array, shape (...), or None
-        Currents close to the solution, from which a few steps are tried first.
+    From currents ``near`` the solution a few steps are tried first.
     """
     everywhere = np.full(np.shape(distance), np.inf)
     if near is None:
@@ -148,7 +125,7 @@ def _newton(
 ) -> tuple[FloatArray, BoolArray]:
     """Currents, and which converged; each stops by itself, so that it does not depend on the others."""
     low, high = current_range(model)
-    scale = max(abs(low), abs(high))
+    scale = max(abs(low), abs(high))  # the range may end at zero: a magnet that a negative current holds back
     current = np.clip(start, low, high)
     changing = np.ones(np.shape(distance), dtype=np.bool_)
     for _ in range(steps):
@@ -165,36 +142,13 @@ def _newton(
 def current_for_acceleration(
     model: ActuatorModel, distance: FloatArray, acceleration: FloatArray, near: FloatArray | None = None
 ) -> FloatArray:
-    """The current for which F(d, i) = m (g - a), as :func:`current_for_force`.
-
-    Parameters
-    ----------
-    distance : array, shape (...)
-        In m.
-    acceleration : array, shape (...)
-        Along growing distance, in m/s^2.
-    near : array, shape (...), or None
-        Currents close to the solution.
-    """
+    """The current for which F(d, i) = m (g - a), a along growing distance, as :func:`current_for_force`."""
     motion = model.require_motion()
     return current_for_force(model, distance, motion.mass_kg * (motion.gravity_m_s2 - acceleration), near)
 
 
 def zero_order_hold(A: FloatArray, B: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Discretise x' = A x + B u with u held: exp of [[A, B], [0, 0]] by scaling, Taylor series and squaring.
-
-    Parameters
-    ----------
-    A : array, shape (n, n)
-        In 1/s.
-    B : array, shape (n,)
-        Input column.
-
-    Returns
-    -------
-    Gamma : array, shape (n,)
-        Integral of exp(A t) B over the step.
-    """
+    """Discretise x' = A x + B u with u held: exp of [[A, B], [0, 0]] by scaling, Taylor series and squaring."""
     n = len(B)
     M = np.zeros((n + 1, n + 1))
     M[:n, :n], M[:n, n] = A * step, B * step

@@ -1,7 +1,4 @@
-"""The simulated actuator: the model's own equations, with known differences on request.
-
-m d'' = m g - s F(d, i) + disturbance: a force scaled by s comes from a co-energy whose part that depends on the
-distance is scaled by s, so the plant stays conservative and its inductance keeps its value.
+"""The simulated actuator: the model's own equations, with a wrong force on request.
 
 References
 ----------
@@ -24,7 +21,8 @@ from femfit.model.with_effects import EffectMagnetics
 class ScaledForce(Magnetics):
     """Magnetics whose force and motional constant are scaled, the inductance left alone.
 
-    W'(d, i) = s (W'_0(d, i) - W'_0(d_ref, i)) + W'_0(d_ref, i): at d_ref the flux linkage is unchanged as well.
+    W'(d, i) = s (W'_0(d, i) - W'_0(d_ref, i)) + W'_0(d_ref, i): the plant stays conservative, and at d_ref the flux
+    linkage is unchanged as well.
 
     Parameters
     ----------
@@ -40,7 +38,7 @@ class ScaledForce(Magnetics):
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
         values = self.base.coenergy_derivatives(distance, current, orders)
-        reference = np.asarray(self.reference_distance_m)
+        reference = np.full_like(distance, self.reference_distance_m)
         unscaled = iter(self.base.coenergy_derivatives(reference, current, tuple((0, b) for a, b in orders if a == 0)))
         return [
             self.scale * value if a else self.scale * value + (1.0 - self.scale) * next(unscaled)
@@ -50,26 +48,12 @@ class ScaledForce(Magnetics):
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """A batch of simulated actuators.
-
-    Parameters
-    ----------
-    disturbance_N : array, shape (runs,), or float
-        Constant further force along growing distance.
-    """
+    """A batch of simulated actuators."""
 
     model: ActuatorModel
-    substeps: int = 1
-    disturbance_N: FloatArray | float = 0.0
 
     def start(self, state: FloatArray) -> FloatArray:
-        """The first state, those of the model's effects at rest.
-
-        Parameters
-        ----------
-        state : array, shape (runs, 3)
-            Distance in m, velocity in m/s, current in A.
-        """
+        """The first state from (distance, velocity, current), shape (runs, 3); those of effects at rest."""
         added = len(self.model.memory_names)
         return np.concatenate([np.array(state, dtype=np.float64), np.zeros((len(state), added))], axis=1)
 
@@ -83,7 +67,7 @@ class Plant:
         voltage : array, shape (runs,)
             Held over the period, in V.
         """
-        return runge_kutta_step(self.model, state, voltage, self.model.sample_time_s, self.substeps, self.disturbance_N)
+        return runge_kutta_step(self.model, state, voltage, self.model.sample_time_s)
 
 
 def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> ActuatorModel:

@@ -4,28 +4,22 @@ A step of the wanted distance passes three equal first-order filters,
 
     r''' = w^3 (target - r) - 3 w^2 r' - 3 w r'',
 
-which give r, r' and r'' that belong together. (34)'s ref_d and ref_dd are such filters with 150 and 125 rad/s (printed
-as Hz: exp(-150 t_s) = 0.9277), each differentiating the one before without a common r; an 8 mm step through them asks
-for 1.2 m/s at once, which no voltage of the clamp gives. Here w is the largest for which the voltage that is needed,
+which give r, r' and r'' that belong together. w is the largest for which the voltage that is needed,
 
     u = R i + L i' - k_m r',    F(r, i) = m (g - r''),
 
 uses at most a part of the way from the holding voltage to the clamp, so that the rest is left to the feedback.
-
-References
-----------
-A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eq. (34).
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import USED_AUTHORITY
-from femfit.simulation.controller import Reference
 from femfit.simulation.operating_point import (
     current_for_acceleration,
     operating_point,
@@ -34,16 +28,31 @@ from femfit.simulation.operating_point import (
 )
 
 
-def reference_steps(targets: Sequence[float], steps: int, sample_time: float, rate: float) -> Reference:
-    """Equally long stays at each target, the first from rest.
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The reference at one sample, or at all of them.
 
     Parameters
     ----------
-    targets : sequence of float
-        Distances in m.
-    rate : float
-        w in rad/s.
+    distance, velocity, acceleration : array
+        In m, m/s and m/s^2; shape (runs,) or scalar at one sample, (steps,) or (steps, runs) for all.
+    current : array or None
+        That holds a body which moves so, in A and of the same shape; worked out by the controller where None.
     """
+
+    distance: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    current: FloatArray | None = None
+
+    def at(self, k: int | IntArray) -> "Reference":
+        """The reference at sample k, or of some runs at one sample."""
+        current = None if self.current is None else self.current[k]
+        return Reference(self.distance[k], self.velocity[k], self.acceleration[k], current)
+
+
+def reference_steps(targets: Sequence[float], steps: int, sample_time: float, rate: float) -> Reference:
+    """Equally long stays at each target in m, the first from rest, through filters of ``rate`` rad/s."""
     A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(rate**3), -3.0 * rate**2, -3.0 * rate]])
     phi, gamma = zero_order_hold(A, np.array([0.0, 0.0, rate**3]), sample_time)
     target = np.asarray(targets)[np.arange(steps) * len(targets) // steps]
@@ -56,13 +65,7 @@ def reference_steps(targets: Sequence[float], steps: int, sample_time: float, ra
 
 
 def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> Reference:
-    """Different references for consecutive runs of one batch, shape (steps, runs).
-
-    Parameters
-    ----------
-    references : sequence of Reference
-        Of the same length, each of shape (steps,).
-    """
+    """Different references of shape (steps,) for consecutive runs of one batch, as one of shape (steps, runs)."""
     names = ["distance", "velocity", "acceleration"]
     if all(r.current is not None for r in references):
         names.append("current")
@@ -71,18 +74,7 @@ def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> 
 
 
 def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
-    """The largest w that leaves the feedback its part of the voltage, for the largest of the steps.
-
-    Parameters
-    ----------
-    targets : sequence of float
-        Distances in m.
-
-    Returns
-    -------
-    float
-        w in rad/s, at most a third of the coil's usable pole.
-    """
+    """The largest w in rad/s that leaves the feedback its part of the voltage, at most a third of the coil's pole."""
     highest = usable_coil_pole(operating_point(model, targets[0]), model.sample_time_s) / 3.0
     pairs = {pair for pair in pairwise(targets) if pair[0] != pair[1]}
     low, high = 1e-3 * highest, highest

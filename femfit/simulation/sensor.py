@@ -1,7 +1,7 @@
 """The Hall sensor as the controller sees it: field, offset, drift, noise, clipping, converter, faults.
 
-V = quiescent + S B(d, i) + offset + drift(t) + noise, clipped to the output's range and rounded to the converter's
-steps of (V_max - V_min) / 2^bits; a random-walk drift adds N(0, q^2 t_s) each sample.
+V = quiescent + S B(d, i) + offset + drift t + noise, clipped to the output's range and rounded to the converter's
+steps of (V_max - V_min) / 2^bits.
 
 References
 ----------
@@ -27,8 +27,6 @@ class SensorErrors:
         Standard deviation of white noise on a sample.
     offset_V : array or float
         Constant offset that the model does not know.
-    drift_V_per_sqrt_s : array or float
-        Random walk of the offset: its standard deviation after one second.
     stuck_after_s : array or float
         From then on the last reading is repeated; infinite for never.
     dropout_probability : array or float
@@ -41,58 +39,36 @@ class SensorErrors:
     noise_V: FloatArray | float = 0.0
     offset_V: FloatArray | float = 0.0
     drift_V_per_s: FloatArray | float = 0.0
-    drift_V_per_sqrt_s: FloatArray | float = 0.0
     stuck_after_s: FloatArray | float = np.inf
     dropout_probability: FloatArray | float = 0.0
     blocks: int = 1
 
 
-@dataclass(frozen=True, eq=False)
-class SensorState:
-    """What the sensor remembers.
-
-    Parameters
-    ----------
-    walk_V : array, shape (runs,)
-        Random-walk part of the offset.
-    reading_V : array, shape (runs,)
-        Last reading.
-    """
-
-    walk_V: FloatArray
-    reading_V: FloatArray
-
-
-def initial_sensor_state(runs: int) -> SensorState:
-    """A sensor that has not drifted yet."""
-    return SensorState(np.zeros(runs), np.zeros(runs))
-
-
 def read_sensor(
     sensor: HallSensor,
     errors: SensorErrors,
-    state: SensorState,
+    last: FloatArray,
     voltage: FloatArray,
     time: float,
-    sample_time: float,
     random: np.random.Generator,
-) -> SensorState:
+) -> FloatArray:
     """Take one reading.
 
     Parameters
     ----------
+    last : array, shape (runs,)
+        The reading before.
     voltage : array, shape (runs,)
         The element's output without these errors, in V.
     """
-    runs = len(voltage)
-    drawn = runs // errors.blocks
-    # Always all three, so that switching one error on leaves the others' random numbers as they were
-    numbers = random.standard_normal(drawn), random.standard_normal(drawn), random.random(drawn)
-    white, step, lost = (np.tile(part, errors.blocks) for part in numbers)
-    walk = state.walk_V + errors.drift_V_per_sqrt_s * np.sqrt(sample_time) * step
-    voltage = voltage + errors.offset_V + errors.drift_V_per_s * time + walk + errors.noise_V * white
+    drawn = len(voltage) // errors.blocks
+    # Always both, so that switching one error on leaves the other's random numbers as they were
+    white, lost = random.standard_normal(drawn), random.random(drawn)
+    if errors.blocks > 1:
+        white, lost = np.tile(white, errors.blocks), np.tile(lost, errors.blocks)
+    voltage = voltage + errors.offset_V + errors.drift_V_per_s * time + errors.noise_V * white
     reading = np.where(lost < errors.dropout_probability, sensor.output_min_V, convert(sensor, voltage))
-    return SensorState(walk, np.where(time >= errors.stuck_after_s, state.reading_V, reading))
+    return np.where(time >= errors.stuck_after_s, last, reading)
 
 
 def convert(sensor: HallSensor, voltage: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """Which loops of a model hold, how well its filters measure, and what a fault costs.
 
-All experiments of one length run as one batch on the same noise, so that the study takes seconds and what differs
-between two rows is not hidden by the noise.
+All experiments of one length run as one batch on the same noise, so that what differs between two rows is not hidden by
+the noise.
 
 - *Steps* follow the reference distances: root mean square of measured minus true distance over the whole run.
 - *Holds* are at rest, at the smallest and the largest reference distance: the loop is closed once the filter has
@@ -10,32 +10,33 @@ between two rows is not hidden by the noise.
 - *Faults* are holds with something wrong: a Hall offset, a wrong force law, a wrong first estimate, no filter.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from html import escape
 from itertools import product
+from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
-from femfit.filters.consistency import ConsistencyBand, consistency_band
-from femfit.filters.theory import noise_ratio_bound
+from femfit.core.atomic import json_ready
+from femfit.filters.theory import ConsistencyBand, consistency_band, noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
-from femfit.simulation.fault import FaultRow, fault_row
 from femfit.simulation.loop import LoopResult
-from femfit.simulation.reference import reference_steps
-from femfit.simulation.spectrum import Spectrum, amplitude_spectrum
-from femfit.simulation.study_text import study_lines
+from femfit.simulation.loop_text import design_data, design_lines, losses, verdict
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
 
 SETTLE, WINDOW = 4.0, 10.0
-"""Time constants of the slowest unstable pole before the statistics of a hold, and of them."""
+"""Conventional: time constants of the slowest unstable pole before the statistics of a hold, and of them."""
 
 RUNS = 16
-"""Repeats of a hold: an rms over ten time constants of each is known to 6 %."""
+"""Conventional: repeats of a hold; an rms over ten time constants of each is known to 6 %."""
 
 STEP_RUNS, ACQUISITION_RUNS = 8, 8
 HALL_OFFSET_V, FORCE_ERROR = 0.02, 0.01
@@ -100,13 +101,47 @@ class HoldRow:
     runs: int
 
 
+@dataclass(frozen=True)
+class FaultRow:
+    """How the runs of one experiment ended, with the means of those that were held.
+
+    Parameters
+    ----------
+    outcomes : mapping of str to int
+        Number of runs by the name of their :class:`~femfit.simulation.loop.LoopOutcome`.
+    last_loss_s : float or None
+        When the last of the lost runs was lost.
+    estimate_rms_m, estimate_bias_m, position_bias_m : float
+        Estimated minus true distance, and true distance minus reference; NaN if no run was held.
+    position_shift_m, shift_error_m : float
+        How far the body moved against the loop without the fault on the same noise, and the standard error of that;
+        NaN without such a loop, or if fewer than two runs were held in both.
+    """
+
+    experiment: Experiment
+    runs: int
+    outcomes: Mapping[str, int]
+    last_loss_s: float | None
+    estimate_rms_m: float
+    estimate_bias_m: float
+    position_bias_m: float
+    position_shift_m: float
+    shift_error_m: float
+
+    @property
+    def held(self) -> int:
+        """Number of runs that were held."""
+        return self.outcomes.get("HELD", 0)
+
+
 @dataclass(frozen=True, eq=False)
 class SpectrumPair:
-    """Spectra of direct and filtered distance at rest."""
+    """Amplitudes of direct and filtered distance at rest, so that a sine of amplitude a shows a peak of height a."""
 
     controller: str
-    direct: Spectrum
-    filtered: Spectrum
+    frequency_Hz: FloatArray
+    direct_m: FloatArray
+    filtered_m: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +150,8 @@ class ClosedLoopStudy:
 
     Parameters
     ----------
-    steps : tuple of StepRow
-        Over the reference distances, one a controller and measurement.
-    faults : tuple of FaultRow
-        What breaks the loop, and what it costs.
+    seconds : float
+        Of one run over the reference steps.
     acquisition : tuple of FaultRow
         Filters started at the wrong end of the range.
     series : tuple of StepSeries
@@ -131,6 +164,7 @@ class ClosedLoopStudy:
 
     design: LoopDesign
     seed: int
+    seconds: float
     steps: tuple[StepRow, ...]
     holds: tuple[HoldRow, ...]
     faults: tuple[FaultRow, ...]
@@ -140,23 +174,41 @@ class ClosedLoopStudy:
     no_direct: str = ""
 
     def __str__(self) -> str:
-        return "\n".join(study_lines(self))
+        return "\n".join(_lines(self))
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
 
+    def data(self) -> dict[str, Any]:
+        """The numbers without time series and spectra, ready for JSON; what does not exist is null."""
+        tables = ("steps", "holds", "faults", "acquisition")
+        return {
+            "model": self.design.model.name,
+            "seed": self.seed,
+            "no_direct": self.no_direct,
+            **design_data(self.design),
+            **{name: [json_ready(asdict(row)) for row in getattr(self, name)] for name in tables},
+        }
+
 
 def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None = None) -> ClosedLoopStudy:
-    """Run the study."""
+    """Run the study.
+
+    Parameters
+    ----------
+    noise_V : float or None
+        White noise of a Hall sample; the model's where None.
+    """
     design = design_loop(model, noise_V)
     steps, series = _steps(design, seed)
     holds, faults, spectra = _holds(design, seed)
     return ClosedLoopStudy(
         design=design,
         seed=seed,
+        seconds=len(series[0].time_s) * model.sample_time_s,
         steps=steps,
         holds=holds,
-        faults=faults,
+        faults=(*_without_filter(design, seed), *faults),
         acquisition=_acquisition(design, seed),
         series=series,
         spectra=spectra,
@@ -166,6 +218,19 @@ def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None
 
 def _ends(design: LoopDesign) -> tuple[float, float]:
     return design.points[0].distance_m, design.points[-1].distance_m
+
+
+def _window(design: LoopDesign) -> slice:
+    return slice(design.steps(SETTLE), design.steps(SETTLE) + design.steps(WINDOW))
+
+
+def _run(
+    design: LoopDesign, experiments: Sequence[Experiment], seed: int, runs: int, steps: int, **options: Any
+) -> dict[Experiment, LoopResult]:
+    """Experiments side by side on the same noise."""
+    random, blocks = np.random.default_rng(seed), len(experiments)
+    results = run_experiments(design, experiments, random, runs=runs, steps=steps, noise_blocks=blocks, **options)
+    return dict(zip(experiments, results, strict=True))
 
 
 def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[FaultRow, ...], tuple[SpectrumPair, ...]]:
@@ -178,142 +243,48 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Fa
     clean = [experiment for name in FILTERS for experiment in everywhere(name)]
     clean4 = everywhere("ukf4")
     biased = [*everywhere("ukf4", offset_V=-HALL_OFFSET_V), *everywhere("ukf4", offset_V=HALL_OFFSET_V)]
-    offsets = list(zip(biased, [*clean4, *clean4], strict=True))
-    forces = list(zip(everywhere("ukf", force_scale=1.0 + FORCE_ERROR), clean, strict=False))
-    blind = [(e, None) for e in everywhere("ukf", offset_V=HALL_OFFSET_V) if e.controller == "backstepping"]
-    faulty = [*offsets, *blind, *forces]
-    window = slice(design.steps(SETTLE), design.steps(SETTLE) + design.steps(WINDOW))
+    forces = everywhere("ukf", force_scale=1.0 + FORCE_ERROR)
+    blind = [e for e in everywhere("ukf", offset_V=HALL_OFFSET_V) if e.controller == "backstepping"]
+    faulty = [
+        *zip(biased, [*clean4, *clean4], strict=True),
+        *((e, None) for e in blind),
+        *zip(forces, clean[: len(forces)], strict=True),
+    ]
+    window = _window(design)
     experiments = [*clean, *clean4, *(e for e, _ in faulty)]
-    results = dict(
-        zip(
-            experiments,
-            run_experiments(
-                design,
-                experiments,
-                np.random.default_rng(seed),
-                runs=RUNS,
-                steps=window.stop,
-                windows=(window,),
-                supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
-                noise_blocks=len(experiments),
-                recorded=RUNS * len(clean),
-            ),
-            strict=True,
-        )
-    )
-    measured = {experiment: _direct(design, results[experiment]) for experiment in clean}
-    spectra = tuple(
-        _spectra(design, e, results[e], measured[e], window)
-        for e in clean
-        if e.observer == "ukf"
-        and e.targets_m[0] == design.points[0].distance_m
-        and results[e].held.any()
-        and not design.why_no_direct
-    )
-    holds = tuple(_hold_row(design, e, results[e], measured[e], window) for e in clean)
-    # Apart from the others: this batch ends as soon as all of its runs are lost
-    direct = () if design.why_no_direct else _without_filter(design, everywhere("direct"), seed, window)
-    return holds, (*direct, *(fault_row(e, results[e], results[c] if c else None) for e, c in faulty)), spectra
-
-
-def _without_filter(
-    design: LoopDesign, experiments: list[Experiment], seed: int, window: slice
-) -> tuple[FaultRow, ...]:
-    results = run_experiments(
+    results = _run(
         design,
         experiments,
-        np.random.default_rng(seed),
-        runs=ACQUISITION_RUNS,
-        steps=window.stop,
+        seed,
+        RUNS,
+        window.stop,
         windows=(window,),
-        noise_blocks=len(experiments),
-        recorded=0,
-    )
-    return tuple(fault_row(e, r) for e, r in zip(experiments, results, strict=True))
-
-
-def _direct(design: LoopDesign, result: LoopResult) -> FloatArray:
-    """The direct measurement, or NaN where there is none."""
-    if design.why_no_direct:
-        return np.full_like(result.series.distance_m, np.nan)
-    return direct_distance(design, result.series)
-
-
-def _spectra(
-    design: LoopDesign, experiment: Experiment, result: LoopResult, direct: FloatArray, window: slice
-) -> SpectrumPair:
-    held, step = result.held, design.model.sample_time_s
-    pair = (direct, result.series.estimated_distance_m)
-    return SpectrumPair(experiment.controller, *(amplitude_spectrum(x[window][:, held], step) for x in pair))
-
-
-def _hold_row(
-    design: LoopDesign, experiment: Experiment, result: LoopResult, direct: FloatArray, window: slice
-) -> HoldRow:
-    held, distance = result.held, experiment.targets_m[0]
-    direct_rms = _rms((direct - result.series.distance_m)[window][:, held])
-    filtered_rms = _rms(result.windows[0].estimate_rms_m[held])
-    quality = result.windows[0].normalised_innovation_squared[held]
-    return HoldRow(
-        controller=experiment.controller,
-        filter=experiment.observer,
-        distance_m=distance,
-        direct_rms_m=direct_rms,
-        filtered_rms_m=filtered_rms,
-        ratio=direct_rms / filtered_rms,
-        bound=noise_ratio_bound(design.model, distance),
-        normalised_innovation_squared=float(np.mean(quality)) if quality.size else np.nan,
-        innovation_band=consistency_band(max(1, int(held.sum())) * (window.stop - window.start)),
-        held=int(held.sum()),
-        runs=len(held),
-    )
-
-
-def _steps(design: LoopDesign, seed: int) -> tuple[tuple[StepRow, ...], tuple[StepSeries, ...]]:
-    experiments = [Experiment(controller, "ukf", design.targets_m) for controller in design.controllers]
-    stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.slowest_pole_rad_s
-    results = run_experiments(
-        design,
-        experiments,
-        np.random.default_rng(seed),
-        runs=STEP_RUNS,
-        steps=len(design.targets_m) * int(np.ceil(stay / design.model.sample_time_s)),
         supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
-        noise_blocks=len(experiments),
+        recorded=RUNS * len(clean),
     )
-    rows: list[StepRow] = []
-    series: list[StepSeries] = []
-    for experiment, result in zip(experiments, results, strict=True):
-        direct = _direct(design, result)
-        series.append(_step_series(design, experiment, result, direct))
-        measured = {experiment.observer: result.series.estimated_distance_m}
-        if not design.why_no_direct:
-            measured = {"direct": direct, **measured}
-        held = result.held
-        for name, distance in measured.items():
-            rms = _rms((distance - result.series.distance_m)[:, held])
-            rows.append(StepRow(experiment.controller, name, rms, int(held.sum()), len(held)))
-    return tuple(rows), tuple(series)
+    holds, spectra = [], []
+    for e in clean:
+        direct = _direct(design, results[e])[window]
+        holds.append(_hold_row(design, e, results[e], direct))
+        at_near = e.observer == "ukf" and e.targets_m[0] == design.points[0].distance_m
+        held = results[e].held
+        if at_near and held.any() and not design.why_no_direct:
+            filtered, step = results[e].series.estimated_distance_m[window], design.model.sample_time_s
+            frequency = np.fft.rfftfreq(len(direct), step).astype(np.float64)
+            pair = amplitude_spectrum(direct[:, held]), amplitude_spectrum(filtered[:, held])
+            spectra.append(SpectrumPair(e.controller, frequency, *pair))
+    faults = tuple(_fault_row(e, results[e], results[c] if c else None) for e, c in faulty)
+    return tuple(holds), faults, tuple(spectra)
 
 
-def _step_series(design: LoopDesign, experiment: Experiment, result: LoopResult, direct: FloatArray) -> StepSeries:
-    """The first run that was held, or the first of all where none was."""
-    run = int(np.argmax(result.held))
-    series, time = result.series, result.time_s
-    reference = reference_steps(
-        experiment.targets_m, len(time), design.model.sample_time_s, design.reference_rate_rad_s
-    )
-    return StepSeries(
-        controller=experiment.controller,
-        observer=experiment.observer,
-        time_s=time,
-        reference_m=reference.distance,
-        true_m=series.distance_m[:, run],
-        direct_m=direct[:, run],
-        estimated_m=series.estimated_distance_m[:, run],
-        voltage_V=series.voltage_V[:, run],
-        current_A=series.current_A[:, run],
-    )
+def _without_filter(design: LoopDesign, seed: int) -> tuple[FaultRow, ...]:
+    """Apart from the other faults: this batch ends as soon as all of its runs are lost."""
+    if design.why_no_direct:
+        return ()
+    window = _window(design)
+    experiments = [Experiment(c, "direct", (d,)) for c, d in product(design.controllers, _ends(design))]
+    results = _run(design, experiments, seed, ACQUISITION_RUNS, window.stop, windows=(window,), recorded=0)
+    return tuple(_fault_row(e, r) for e, r in results.items())
 
 
 def _acquisition(design: LoopDesign, seed: int) -> tuple[FaultRow, ...]:
@@ -324,18 +295,162 @@ def _acquisition(design: LoopDesign, seed: int) -> tuple[FaultRow, ...]:
         for name in FILTERS
         for true, believed in ((near, far), (far, near))
     ]
-    results = run_experiments(
-        design,
-        experiments,
-        np.random.default_rng(seed),
-        runs=ACQUISITION_RUNS,
-        steps=steps,
-        windows=(slice(0, steps),),
-        noise_blocks=len(experiments),
-        recorded=0,
+    results = _run(design, experiments, seed, ACQUISITION_RUNS, steps, windows=(slice(0, steps),), recorded=0)
+    return tuple(_fault_row(e, r) for e, r in results.items())
+
+
+def _direct(design: LoopDesign, result: LoopResult) -> FloatArray:
+    """The direct measurement, or NaN where there is none."""
+    if design.why_no_direct:
+        return np.full_like(result.series.distance_m, np.nan)
+    return direct_distance(design, result.series)
+
+
+def amplitude_spectrum(distance: FloatArray) -> FloatArray:
+    """One-sided amplitudes |X_k| 2 / sum(window) of Hann-windowed records of shape (samples, runs) without their means.
+
+    Root mean square over the runs (F. J. Harris, Proc. IEEE 66 (1978) 51: windows).
+    """
+    window = np.hanning(len(distance))[:, None]
+    transform = np.abs(np.fft.rfft(window * (distance - distance.mean(axis=0)), axis=0)) * 2.0 / window.sum()
+    return np.asarray(np.sqrt(np.mean(transform**2, axis=1)))
+
+
+def _hold_row(design: LoopDesign, experiment: Experiment, result: LoopResult, direct: FloatArray) -> HoldRow:
+    held, distance = result.held, experiment.targets_m[0]
+    truth = result.series.distance_m[_window(design)]
+    direct_rms, filtered_rms = _rms((direct - truth)[:, held]), _rms(result.windows[0].estimate_rms_m[held])
+    quality = result.windows[0].normalised_innovation_squared[held]
+    return HoldRow(
+        controller=experiment.controller,
+        filter=experiment.observer,
+        distance_m=distance,
+        direct_rms_m=direct_rms,
+        filtered_rms_m=filtered_rms,
+        ratio=direct_rms / filtered_rms,
+        bound=noise_ratio_bound(design.model, distance),
+        normalised_innovation_squared=float(np.mean(quality)) if quality.size else np.nan,
+        innovation_band=consistency_band(max(1, int(held.sum())) * len(direct)),
+        held=int(held.sum()),
+        runs=len(held),
     )
-    return tuple(fault_row(e, r) for e, r in zip(experiments, results, strict=True))
+
+
+def _fault_row(experiment: Experiment, result: LoopResult, undisturbed: LoopResult | None = None) -> FaultRow:
+    """Sum up the first window of an experiment, run by run against the same loop without the fault."""
+    held, window = result.held, result.windows[0]
+    shift = shift_error = float("nan")
+    if undisturbed is not None and np.sum(both := held & undisturbed.held) > 1:
+        moved = window.tracking_bias_m[both] - undisturbed.windows[0].tracking_bias_m[both]
+        shift, shift_error = float(np.mean(moved)), float(np.std(moved, ddof=1) / np.sqrt(len(moved)))
+    estimate, position = (
+        float(np.mean(values[held])) if held.any() else float("nan")
+        for values in (window.estimate_bias_m, window.tracking_bias_m)
+    )
+    return FaultRow(
+        experiment=experiment,
+        runs=len(held),
+        outcomes=result.counts(),
+        last_loss_s=float(np.nanmax(result.outcome_time_s)) if not held.all() else None,
+        estimate_rms_m=_rms(window.estimate_rms_m[held]),
+        estimate_bias_m=estimate,
+        position_bias_m=position,
+        position_shift_m=shift,
+        shift_error_m=shift_error,
+    )
+
+
+def _steps(design: LoopDesign, seed: int) -> tuple[tuple[StepRow, ...], tuple[StepSeries, ...]]:
+    experiments = [Experiment(controller, "ukf", design.targets_m) for controller in design.controllers]
+    stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.slowest_pole_rad_s
+    steps = len(design.targets_m) * math.ceil(stay / design.model.sample_time_s)
+    support = design.steps(SUPPORT_TIME_CONSTANTS)
+    rows: list[StepRow] = []
+    drawn: list[StepSeries] = []
+    for e, result in _run(design, experiments, seed, STEP_RUNS, steps, supported_steps=support).items():
+        series, held, direct = result.series, result.held, _direct(design, result)
+        run = int(np.argmax(held))  # the first that was held, or the first of all
+        measured = {} if design.why_no_direct else {"direct": direct}
+        for name, distance in (measured | {e.observer: series.estimated_distance_m}).items():
+            rms = _rms((distance - series.distance_m)[:, held])
+            rows.append(StepRow(e.controller, name, rms, int(held.sum()), len(held)))
+        arrays = (series.reference_m, series.distance_m, direct, series.estimated_distance_m)
+        arrays = (*arrays, series.voltage_V, series.current_A)
+        drawn.append(StepSeries(e.controller, e.observer, result.time_s, *(array[:, run] for array in arrays)))
+    return tuple(rows), tuple(drawn)
 
 
 def _rms(errors: FloatArray) -> float:
     return float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")
+
+
+def _lines(study: ClosedLoopStudy) -> list[str]:
+    """The whole study as text: which loops hold, how they measure, what a fault costs, and the design."""
+    design = study.design
+    stops = " -> ".join(f"{1e3 * d:g}" for d in design.targets_m)
+    loops = [
+        (Experiment(row.controller, row.measurement, design.targets_m), row.held, row.runs)  # type: ignore[arg-type]
+        for row in study.steps
+        if row.measurement != "direct"
+    ]
+    lines = [verdict(design, study.seconds, loops), "", f"Steps {stops} mm: rms of measured minus true distance"]
+    lines += [
+        "  controller    measured by        rms",
+        *(
+            f"  {row.controller:12s}  {row.measurement:10s} {_length(row.rms_m)}{_lost(row.held, row.runs)}"
+            for row in study.steps
+        ),
+        "",
+        "At rest: noise of the direct measurement and of the filter, and squared errors of the filter's predictions",
+        "over what it expects; no filter gains more than the bound",
+        "  controller    filter  distance    direct   filtered   gain  bound  errors^2 (95 % band)",
+    ]
+    lines += [
+        f"  {r.controller:12s}  {r.filter:6s}  {1e3 * r.distance_m:5.1f} mm {_length(r.direct_rms_m)}"
+        f"  {_length(r.filtered_rms_m)}  {_ratio(r.ratio)}  {r.bound:5.2f}  {r.normalised_innovation_squared:.3f} "
+        f"({r.innovation_band.lower:.3f} .. {r.innovation_band.upper:.3f}){_lost(r.held, r.runs)}"
+        for r in study.holds
+    ]
+    if study.no_direct:
+        lines += [f"  no direct measurement to compare with: {study.no_direct}"]
+    lines += ["", "With a fault", *map(_fault_line, study.faults)]
+    lines += ["", "Filter started at the wrong end of the range", *map(_fault_line, study.acquisition)]
+    return [*lines, "", *design_lines(design), f"  seed {study.seed}"]
+
+
+def _length(metres: float) -> str:
+    return f"{amount(metres, 'm', 3) if math.isfinite(metres) else '-':>8s}"
+
+
+def _ratio(value: float) -> str:
+    return f"{value:5.2f}" if math.isfinite(value) else f"{'-':>5s}"
+
+
+def _lost(held: int, runs: int) -> str:
+    return "" if held == runs else f"  ({runs - held} of {runs} runs lost)"
+
+
+def _fault_line(row: FaultRow) -> str:
+    """One experiment with a fault: how many runs are lost, and what the fault moves."""
+    e, parts = row.experiment, []
+    if row.held < row.runs:
+        when = "" if row.last_loss_s is None else f", the last after {row.last_loss_s:.3f} s"
+        parts.append(f"{row.runs - row.held} of {row.runs} runs lost ({losses(row.outcomes)}){when}")
+    elif not math.isfinite(row.position_shift_m):
+        parts.append(f"all {row.runs} runs held")
+    if math.isfinite(row.position_shift_m):
+        parts.append(
+            f"estimate off by {amount(row.estimate_bias_m, 'm', 3)}, "
+            f"body moved by {amount(row.position_shift_m, 'm', 3)} +-{amount(row.shift_error_m, 'm')}"
+        )
+    elif math.isfinite(row.estimate_rms_m):
+        parts.append(f"estimate within {amount(row.estimate_rms_m, 'm', 3)} rms")
+    name: str = "no filter" if e.observer == "direct" else e.observer
+    what = [f"{e.controller}, {name}, {1e3 * e.targets_m[0]:.4g} mm"]
+    if e.offset_V:
+        what.append(f"Hall offset {1e3 * e.offset_V:+.3g} mV")
+    if e.force_scale != 1.0:
+        what.append(f"force {100.0 * (e.force_scale - 1.0):+.2g} %")
+    if e.believed_m is not None:
+        what.append(f"believed at {1e3 * e.believed_m:.4g} mm")
+    return f"  {', '.join(what)}: {'; '.join(parts)}"

@@ -13,7 +13,7 @@ from femfit.simulation.study import closed_loop_study
 pytestmark = pytest.mark.benchmark
 
 
-@pytest.mark.parametrize("observer", ["ukf", "ukf4", "srukf", "ekf", "direct"])
+@pytest.mark.parametrize("observer", ["ukf", "ukf4", "ekf", "direct"])
 def test_a_thousand_loops_of_one_second(levitation_model, observer):
     design = design_loop(levitation_model)
     start = time.perf_counter()

@@ -11,7 +11,6 @@ from femfit.effects.effect import AddedEffect
 from femfit.filters.extended import ExtendedFilter
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import initial_covariance
-from femfit.filters.square_root import SquareRootUnscentedFilter
 from femfit.filters.theory import holding_current
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.with_effects import with_effects
@@ -71,7 +70,7 @@ def test_one_filter_and_a_thousand_beside_filterpy(levitation_model, order):
 
 
 @pytest.mark.benchmark
-@pytest.mark.parametrize("filter_class", [UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter])
+@pytest.mark.parametrize("filter_class", [UnscentedFilter, ExtendedFilter])
 @pytest.mark.parametrize("hall_bias", [False, True])
 def test_a_thousand_filters_at_once(levitation_model, filter_class, hall_bias):
     current = holding_current(levitation_model, 0.022)
@@ -89,7 +88,7 @@ def test_a_thousand_filters_at_once(levitation_model, filter_class, hall_bias):
         f"\n{filter_class.__name__}, {len(mean)} states: {RUNS} runs x {STEPS} steps in {wall:.2f} s ({cpu:.2f} s of "
         f"CPU), {RUNS * STEPS / wall / 1e3:.0f} k filter steps a second"
     )
-    state.require_running()
+    assert not state.diverged.any()
 
 
 def usual(name):

@@ -26,7 +26,7 @@ def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
     result = simulate(model_file, "--json", tmp_path / "result.json")
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
-    for part in ("hold the body", "bound", "pulled in", "Hall offset", "force +1 %"):
+    for part in ("held the body", "bound", "pulled in", "Hall offset", "force +1 %"):
         assert part in result.stdout
     data = json.loads((tmp_path / "result.json").read_text())
     assert {row["measurement"] for row in data["steps"]} == {"direct", "ukf"}
@@ -50,7 +50,7 @@ def test_one_loop_is_summed_up_and_its_series_written(model_file, tmp_path):
 def test_a_lost_magnet_is_named_and_no_rms_is_printed(model_file):
     result = simulate(model_file, "--filter", "direct", "--seconds", 0.5)
     assert result.returncode == 0
-    assert "1 x PULLED_IN" in result.stdout
+    assert "1 run lost" in result.stdout
     assert "rms of estimated" not in result.stdout
 
 

@@ -1,6 +1,6 @@
 """A closed-loop record for the filters: the truth, the voltage and the noisy Hall voltage."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -59,3 +59,19 @@ def record(levitation_model: ActuatorModel) -> Record:
 @pytest.fixture(scope="session")
 def stabilised():
     return stabilised_record
+
+
+@pytest.fixture(scope="session")
+def as_the_plant_moves(levitation_model):
+    """Turns a process of Euler steps into one of the Runge-Kutta steps that the records were made with."""
+    t = levitation_model.sample_time_s
+
+    def moved(process):
+        return replace(
+            process,
+            transition=lambda x, u: runge_kutta_step(levitation_model, x, u, t),
+            transition_jacobian=lambda x, u: runge_kutta_jacobian(levitation_model, x, u, t),
+            transition_columns=None,
+        )
+
+    return moved

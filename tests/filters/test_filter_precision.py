@@ -6,7 +6,6 @@ import pytest
 from femfit.filters.extended import ExtendedFilter
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import initial_covariance
-from femfit.filters.square_root import SquareRootUnscentedFilter
 from femfit.filters.unscented import UnscentedFilter
 
 START = np.array([0.0225, 0.01, 0.3])
@@ -49,7 +48,7 @@ def means_in(dtype, filter_, record):
         means.append(state.mean[0])
     assert state.mean.dtype == dtype
     assert state.covariance.dtype == dtype
-    state.require_running()
+    assert not state.diverged.any()
     return np.array(means, dtype=np.float64), np.sqrt(np.diag(state.covariance[0]))
 
 
@@ -64,7 +63,7 @@ def test_the_printed_form_loses_its_covariance_in_single_precision_only(process,
     assert printed_form_lasts(process, record, 1.0, np.float32) == len(record.hall)
 
 
-@pytest.mark.parametrize("filter_class", [UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter])
+@pytest.mark.parametrize("filter_class", [UnscentedFilter, ExtendedFilter])
 def test_alpha_one_gives_the_same_estimate_in_single_precision(process, record, filter_class):
     exact, sigma = means_in(np.float64, filter_class(process), record)
     single, _ = means_in(np.float32, filter_class(process), record)

@@ -7,7 +7,6 @@ from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, Unscen
 from femfit.filters.extended import ExtendedFilter
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import initial_covariance
-from femfit.filters.square_root import SquareRootUnscentedFilter
 from femfit.filters.unscented import UnscentedFilter
 
 # In units of the standard deviation. Different orders of summation give up to 5e-12 over this record; an approximation
@@ -28,7 +27,7 @@ def run_ours(filter_, record, run):
         state = filter_.step(state, voltage, hall)
         means.append(state.mean[0])
         covariances.append(state.covariance[0])
-    state.require_running()
+    assert not state.diverged.any()
     return np.array(means), np.array(covariances)
 
 
@@ -40,7 +39,7 @@ def assert_same(ours, theirs):
     assert np.abs((covariance - other_covariance) / scale).max() < AGREEMENT
 
 
-def paper_filter(process, record, run, alpha, redraw, beta=2.0, kappa=0.0):
+def paper_filter(process, record, run, alpha, redraw=True, beta=2.0, kappa=0.0):
     """Eqs. (19) to (31) as printed, one run, weights not rearranged."""
     n = process.order
     lam = alpha**2 * (n + kappa) - n
@@ -78,8 +77,7 @@ def process(request, levitation_model):
     return levitation_process(levitation_model, hall_bias=request.param)
 
 
-@pytest.mark.parametrize("filter_class", [UnscentedFilter, SquareRootUnscentedFilter])
-def test_ukf_with_redrawn_points_equals_filterpy(process, record, filter_class):
+def test_ukf_equals_filterpy(process, record):
     n = process.order
     oracle = UnscentedKalmanFilter(
         dim_x=n,
@@ -97,30 +95,24 @@ def test_ukf_with_redrawn_points_equals_filterpy(process, record, filter_class):
         oracle.update(np.array([hall]))
         means.append(oracle.x.copy())
         covariances.append(oracle.P.copy())
-    assert_same(run_ours(filter_class(process), record, 0), (np.array(means), np.array(covariances)))
+    assert_same(run_ours(UnscentedFilter(process), record, 0), (np.array(means), np.array(covariances)))
 
 
-@pytest.mark.parametrize("filter_class", [UnscentedFilter, SquareRootUnscentedFilter])
-@pytest.mark.parametrize("redraw", [False, True])
 @pytest.mark.parametrize("alpha", [1.0, 1.5])  # beta - alpha^2 of either sign
-def test_ukf_equals_the_papers_equations(process, record, filter_class, redraw, alpha):
-    ours = run_ours(filter_class(process, alpha=alpha, redraw=redraw), record, 1)
-    assert_same(ours, paper_filter(process, record, 1, alpha, redraw))
+def test_ukf_equals_the_papers_equations(process, record, alpha):
+    ours = run_ours(UnscentedFilter(process, alpha=alpha), record, 1)
+    assert_same(ours, paper_filter(process, record, 1, alpha))
 
 
 def test_redrawing_sigma_points_changes_the_estimate_measurably(process, record):
-    redrawn = run_ours(UnscentedFilter(process, redraw=True), record, 0)
-    reused = run_ours(UnscentedFilter(process, redraw=False), record, 0)
+    redrawn = run_ours(UnscentedFilter(process), record, 0)
+    reused = paper_filter(process, record, 0, 1.0, redraw=False)
     sigma = np.sqrt(redrawn[1][:, 0, 0])
     # Larger than the agreement asked of the oracles by far, so that mixing the two up cannot pass.
     assert np.abs((redrawn[0][:, 0] - reused[0][:, 0]) / sigma).max() > 1e3 * AGREEMENT
 
 
-@pytest.mark.parametrize("integrator", ["euler", "rk4"])
-@pytest.mark.parametrize("hall_bias", [False, True])
-def test_ekf_equals_filterpy(levitation_model, record, integrator, hall_bias):
-    process = levitation_process(levitation_model, hall_bias=hall_bias, integrator=integrator)
-
+def test_ekf_equals_filterpy(process, record):
     oracle = ExtendedKalmanFilter(dim_x=process.order, dim_z=1)
     oracle.x, oracle.P = start_of(process)
     oracle.Q, oracle.R = process.process_covariance, np.array([[process.measurement_variance]])
@@ -141,7 +133,7 @@ def test_ekf_equals_filterpy(levitation_model, record, integrator, hall_bias):
     assert_same(run_ours(ExtendedFilter(process), record, 2), (np.array(means), np.array(covariances)))
 
 
-@pytest.mark.parametrize("filter_class", [UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter])
+@pytest.mark.parametrize("filter_class", [UnscentedFilter, ExtendedFilter])
 def test_a_batch_gives_each_run_the_numbers_of_that_run_alone(process, record, filter_class):
     filter_ = filter_class(process)
     state = filter_.start(*start_of(process), runs=record.hall.shape[1])

@@ -9,10 +9,10 @@ from femfit.core.errors import FilterError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.filters.filter import Filter
+from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import initial_covariance
-from femfit.filters.outcome import FilterOutcome
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.cell_polynomials import CellPolynomials
 from femfit.model.json_file import write_model
@@ -85,7 +85,7 @@ def test_a_filter_starts_without_a_covariance_and_reads_its_model_from_a_file(le
     state = filter_.start([0.022, 0.0, 0.32])
     assert state.mean.tolist() == [[0.022, 0.0, 0.32, 0.0]]
     assert np.sqrt(state.covariance[0, 0, 0]) == pytest.approx(1e-3)
-    with pytest.raises(FilterError, match="one of ukf, ekf, srukf"):
+    with pytest.raises(FilterError, match="one of ukf, ekf"):
         kalman_filter(levitation_model, "kf")
 
 

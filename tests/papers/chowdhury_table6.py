@@ -21,7 +21,7 @@ from femfit.model.json_file import read_model
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
-from femfit.simulation.spectrum import amplitude_spectrum
+from femfit.simulation.study import amplitude_spectrum
 
 HALL_NOISE_V = 3.2e-3
 PAPER_RMS_M = {
@@ -96,8 +96,9 @@ def draw(model, folder, seed=1):
         figure = Figure(figsize=(7, 3), layout="constrained")
         axes = figure.subplots()
         for distance, name in ((direct, "direct measurement"), (series.estimated_distance_m, "UKF")):
-            spectrum = amplitude_spectrum(distance[last][:, result.held], model.sample_time_s)
-            axes.loglog(spectrum.frequency_Hz[1:], 1e6 * spectrum.amplitude_m[1:], label=name)
+            rest = distance[last][:, result.held]
+            frequency = np.fft.rfftfreq(len(rest), model.sample_time_s)
+            axes.loglog(frequency[1:], 1e6 * amplitude_spectrum(rest)[1:], label=name)
         axes.set(xlabel="frequency (Hz)", ylabel="amplitude (um)", title=f"Figure {number + 2}: {controller}")
         axes.legend()
         figure.savefig(folder / f"figure-{number + 2}.png", dpi=150)

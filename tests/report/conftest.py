@@ -8,15 +8,13 @@ import pytest
 
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
-from femfit.filters.consistency import ConsistencyBand
+from femfit.filters.theory import ConsistencyBand
 from femfit.fit.build import fit_model
 from femfit.report.content import ReportContent
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.fault import FaultRow
-from femfit.simulation.spectrum import Spectrum
-from femfit.simulation.study import ClosedLoopStudy, HoldRow, SpectrumPair, StepRow, StepSeries
+from femfit.simulation.study import ClosedLoopStudy, FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 
@@ -83,14 +81,14 @@ def made_up_study(model, held=2, runs=2):
         arrays = (path, path, path + noise, path + 0.1 * noise, 1.0 + path, path * 0 + 0.4)
         return StepSeries(controller, observer, t, *(known * a for a in arrays))
 
-    def spectrum(scale):
-        return Spectrum(np.linspace(0.0, 1000.0, 64), np.full(64, scale * known))
+    frequency, flat = np.linspace(0.0, 1000.0, 64), np.full(64, known)
 
     band = ConsistencyBand(0.98, 1.02)
     nan = float("nan")
     return ClosedLoopStudy(
         design=design_loop(model),
         seed=7,
+        seconds=0.15,
         steps=tuple(
             StepRow(c, m, known * rms, held, runs)
             for c in CONTROLLERS
@@ -129,7 +127,7 @@ def made_up_study(model, held=2, runs=2):
             ),
         ),
         series=tuple(series(c, "ukf") for c in CONTROLLERS),
-        spectra=tuple(SpectrumPair(c, spectrum(1e-5), spectrum(1e-6)) for c in CONTROLLERS),
+        spectra=tuple(SpectrumPair(c, frequency, 1e-5 * flat, 1e-6 * flat) for c in CONTROLLERS),
     )
 
 

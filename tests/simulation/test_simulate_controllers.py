@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.simulation.controller import Reference, SplitController
+from femfit.simulation.controllers import SplitController, design_pid
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.pid import design_pid
 from femfit.simulation.plant import Plant
+from femfit.simulation.reference import Reference
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def closed_loop_poles(model, controller, distance):
     """Continuous poles of plant and controller, from the linearised one-sample map of the code itself."""
     point = operating_point(model, distance)
     rest = np.array([distance, 0.0, point.current_A])
-    words = controller.initial_memory(rest[None]).shape[1]
+    words = controller.words
     still = np.zeros(1)
     reference = Reference(np.array([distance]), still, still)
 
@@ -84,9 +84,10 @@ def test_pid_has_its_quadruple_pole_where_it_is_designed(levitation_model, desig
 
 def test_pid_removes_a_constant_disturbance(levitation_model, design):
     point = operating_point(levitation_model, 0.026)
-    plant = Plant(levitation_model, disturbance_N=0.02 * levitation_model.motion.mass_kg * 9.81)
+    heavier = replace(levitation_model.motion, gravity_m_s2=1.02 * levitation_model.motion.gravity_m_s2)
+    plant = Plant(replace(levitation_model, motion=heavier))
     state = np.array([[0.026, 0.0, point.current_A]])
-    memory, zero = design.pid.initial_memory(state), np.zeros(1)
+    memory, zero = np.zeros((1, design.pid.words)), np.zeros(1)
     for _ in range(4000):
         voltage, memory = design.pid.command(memory, state, Reference(np.array([0.026]), zero, zero))
         state = plant.step(state, voltage)
@@ -99,7 +100,7 @@ def test_commands_stay_within_the_clamp_and_nothing_winds_up_behind_it(levitatio
     far = np.array([[0.030, 0.0, 0.5]])
     zero = np.zeros(1)
     reference = Reference(np.array([0.022]), zero, zero)
-    memory = controller.initial_memory(far)
+    memory = np.zeros((1, controller.words))
     memories = []
     for _ in range(1000):
         voltage, memory = controller.command(memory, far, reference)
@@ -114,10 +115,10 @@ def test_a_split_controller_gives_each_run_its_own(design):
     zero = np.zeros(())
     reference = Reference(np.array(0.022), zero, zero)
     split = SplitController(((np.array([0, 2]), design.backstepping), (np.array([1]), design.pid)))
-    voltage, memory = split.command(split.initial_memory(estimate), estimate, reference)
+    voltage, memory = split.command(np.zeros((3, split.words)), estimate, reference)
     for run, controller in ((0, design.backstepping), (1, design.pid), (2, design.backstepping)):
         own = estimate[run : run + 1]
-        alone, words = controller.command(controller.initial_memory(own), own, reference)
+        alone, words = controller.command(np.zeros((1, controller.words)), own, reference)
         assert voltage[run] == alone[0]
         np.testing.assert_array_equal(memory[run, : words.shape[1]], words[0])
 

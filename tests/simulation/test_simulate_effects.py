@@ -49,7 +49,7 @@ def held(truth, believed, observer, seed=0):
     return run_loop(loop, start, np.random.default_rng(seed), windows=windows).windows[0]
 
 
-@pytest.mark.parametrize("observer", ["ukf", "srukf4"])
+@pytest.mark.parametrize("observer", ["ukf", "ukf4"])
 def test_a_filter_that_knows_the_effects_is_consistent(levitation_model, observer):
     truth = with_effects(levitation_model, EFFECTS)
     found = held(truth, truth, observer)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.model.dynamics import state_derivative
+from femfit.model.dynamics import runge_kutta_step, state_derivative
 from femfit.model.magnetics import Magnetics
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
@@ -20,10 +20,9 @@ class NoField(Magnetics):
 
 
 def trajectory(model, state, voltage, steps, substeps=1):
-    plant = Plant(model, substeps)
     states = [state]
     for _ in range(steps):
-        states.append(plant.step(states[-1], voltage))
+        states.append(runge_kutta_step(model, states[-1], voltage, model.sample_time_s, substeps))
     return np.array(states)
 
 
@@ -96,7 +95,7 @@ def test_a_constant_disturbance_is_weight(levitation_model):
     extra = levitation_model.motion.mass_kg * (10.0 - levitation_model.motion.gravity_m_s2)
     start, voltage = np.array([[0.024, 0.0, 0.3]]), np.array([1.0])
     np.testing.assert_allclose(
-        Plant(levitation_model, disturbance_N=extra).step(start, voltage),
+        runge_kutta_step(levitation_model, start, voltage, levitation_model.sample_time_s, disturbance=extra),
         Plant(heavier).step(start, voltage),
         rtol=1e-13,
     )

@@ -8,8 +8,7 @@ import pytest
 
 from femfit.model.hall import HallSpline
 from femfit.simulation.design import design_loop
-from femfit.simulation.study import closed_loop_study
-from femfit.simulation.study_text import study_data, study_lines
+from femfit.simulation.study import amplitude_spectrum, closed_loop_study
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 
@@ -97,9 +96,9 @@ def test_series_and_spectra_are_there_to_be_drawn(study):
         assert len(lengths) == 1
         assert np.isfinite(series.true_m).all()
     for pair in study.spectra:
-        fast = pair.direct.frequency_Hz > 200.0
+        fast = pair.frequency_Hz > 200.0
         # the filter removes what the body cannot do
-        assert pair.filtered.amplitude_m[fast].mean() < 0.1 * pair.direct.amplitude_m[fast].mean()
+        assert pair.filtered_m[fast].mean() < 0.1 * pair.direct_m[fast].mean()
 
 
 def test_the_study_says_first_which_controllers_hold_and_knows_no_paper(study):
@@ -107,7 +106,7 @@ def test_the_study_says_first_which_controllers_hold_and_knows_no_paper(study):
     assert "backstepping" in first
     assert "pid" in first
     assert not any("paper" in line for line in (first, *others))
-    data = json.loads(json.dumps(study_data(study), allow_nan=False))
+    data = json.loads(json.dumps(study.data(), allow_nan=False))
     assert len(data["holds"]) == len(study.holds)
 
 
@@ -140,12 +139,12 @@ def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning
         assert np.isnan(row.direct_rms_m)
         # The uneven field costs slope: at 30 mm nearly half of it, and the noise grows so much
         assert usual.filtered_rms_m < row.filtered_rms_m < 2.1 * usual.filtered_rms_m
-    assert any("36.8" in line for line in study_lines(alone))
-    assert not any("nan" in line for line in study_lines(alone))
-    data = study_data(alone)
+    assert any("36.8" in line for line in str(alone).splitlines())
+    assert not any("nan" in line for line in str(alone).splitlines())
+    data = alone.data()
     json.dumps(data, allow_nan=False)
     assert data["no_direct"] == alone.no_direct
-    assert study_data(study)["no_direct"] == ""
+    assert study.data()["no_direct"] == ""
 
 
 @pytest.fixture(scope="module")
@@ -166,5 +165,22 @@ def test_a_coil_too_slow_for_a_pid_is_studied_with_the_other_controller(sluggish
     slow = closed_loop_study(sluggish, seed=1)
     assert {row.controller for row in slow.steps} == {row.controller for row in slow.holds} == {"backstepping"}
     assert any(row.held for row in slow.holds)
-    assert any("no PID: A PID controller needs a coil that is faster" in line for line in study_lines(slow))
-    assert study_data(slow)["pid"] is None
+    assert any("no PID: A PID controller needs a coil that is faster" in line for line in str(slow).splitlines())
+    assert slow.data()["pid"] is None
+
+
+def test_a_sine_shows_a_peak_of_its_amplitude_at_its_frequency():
+    step = 0.5e-3
+    time = step * np.arange(2000)
+    record = 0.022 + 3e-5 * np.sin(2 * np.pi * 50.0 * time)[:, None]
+    amplitude, frequency = amplitude_spectrum(record), np.fft.rfftfreq(len(record), step)
+    peak = int(np.argmax(amplitude))
+    assert frequency[peak] == pytest.approx(50.0)
+    assert amplitude[peak] == pytest.approx(3e-5, rel=2e-3)  # np.hanning is symmetric: 1/2000
+
+
+def test_white_noise_is_flat():
+    noise = np.random.default_rng(0).normal(0.0, 1e-4, (1000, 200))
+    amplitude = amplitude_spectrum(noise)[3:-3]
+    halves = amplitude[: len(amplitude) // 2].mean(), amplitude[len(amplitude) // 2 :].mean()
+    assert halves[0] == pytest.approx(halves[1], rel=0.02)  # 250 bins of 200 runs

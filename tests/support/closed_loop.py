@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from femfit.model.with_effects import with_effects
-from femfit.simulation.backstepping import design_backstepping
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
+from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import design_loop
 from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.operating_point import operating_point

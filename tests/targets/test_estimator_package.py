@@ -33,25 +33,23 @@ import numpy as np
 from {package}.filters.extended import ExtendedFilter
 from {package}.filters.levitation import levitation_process
 from {package}.filters.noise import initial_covariance, with_memory
-from {package}.filters.square_root import SquareRootUnscentedFilter
 from {package}.filters.unscented import UnscentedFilter
 from {package}.model.json_file import read_model
-from {package}.simulation.backstepping import design_backstepping
+from {package}.simulation.controllers import design_backstepping
 from {package}.simulation.loop import ClosedLoop, run_loop
-from {package}.simulation.observer import FilterObserver
 from {package}.simulation.operating_point import operating_point
 from {package}.simulation.plant import Plant
 from {package}.simulation.reference import reference_steps
 from {package}.simulation.sensor import SensorErrors
 
-def closed_loop(model_file, steps, filters=3):
+def closed_loop(model_file, steps, filters=2):
     model = read_model(Path(model_file))
     points = [operating_point(model, d) for d in (0.022, 0.026)]
     reference = reference_steps([0.022, 0.026], steps, model.sample_time_s, rate=30.0)
     results = []
-    for kind in (UnscentedFilter, SquareRootUnscentedFilter, ExtendedFilter)[:filters]:
+    for kind in (UnscentedFilter, ExtendedFilter)[:filters]:
         covariance = with_memory(model, initial_covariance(hall_bias_V=0.01))
-        observer = FilterObserver(kind(replace(levitation_process(model, hall_bias=True), start_covariance=covariance)))
+        observer = kind(replace(levitation_process(model, hall_bias=True), start_covariance=covariance))
         loop = ClosedLoop(Plant(model), model.sensor, SensorErrors(noise_V=1e-3), observer,
                           design_backstepping(model, points), reference)
         start = np.array([[0.0221, 0.0, points[0].current_A], [0.0219, 0.0, points[0].current_A]])

@@ -14,10 +14,9 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
-from femfit.simulation.controller import Reference
 from femfit.simulation.design import LoopDesign, design_loop
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.reference import reference_steps
+from femfit.simulation.reference import Reference, reference_steps
 from support.trial_study.levitated_body import MovingTruth
 
 _DITHER = 0.04
@@ -82,7 +81,7 @@ def closed_loop(
     current = operating_point(model, first).current_A
     state = plant.start(np.full(runs, first), np.full(runs, current))
     belief = state[:, :3]
-    memory, seen = controller.initial_memory(belief), observer.start(belief)
+    memory, seen = np.zeros((runs, controller.words)), observer.start(belief)
     circuit = model.require_circuit()
     low, high = circuit.voltage_min_V, circuit.voltage_max_V
     voltage = np.clip(np.full(runs, circuit.resistance_ohm * current), low, high)
@@ -91,12 +90,12 @@ def closed_loop(
     dither = np.zeros(runs)
     for k in range(design.steps(SUPPORT_TIME_CONSTANTS)):  # the body rests on a support until the filter has settled
         reading = plant.hall_output(state) + design.noise_V * generator.standard_normal(runs)
-        seen = observer.observe(seen, voltage, reading, first=k == 0)
+        seen = observer.step(seen, voltage, reading) if k else observer.update(seen, reading)
     for k in range(recorder.samples):
         output = plant.hall_output(state)
         reading = output + design.noise_V * generator.standard_normal(runs)
-        seen = observer.observe(seen, voltage, reading, first=False)
-        command, memory = controller.command(memory, observer.estimate(seen), reference.at(k))
+        seen = observer.step(seen, voltage, reading)
+        command, memory = controller.command(memory, seen.mean[:, :3], reference.at(k))
         flips = generator.random(runs) < 0.05
         dither = np.where(flips | (k == 0), _DITHER * (high - low) * generator.choice([-1.0, 1.0], runs), dither)
         voltage = np.clip(command + dither, low, high)
