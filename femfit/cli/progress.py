@@ -4,6 +4,10 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from femfit.field.sweep import SweepProgress
 
 INTERVAL_S = 10.0
 """Seconds between two lines where standard error is no terminal."""
@@ -36,6 +40,23 @@ def progress(text: str, unit: str) -> Iterator[Show]:
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
         task = bar.add_task(text, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
+    """Show how far the sweep of an actuator is, and say where an edited drawing makes it begin anew."""
+    said = False
+    with progress(f"sweep {name}", "points") as show:
+
+        def update(state: "SweepProgress") -> None:
+            nonlocal said
+            if state.redrawn and not said:
+                said = True
+                text = "the drawing, the solver's settings or versions are not those of this directory's last sweep"
+                print(f"sweep {name}: {text}; it is solved anew", file=sys.stderr, flush=True)
+            show(state.points_done, state.points)
+
+        yield update
 
 
 class _Lines:

@@ -12,12 +12,10 @@ if TYPE_CHECKING:
     from femfit.device.parts import Actuator
     from femfit.fit.result import FitResult
     from femfit.model.actuator_model import ActuatorModel
-    from femfit.report.content import ReportContent
     from femfit.simulation.study import ClosedLoopStudy
     from femfit.tables.sweep_table import SweepTable
 
-STEP_WIDTH = 15  # of the steps' names on the terminal
-REPORT = "report.html"
+STEP_WIDTH = 26  # of the steps' names on the terminal
 NO_HALL = "the actuator has no Hall element to tell an estimator the distance."
 
 
@@ -46,22 +44,24 @@ def run(
     json : Path
         File for the results as JSON.
     """
+    from dataclasses import replace
+
     from femfit.cli.output import write_json
-    from femfit.cli.sweep_progress import sweep_progress
+    from femfit.cli.progress import sweep_progress
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import summarise
+    from femfit.report.actuator_report import draw_figures, render_report
+    from femfit.report.content import ReportContent
+    from femfit.report.page import write_page
+    from femfit.report.write import hashes, with_field
 
     parts = _single_actuator(actuator)
     directory = output or Path("runs") / parts.name
-    results = [
-        (directory / "model.json", MODEL),
-        (directory / "model_law.json", MODEL),
-        (directory / REPORT, PAGE),
-    ]
-    require_outputs([actuator], *results, (json, RESULT))
+    model_file, law_file, page = (directory / name for name in ("model.json", "model_law.json", "report.html"))
+    require_outputs([actuator], (model_file, MODEL), (law_file, MODEL), (page, PAGE), (json, RESULT))
     steps = _Steps()
     for remark in remarks(parts):
         print(remark)
@@ -73,30 +73,36 @@ def run(
         f"{100 * summary['force_error_relative_max']:.3f} %"
     )
     with steps.timed("fit"):
-        reference = _fit(table, "coenergy", directory / "model.json")
+        reference = _fit(table, "coenergy", model_file)
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
         with steps.timed("first half of the report"):
-            begun = _begin_report(parts, table, reference, directory)
-        steps.say(f"{directory / REPORT} can be read; the laws and the loop follow")
+            content = with_field(ReportContent(reference.model, parts, table, reference, unfinished=True), parts)
+            drawn = draw_figures(content)
+            write_page(render_report(content, drawn), page)
+        steps.say(f"{page} can be read; the laws and the loop follow")
         with steps.timed("rank laws"):
-            ranked = _fit(table, "all", directory / "model_law.json")
-        if ranked.ranking is not None:
-            best = ranked.ranking.recommended
-            verdict = "is recommended" if ranked.ranking.reached else "is the best and not good enough"
-            steps.say(f"{best.law.name} {verdict}, {100 * best.error:.2f} % of the {ranked.ranking.of}")
+            ranked = _fit(table, "all", law_file)
+        steps.say(_law_line(ranked))
         with steps.timed("export"):
             exported = _export(reference.model, directory / "estimator")
         steps.say(exported)
         with steps.timed("close the loop"):
             study, no_study = loop.result()
-    steps.say(
-        _loop_line(study) if study else "none, for the same reason" if no_study == NO_HALL else f"none: {no_study}"
-    )
+    steps.say(_loop_line(study, no_study))
     with steps.timed("report"):
-        report = _end_report(begun, ranked, (study, no_study), steps.times, directory)
-    steps.say(f"{report}, {report.stat().st_size / 1e6:.1f} MB")
+        content = replace(
+            content,
+            fit=ranked,
+            study=study,
+            no_study=no_study,
+            unfinished=False,
+            timings_s=tuple(steps.times.items()),
+            hashes=hashes([directory / "sweep.parquet", model_file, law_file]),
+        )
+        write_page(render_report(content, draw_figures(content, drawn=drawn)), page)
+    steps.say(f"{page}, {page.stat().st_size / 1e6:.1f} MB")
     print(f"{sum(steps.times.values()):.1f} s in all")
     write_json(
         json,
@@ -105,7 +111,7 @@ def run(
             "sweep": summary,
             "reference": reference.to_dict(),
             "laws": ranked.to_dict(),
-            "closed_loop": _loop_data(study),
+            "closed_loop": study.data() if study else None,
             "no_closed_loop": no_study,
             "seconds": steps.times,
         },
@@ -120,15 +126,11 @@ def _single_actuator(path: Path) -> "Actuator":
 
     sweep = read_variants(path)
     if len(sweep.variants) > 1 or sweep.columns:
-        raise ActuatorFileError(
-            str(path),
-            [
-                (
-                    f"sweep.parameters make {len(sweep.variants)} variants, and a run is of one actuator. "
-                    "Give femfit sweep and then femfit fit with --where, or leave the parameters out."
-                )
-            ],
+        problem = (
+            f"sweep.parameters make {len(sweep.variants)} variants, and a run is of one actuator. "
+            "Give femfit sweep and then femfit fit with --where, or leave the parameters out."
         )
+        raise ActuatorFileError(str(path), [problem])
     axes = sweep.actuator.sweep
     check_grid(len(axes.currents_A), len(axes.distances_m))
     return sweep.actuator
@@ -153,12 +155,12 @@ class _Steps:
         print(f"{name:<{STEP_WIDTH}}{self.times[name]:5.1f} s  {text}", flush=True)
 
 
-def _fit(table: "SweepTable", model: str, path: Path) -> "FitResult":
+def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":
     from femfit.fit.build import fit_model
     from femfit.model.json_file import write_model
 
-    result = fit_model(table, law=model)
-    write_model(result.model, path)
+    result = fit_model(table, law=law)
+    write_model(result.model, file)
     return result
 
 
@@ -188,7 +190,17 @@ def _export(model: "ActuatorModel", directory: Path) -> str:
     return f"{directory}, {len(files)} files that need numpy alone"
 
 
-def _loop_line(study: "ClosedLoopStudy") -> str:
+def _law_line(ranked: "FitResult") -> str:
+    ranking = ranked.ranking
+    if ranking is None:
+        return "none"
+    verdict = "is recommended" if ranking.reached else "is the best and not good enough"
+    return f"{ranking.recommended.law.name} {verdict}, {100 * ranking.recommended.error:.2f} % of the {ranking.of}"
+
+
+def _loop_line(study: "ClosedLoopStudy | None", no_study: str) -> str:
+    if study is None:
+        return "none, for the same reason" if no_study == NO_HALL else f"none: {no_study}"
     rows = [row for row in study.holds if row.filter == "ukf" and row.held]
     if not rows:
         return "every run was lost; the report says how"
@@ -197,48 +209,3 @@ def _loop_line(study: "ClosedLoopStudy") -> str:
     best = {row.distance_m: row for row in reversed(rows)}
     ratios = ", ".join(f"{row.ratio:.2f} times at {1e3 * distance:.3g} mm" for distance, row in sorted(best.items()))
     return f"UKF less noisy than direct measurement: {ratios}"
-
-
-def _loop_data(study: "ClosedLoopStudy | None") -> dict[str, object] | None:
-    return None if study is None else study.data()
-
-
-def _begin_report(
-    parts: "Actuator", table: "SweepTable", reference: "FitResult", directory: Path
-) -> "tuple[ReportContent, dict[str, str]]":
-    """Write what is known before the loop is closed; the content and its pictures go on into the whole report."""
-    from femfit.report.actuator_report import draw_figures, render_report
-    from femfit.report.content import ReportContent
-    from femfit.report.page import write_page
-    from femfit.report.write import with_field
-
-    content = with_field(ReportContent(reference.model, parts, table, reference, unfinished=True), parts)
-    figures = draw_figures(content)
-    write_page(render_report(content, figures), directory / REPORT)
-    return content, figures
-
-
-def _end_report(
-    begun: "tuple[ReportContent, dict[str, str]]",
-    ranked: "FitResult",
-    loop: "tuple[ClosedLoopStudy | None, str]",
-    times: dict[str, float],
-    directory: Path,
-) -> Path:
-    from dataclasses import replace
-    from hashlib import sha256
-
-    from femfit.report.actuator_report import draw_figures, render_report
-    from femfit.report.page import write_page
-
-    files = ("sweep.parquet", "model.json", "model_law.json")
-    content = replace(
-        begun[0],
-        fit=ranked,
-        study=loop[0],
-        no_study=loop[1],
-        unfinished=False,
-        timings_s=tuple(times.items()),
-        hashes=tuple((name, sha256((directory / name).read_bytes()).hexdigest()) for name in files),
-    )
-    return write_page(render_report(content, draw_figures(content, drawn=begun[1])), directory / REPORT)

@@ -37,7 +37,7 @@ def sweep(
     from time import perf_counter
 
     from femfit.cli.output import write_json
-    from femfit.cli.sweep_progress import sweep_progress
+    from femfit.cli.progress import sweep_progress
     from femfit.core.errors import FieldSolverError
     from femfit.core.outputs import RESULT, require_outputs
     from femfit.device.summary import remarks

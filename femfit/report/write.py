@@ -84,7 +84,7 @@ def _page(result: Any) -> str:
 def _content(result: Any) -> ReportContent:
     if isinstance(result, str | Path):
         place = Path(result)
-        return _run_content(place) if place.is_dir() else ReportContent(read_model(place), hashes=_hashes([place]))
+        return _run_content(place) if place.is_dir() else ReportContent(read_model(place), hashes=hashes([place]))
     if isinstance(result, ActuatorModel):
         return ReportContent(result)
     if isinstance(result, FitResult):
@@ -102,7 +102,7 @@ def _run_content(directory: Path) -> ReportContent:
     file = directory / MODEL_FILE
     model = read_model(file) if file.is_file() else None
     kept = [f for f in (directory / "sweep.parquet", file) if f.is_file()]
-    return _table_content(table, model, _hashes(kept))
+    return _table_content(table, model, hashes(kept))
 
 
 def _table_content(
@@ -129,5 +129,6 @@ def with_field(content: ReportContent, actuator: "Actuator") -> ReportContent:
     return replace(content, field=samples[points[0]], strongest=samples[points[1]])
 
 
-def _hashes(files: list[Path]) -> tuple[tuple[str, str], ...]:
+def hashes(files: list[Path]) -> tuple[tuple[str, str], ...]:
+    """Names and SHA-256 of files."""
     return tuple((file.name, sha256(file.read_bytes()).hexdigest()) for file in files)

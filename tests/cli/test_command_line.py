@@ -20,7 +20,7 @@ RIG = str(GEOMETRY / "emaws-rig.toml")
 
 @pytest.fixture(scope="module")
 def small_actuator(tmp_path_factory):
-    """The rig on a grid of 4 x 9 points, enough for every command."""
+    """The rig on a grid of 4 x 9 points, with small steps of the reference and long samples, enough for all."""
     text = Path(RIG).read_text()
     lines = []
     for line in text.splitlines():
@@ -28,6 +28,10 @@ def small_actuator(tmp_path_factory):
             line = "current_A = [0, 0.4, 0.9, 1.4]"  # noqa: PLW2901
         if line.startswith("distance_mm") and "start" in line:
             line = "distance_mm = [15, 16.5, 18, 20, 23, 27, 32, 38, 45]"  # noqa: PLW2901
+        if line.startswith("distance_mm") and "start" not in line:
+            line = "distance_mm = [24, 26]"  # noqa: PLW2901
+        if line.startswith("sample_time_ms"):
+            line = "sample_time_ms = 1.0"  # noqa: PLW2901
         lines.append(line)
     path = tmp_path_factory.mktemp("actuator") / "small.toml"
     path.write_text("\n".join(lines))
