@@ -5,6 +5,7 @@ Entry by entry over all runs at once, it is also several times faster for matric
 """
 
 from math import sqrt
+from operator import mul
 
 import numpy as np
 
@@ -55,18 +56,13 @@ def cholesky_rows(matrix: list[list[float]]) -> list[list[float]] | None:
     """
     rows: list[list[float]] = []
     order = len(matrix)
-    for i, entries in enumerate(matrix):
-        row = [0.0] * order
-        for j in range(i):
-            other, total = rows[j], entries[j]
-            for k in range(j):
-                total -= row[k] * other[k]
-            row[j] = total / other[j]
-        pivot = entries[i]
-        for k in range(i):
-            pivot -= row[k] * row[k]
+    for entries in matrix:
+        row: list[float] = []
+        for other in rows:  # the products run over what the row has so far
+            row.append((entries[len(row)] - sum(map(mul, row, other))) / other[-1])
+        pivot = entries[len(row)] - sum(map(mul, row, row))
         if not pivot > 0.0:
             return None
-        row[i] = sqrt(pivot)
+        row.append(sqrt(pivot))
         rows.append(row)
-    return rows
+    return [row + [0.0] * (order - len(row)) for row in rows]

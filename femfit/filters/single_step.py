@@ -6,8 +6,7 @@ runs one filter. A step in which anything must be named (a lost covariance, a nu
 of the model) is left to the general path, which names it.
 """
 
-from itertools import repeat
-from operator import add, mul, sub
+from operator import mul
 from typing import NamedTuple
 
 from femfit.filters.cholesky import cholesky_rows
@@ -45,7 +44,7 @@ def single_step(
     mean, deltas, shifts, covariance = [], [], [], []
     for column, noise in zip(moved, process.noise_rows, strict=True):
         centre = column[0]
-        delta = list(map(sub, column[1:], repeat(centre)))
+        delta = [value - centre for value in column[1:]]
         shift = weight * sum(delta)
         scaled = shift_weight * shift
         mean.append(centre + shift)
@@ -60,7 +59,7 @@ def single_step(
         return None
     values = process.look(_points(mean, predicted, spread))
     centre = values[0]
-    delta = list(map(sub, values[1:], repeat(centre)))
+    delta = [value - centre for value in values[1:]]
     shift = weight * sum(delta)
     variance = weight * sum(map(mul, delta, delta)) + shift_weight * shift * shift + process.measurement_variance
     innovation = measurement - (centre + shift)
@@ -86,6 +85,10 @@ def _points(mean: list[float], factor: list[list[float]], spread: float) -> Colu
     """Sigma points about a mean, the centre first; one list a state."""
     columns = []
     for centre, row in zip(mean, factor, strict=True):
-        offsets = list(map(mul, row, repeat(spread)))
-        columns.append([centre, *map(add, repeat(centre), offsets), *map(sub, repeat(centre), offsets)])
+        above, below = [centre], []
+        for entry in row:
+            offset = spread * entry
+            above.append(centre + offset)
+            below.append(centre - offset)
+        columns.append(above + below)
     return columns

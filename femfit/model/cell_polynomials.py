@@ -33,10 +33,13 @@ class _Plan:
     table: FloatArray
     terms: tuple[tuple[tuple[int, float], ...], ...]
 
-    def float_rows(self) -> list[list[list[float]]]:
-        """Of each cell, the rows as lists, the highest power first."""
+    def in_lists(self) -> list[list[list[list[float]]]]:
+        """Of each cell and derivative, its rows times their factors, the highest powers first."""
         _, _, cells = self.table.shape
-        return [self.table[::-1, :, cell].T.tolist() for cell in range(cells)]
+        return [
+            [[(factor * self.table[::-1, row, cell]).tolist() for row, factor in rows] for rows in self.terms]
+            for cell in range(cells)
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,30 +93,32 @@ class CellPolynomials:
         callable
             (list of x, list of y) -> one list of derivatives a point.
         """
-        plan = self._planned(orders)
-        cells, terms = plan.float_rows(), plan.terms
+        cells = self._planned(orders).in_lists()
         x_breaks, y_breaks = self.x_breaks.tolist(), self.y_breaks.tolist()
         x_inner, y_inner, width = x_breaks[1:-1], y_breaks[1:-1], len(y_breaks) - 1
 
         def polynomials(x: float, along: int) -> list[list[float]]:
             """Of each derivative, the polynomial in t at one x, the highest power first."""
-            across = bisect_right(x_inner, x)
-            s, rows = x - x_breaks[across], []
-            for row in cells[across * width + along]:
-                value = 0.0
-                for coefficient in row:
-                    value = value * s + coefficient
-                rows.append(value)
-            return [[factor * rows[k] for k, factor in term] for term in terms]
+            across, result = bisect_right(x_inner, x), []
+            s = x - x_breaks[across]
+            for rows in cells[across * width + along]:
+                polynomial = []
+                for row in rows:
+                    value = 0.0
+                    for coefficient in row:
+                        value = value * s + coefficient
+                    polynomial.append(value)
+                result.append(polynomial)
+            return result
 
         def evaluate(x: list[float], y: list[float]) -> list[list[float]]:
             known: dict[tuple[float, int], list[list[float]]] = {}  # sigma points share their distances
             result = []
-            for k, one_y in enumerate(y):
+            for one_x, one_y in zip(x, y, strict=True):
                 along = bisect_right(y_inner, one_y)
-                place = (x[k], along)
+                place = (one_x, along)
                 if place not in known:
-                    known[place] = polynomials(*place)
+                    known[place] = polynomials(one_x, along)
                 t, values = one_y - y_breaks[along], []
                 for polynomial in known[place]:
                     value = 0.0
