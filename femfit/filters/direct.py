@@ -1,8 +1,7 @@
 """The distance straight from the Hall voltage: invert the magnet's field once the coil's part is removed.
 
 The paper's (14), d = MH(CH(v_hall)), with the fitted field in place of its polynomials: find the d at which
-quiescent + sensitivity B(d, i) equals the reading. The current is not measured there but taken as its static value
-u / R, which is wrong while the current changes: part of why a filter does better.
+quiescent + sensitivity B(d, i) equals the reading.
 
 References
 ----------
@@ -38,14 +37,7 @@ class HallInverse:
     volts: FloatArray
 
     def distance(self, hall_voltage: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Solve quiescent + sensitivity B(d, i) = v for d.
-
-        Parameters
-        ----------
-        hall_voltage : array, shape (n,)
-            Readings v in V.
-        current : array, shape (n,) or scalar
-            Current i in A at each.
+        """Solve quiescent + sensitivity B(d, i) = v for d, at readings v in V and currents i in A of shape (n,).
 
         Returns
         -------

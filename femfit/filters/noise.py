@@ -52,24 +52,16 @@ class FilterNoise:
 
 
 def hall_noise(sensor: HallSensor, noise_V: float | None = None) -> float:
-    """Standard deviation of one Hall sample, sqrt(sigma^2 + LSB^2 / 12).
-
-    Parameters
-    ----------
-    noise_V : float or None
-        White noise in V; the sensor's own where None.
-    """
+    """Standard deviation of one Hall sample in V, sqrt(sigma^2 + LSB^2 / 12); sigma is the sensor's where None."""
     white = sensor.noise_V if noise_V is None else noise_V
     return float(np.hypot(white, sensor.quantisation_step / np.sqrt(12.0)))
 
 
 def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: float | None = None) -> FilterNoise:
-    """Noise of a levitating model, derived as the module says.
+    """Noise of a levitating model at a distance in m, derived as the module says.
 
     Parameters
     ----------
-    distance : float or None
-        Operating point in m; the reference's first step, or the middle of the box, where None.
     noise_V : float or None
         White noise of the Hall voltage in V; the sensor's own where None.
     """
@@ -85,31 +77,14 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
 
 
 def operating_distance(model: ActuatorModel) -> float:
-    """Where a filter is tuned when nothing else is said.
-
-    Returns
-    -------
-    float
-        The reference's first step in m, or the middle of the validity box without a reference.
-    """
+    """Where a filter is tuned by default, in m: the reference's first step, or the middle of the validity box."""
     if model.reference_distances_m:
         return model.reference_distances_m[0]
     return 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m)
 
 
 def process_covariance(model: ActuatorModel, noise: FilterNoise, distance: float, hall_bias: bool) -> FloatArray:
-    """Q of one sample.
-
-    Parameters
-    ----------
-    distance : float
-        Where the inductance is taken, in m.
-
-    Returns
-    -------
-    array, shape (n, n)
-        In m, m/s, A, pure numbers for the states of effects, and V.
-    """
+    """Q of one sample in m, m/s, A, pure numbers for the states of effects, and V, with L at a distance."""
     t, q = model.sample_time_s, noise.acceleration_density
     box = model.validity
     middle = np.asarray(0.5 * (box.current_min_A + box.current_max_A))
@@ -137,18 +112,7 @@ def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, curre
 
 
 def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
-    """The covariance of a first estimate, widened by the states of the model's effects.
-
-    Parameters
-    ----------
-    covariance : array, shape (3, 3) or (4, 4)
-        From :func:`initial_covariance`.
-
-    Returns
-    -------
-    array, shape (n, n)
-        With them after the current, independent of the others.
-    """
+    """A covariance from :func:`initial_covariance` with the states of the model's effects, independent, put in."""
     if model.dynamics is None or not model.memory_names:
         return covariance
     added = len(model.memory_names)
@@ -165,18 +129,7 @@ def initial_covariance(
     current_A: float = FIRST_CURRENT_A,
     hall_bias_V: float | None = None,
 ) -> FloatArray:
-    """Diagonal covariance of a first estimate.
-
-    Parameters
-    ----------
-    hall_bias_V : float or None
-        That of the fourth state, absent where None.
-
-    Returns
-    -------
-    array, shape (3, 3) or (4, 4)
-        Their squares on the diagonal.
-    """
+    """Covariance of a first estimate from its standard deviations; without a fourth state where there is no bias."""
     deviations = [distance_m, velocity_m_s, current_A]
     if hall_bias_V is not None:
         deviations.append(hall_bias_V)

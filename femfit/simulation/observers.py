@@ -5,41 +5,13 @@ An observer steps as :class:`femfit.filters.filter.Filter` does, and its state h
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.filters.direct import HallInverse
-
-
-class ObserverState(Protocol):
-    """What the loop reads of an observer's state."""
-
-    @property
-    def mean(self) -> FloatArray:
-        """Estimates, shape (runs, 3 or more)."""
-
-    @property
-    def diverged(self) -> BoolArray:
-        """Which runs' estimate is no longer to be trusted."""
-
-    @property
-    def normalised_innovation_squared(self) -> FloatArray:
-        """Of the last reading; NaN where there is no innovation."""
-
-
-class Observer(Protocol):
-    """Makes a state of readings and voltages; its memory is that state, passed in and out."""
-
-    def start(self, mean: FloatArray) -> Any:
-        """State before the first reading, from a first belief of shape (runs, 3)."""
-
-    def update(self, state: Any, measurement: FloatArray) -> Any:
-        """Take the first Hall voltage, in V."""
-
-    def step(self, state: Any, voltage: FloatArray, measurement: FloatArray) -> Any:
-        """Take a Hall voltage, with the winding's voltage held since the sample before."""
+from femfit.filters.filter import Filter
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +21,7 @@ class Seen:
     mean: FloatArray
     diverged: BoolArray
     normalised_innovation_squared: FloatArray
-    parts: tuple[ObserverState, ...] = ()
+    parts: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +72,7 @@ class SplitObserver:
         Indices of the runs and their observer; every run once.
     """
 
-    parts: tuple[tuple[IntArray, Observer], ...]
+    parts: tuple[tuple[IntArray, "Observer"], ...]
 
     def start(self, mean: FloatArray) -> Seen:
         """Each part on its own runs."""
@@ -123,3 +95,6 @@ class SplitObserver:
             mean[rows], diverged[rows] = state.mean[:, :3], state.diverged
             quality[rows] = state.normalised_innovation_squared
         return Seen(mean, diverged, quality, tuple(states))
+
+
+Observer: TypeAlias = Filter | DirectObserver | SplitObserver

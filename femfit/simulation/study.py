@@ -44,7 +44,7 @@ HALL_OFFSET_V, FORCE_ERROR = 0.02, 0.01
 
 @dataclass(frozen=True, eq=False)
 class StepSeries:
-    """One recorded run over reference steps; arrays of shape (steps,)."""
+    """One recorded run over reference steps."""
 
     controller: str
     observer: str

@@ -66,6 +66,10 @@ class LostLoop:
         """With other fields of the experiment."""
         return replace(self, experiment=replace(self.experiment, **fields))  # type: ignore[arg-type]
 
+    def undisturbed(self, **fields: object) -> "LostLoop":
+        """The same where no noise reaches the controller: without a first error an unstable loop would stay at rest."""
+        return self.other(start_error_m=START_ERROR * self.experiment.targets_m[0], **fields)
+
 
 Change = Callable[[LostLoop], LostLoop]
 
@@ -86,12 +90,12 @@ def why_lost(loop: LostLoop, lost: LoopResult) -> str:
         removed, names = change(removed), [*names, name]
         if len(names) > 1 and holds(removed):
             return f"Several things together: without {', '.join(names[:-1])} and {names[-1]} the same runs hold."
-    if holds(loop.other(observer="exact")):
+    if holds(loop.undisturbed(observer="exact")):
         return (
             "The estimate does it: with the exact state the same runs hold. Check the filter's noise and the sensor's "
             "characteristic over the reference's range."
         )
-    removed = removed.other(observer="exact")
+    removed = removed.undisturbed(observer="exact")
     if holds(removed):
         return f"Several things together: with the exact state and without {' and '.join(names)} the same runs hold."
     return _of_the_controller(loop, removed, holds)
@@ -108,9 +112,7 @@ def _causes(loop: LostLoop) -> dict[str, Change]:
     if faults := _faults(loop.experiment):
         causes[f"the fault ({faults})"] = _without_faults
     if loop.experiment.noise_V != 0.0:
-        first = loop.experiment.targets_m[0]
-        # An unstable loop would otherwise stay on its point of rest
-        causes[NOISE] = lambda own: own.other(noise_V=0.0, start_error_m=START_ERROR * first)
+        causes[NOISE] = lambda own: own.undisturbed(noise_V=0.0)
     return causes
 
 

@@ -135,7 +135,7 @@ def test_time_series_are_written_up_to_the_loss_whole_or_not_at_all(design, tmp_
 
 
 def advice(model, **options):
-    return close_loop(model, runs=4, seconds=0.5, targets_m=(0.022,), **{"estimator": "ukf", **options}).advice
+    return close_loop(model, runs=4, seconds=0.2, targets_m=(0.022,), **{"estimator": "ukf", **options}).advice
 
 
 def test_a_loop_lost_for_want_of_a_filter_is_advised_to_take_one(levitation_model):
