@@ -77,7 +77,7 @@ class FilterState:
     @property
     def diverged(self) -> BoolArray:
         """Which runs have an outcome other than RUNNING."""
-        return self.outcome != 0
+        return np.asarray(self.outcome != 0)
 
     @property
     def normalised_innovation_squared(self) -> FloatArray:

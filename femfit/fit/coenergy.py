@@ -28,7 +28,7 @@ ALLOWED_VIOLATION = 1e-5
 SHAPES: dict[str, str] = {
     "inductance": "inductance >= 0 (co-energy convex in the current)",
     "decreasing": "force does not grow with distance",
-    "attracting": "force does not fall with current (k_m >= 0)",
+    "attracting": "force does not fall as the current grows",
 }
 """Shape constraints by name."""
 

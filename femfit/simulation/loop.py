@@ -7,6 +7,7 @@ then on and it never enters a mean.
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
@@ -179,7 +180,7 @@ def run_loop(
     state = loop.plant.start(start)
     belief = state[:, :3] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
     reading = np.zeros(runs)
-    seen = None if loop.observer is None else loop.observer.start(belief)
+    seen: Any = None if loop.observer is None else loop.observer.start(belief)
     memory = np.zeros((runs, loop.controller.words))
     voltage = np.clip(circuit.resistance_ohm * belief[:, 2], circuit.voltage_min_V, circuit.voltage_max_V)
     outcome, when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)

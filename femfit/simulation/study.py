@@ -245,7 +245,7 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Fa
     biased = [*everywhere("ukf4", offset_V=-HALL_OFFSET_V), *everywhere("ukf4", offset_V=HALL_OFFSET_V)]
     forces = everywhere("ukf", force_scale=1.0 + FORCE_ERROR)
     blind = [e for e in everywhere("ukf", offset_V=HALL_OFFSET_V) if e.controller == "backstepping"]
-    faulty = [
+    faulty: list[tuple[Experiment, Experiment | None]] = [
         *zip(biased, [*clean4, *clean4], strict=True),
         *((e, None) for e in blind),
         *zip(forces, clean[: len(forces)], strict=True),
@@ -262,7 +262,8 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Fa
         supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
         recorded=RUNS * len(clean),
     )
-    holds, spectra = [], []
+    holds: list[HoldRow] = []
+    spectra: list[SpectrumPair] = []
     for e in clean:
         direct = _direct(design, results[e])[window]
         holds.append(_hold_row(design, e, results[e], direct))
@@ -374,9 +375,9 @@ def _steps(design: LoopDesign, seed: int) -> tuple[tuple[StepRow, ...], tuple[St
         for name, distance in (measured | {e.observer: series.estimated_distance_m}).items():
             rms = _rms((distance - series.distance_m)[:, held])
             rows.append(StepRow(e.controller, name, rms, int(held.sum()), len(held)))
-        arrays = (series.reference_m, series.distance_m, direct, series.estimated_distance_m)
-        arrays = (*arrays, series.voltage_V, series.current_A)
-        drawn.append(StepSeries(e.controller, e.observer, result.time_s, *(array[:, run] for array in arrays)))
+        distances = (series.reference_m, series.distance_m, direct, series.estimated_distance_m)
+        arrays = (array[:, run] for array in (*distances, series.voltage_V, series.current_A))
+        drawn.append(StepSeries(e.controller, e.observer, result.time_s, *arrays))
     return tuple(rows), tuple(drawn)
 
 

@@ -85,7 +85,8 @@ def why_lost(loop: LostLoop, lost: LoopResult) -> str:
     for name, change in causes.items():
         if holds(change(loop)):
             return f"Without {name} the same runs hold. {_remedy(name, loop, holds)}".strip()
-    removed, names = loop, []
+    removed = loop
+    names: list[str] = []
     for name, change in causes.items():
         removed, names = change(removed), [*names, name]
         if len(names) > 1 and holds(removed):
