@@ -1,6 +1,5 @@
 """``femfit import``: the tables that FEMM users have, to a sweep table."""
 
-import difflib
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -32,9 +31,6 @@ def import_table(
     accept: str | None = None,
     actuator: Path | None = None,
     json: Path | None = None,
-    **quantities: Annotated[
-        str, Parameter(help="The same by quantity: --force-column HEADER, --force-unit UNIT, --distance-unit mm, ...")
-    ],
 ) -> None:
     """Bring in a table of FEMM or another program: recognise, convert to SI, check, write as a sweep table.
 
@@ -80,9 +76,6 @@ def import_table(
         Actuator file whose circuit, motion and sensor go into the manifest.
     json : Path
         File for mapping and findings as JSON.
-    **quantities : str
-        The same by quantity: --force-column HEADER and --force-unit UNIT; likewise current, distance, flux-linkage,
-        inductance, hall, coenergy.
     """
     from femfit.cli.output import write_json
     from femfit.core.errors import TableError
@@ -94,12 +87,11 @@ def import_table(
     require_outputs([*tables, actuator], *zip(written, (PARQUET, TABLE, MANIFEST), strict=True), (json, RESULT))
     if flip_force and keep_force:
         raise TableError("--flip-force and --keep-force exclude each other; give one of them.")
-    named, in_unit = _by_quantity(quantities)
     imported = read.import_table(
         tables,
         actuator=actuator,
-        columns=table_options.columns | named,
-        units=table_options.units | in_unit,
+        columns=table_options.columns,
+        units=table_options.units,
         column_names=_words(columns),
         form=form,
         matrix_rows=matrix_rows,
@@ -120,26 +112,6 @@ def import_table(
     print(imported)
     print(f"written: {table}")
     write_json(json, imported.manifest)
-
-
-def _by_quantity(given: dict[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Header to quantity and quantity to unit, of options such as ``--force-column Fz`` and ``--force-unit mN``."""
-    from femfit.core.errors import TableError
-    from femfit.tables.foreign.options import QUANTITIES
-
-    columns, units = {}, {}
-    for key, value in given.items():
-        quantity, _, kind = key.replace("_", "-").rpartition("-")
-        quantity = quantity.replace("-", "_")
-        if quantity not in QUANTITIES or kind not in {"column", "unit"}:
-            known = [f"{name.replace('_', '-')}-{kind}" for name in QUANTITIES for kind in ("column", "unit")]
-            near = difflib.get_close_matches(key, known, n=1)
-            raise TableError(f"There is no option --{key}{f'; did you mean --{near[0]}?' if near else '.'}")
-        if kind == "column":
-            columns[value] = quantity
-        else:
-            units[quantity] = value
-    return columns, units
 
 
 def _words(text: str | None) -> tuple[str, ...]:

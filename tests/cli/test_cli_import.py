@@ -47,7 +47,7 @@ def test_errors_of_the_table_exit_1_with_the_remedy_and_write_nothing(tmp_path):
 def test_overrides_reach_the_reader(tmp_path):
     (tmp_path / "a.txt").write_text("5 -1\n6 -0.9\n")
     (tmp_path / "b.txt").write_text("5 -2\n6 -1.8\n")
-    options = ["--columns", "position,force", "--distance-unit", "mm", "--file-current-A", "0,1", "--keep-force"]
+    options = ["--columns", "position,force", "--unit", "distance=mm", "--file-current-A", "0,1", "--keep-force"]
     result = run_import(tmp_path / "a.txt", tmp_path / "b.txt", "-o", tmp_path / "out", *options)
     assert result.returncode == 0, result.stderr
     rows = read_sweep_table(tmp_path / "out").rows
@@ -69,8 +69,8 @@ def test_an_actuator_file_goes_into_the_manifest(table_file, tmp_path, request):
     [
         (["--flip-force", "--keep-force"], "exclude each other"),
         (["--file-current-A", "one"], "numbers separated by commas"),
-        (["--force-column", "nothing"], "its columns are"),
-        (["--force-unit", "parsec"], "--force-unit"),
+        (["--column", "nothing=force"], "its columns are"),
+        (["--unit", "force=parsec"], "--unit force"),
     ],
 )
 def test_wrong_options_are_clear_errors(table_file, tmp_path, arguments, words):

@@ -266,7 +266,7 @@ def test_two_columns_for_one_quantity_are_left_to_the_user(tmp_path, law):
     table = law.table()
     body = rows_of(table, ("distance", 1), ("current", 1), ("force", 1), ("flux_linkage", 1), ("flux_linkage", 2))
     path = write(tmp_path / "t.csv", ["z", "ni_scale", "Fz", "flux_lo", "flux_hi"], body, ",")
-    with pytest.raises(TableError, match="--current-column"):
+    with pytest.raises(TableError, match="--column HEADER=current"):
         read_foreign_table([path])
     imported = read_foreign_table([path], ImportOptions(columns={"ni_scale": "current"}, units={"current": "1.0"}))
     assert "flux_linkage_Wb" not in imported.rows
@@ -284,7 +284,7 @@ def test_two_columns_for_one_quantity_are_left_to_the_user(tmp_path, law):
 def test_an_unknown_unit_names_the_option(tmp_path, law):
     body = rows_of(law.table(), ("current", 1), ("distance", 1), ("force", 1))
     path = write(tmp_path / "t.csv", ["I(A)", "Z(furlng)", "F(N)"], body)
-    with pytest.raises(TableError, match="--distance-unit"):
+    with pytest.raises(TableError, match="--unit distance"):
         read_foreign_table([path])
     assert_same(read_foreign_table([path], ImportOptions(units={"distance": "m"})), law.table(), columns=("force",))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.tables.foreign.noise import MIN_DISTANCES, NOISY, check_noise, measure_roughness
+from femfit.tables.foreign.noise import MIN_DISTANCES, NOISY, check_noise, compare_forces, measure_roughness
 
 LAWS = {
     "F1e": lambda d: 6e-9 * d**-4.0,
@@ -111,3 +111,33 @@ def test_few_distances_are_not_judged(law):
     points, (finding,) = check_noise(law.table(distances=np.linspace(5e-3, 25e-3, MIN_DISTANCES - 1)))
     assert "not judged" in finding.text
     assert "force_error" not in points
+
+
+def test_a_smoother_column_that_differs_is_named(law):
+    distances = GRIDS["61 even"]
+    table = law.table(distances=distances)
+    rng = np.random.default_rng(8)
+    rough = 1.02 + 0.004 * rng.standard_normal(61)  # 2 % off throughout, 0.4 % rough
+    table = table.rename(columns={"force": "other:reaction"}).assign(
+        force=lambda t: t["other:reaction"] * np.tile(rough, 4)
+    )
+    points, (finding,) = compare_forces(check_noise(table)[0])
+    assert finding.size == pytest.approx(0.02, rel=0.2)
+    swapped = table.rename(columns={"force": "other:reaction", "other:reaction": "force"})
+    assert compare_forces(swapped)[1] == []
+    error = (points["force"] - points["other:reaction"]).abs()
+    assert (points["force_error"] >= error).all()
+
+
+def test_a_reaction_of_opposite_sign_is_the_same_force(law):
+    table = law.table(distances=GRIDS["61 even"])
+    assert compare_forces(table.assign(**{"other:reaction": -table["force"]}))[1] == []
+
+
+def test_a_force_on_another_body_is_no_rival(law):
+    table = law.table(distances=GRIDS["61 even"])
+    rough = np.tile(1 + 0.01 * np.random.default_rng(9).standard_normal(61), 4)
+    table = table.assign(**{"force": table["force"] * rough, "other:lateral": 1e-3 * table["force"], "other:none": 0.0})
+    points, findings = compare_forces(table)
+    assert findings == []
+    assert points is table

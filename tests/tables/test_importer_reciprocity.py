@@ -81,7 +81,7 @@ def test_flux_divided_by_current_is_recognised(make_law, magnet, saturating, cur
     finding = only(check_reciprocity(table))
     assert finding.severity == "error"
     assert "divided by the current" in finding.text
-    assert "--inductance-column" in finding.remedy
+    assert "--column HEADER=inductance" in finding.remedy
 
 
 def test_differential_inductance_as_flux_is_recognised(make_law):

@@ -57,7 +57,8 @@ def long_points(
     Returns
     -------
     points : DataFrame
-        Quantities in SI (distance before start and step), ``source``, ``line``.
+        Quantities in SI (distance before start and step), ``source``, ``line``; further force columns as
+        ``other:<header>``.
     """
     headers = options.column_names or raw.headers
     if not headers:
@@ -82,6 +83,8 @@ def long_points(
     if missing:
         raise TableError(_missing_message(raw.source, headers, missing))
     points = pd.DataFrame(data)
+    for header in rivals.get("force", []):
+        points[f"other:{header}"] = raw.numbers[:, headers.index(header)] * uses["force"].factor
     unused = [header for k, header in enumerate(headers) if k not in index.values()]
     return points.assign(source=raw.source, line=raw.lines), uses, _choices(uses, unused, rivals, options)
 
@@ -96,7 +99,7 @@ def unit_use(quantity: str, header: str, unit: str | None, source: str, options:
     try:
         return ColumnUse(quantity, header, unit, given_factor(unit, si_unit(quantity), header, source))
     except TableError as error:
-        raise TableError(f"{error} Give it with --{quantity.replace('_', '-')}-unit.") from error
+        raise TableError(f"{error} Give it with --unit {quantity}=UNIT.") from error
 
 
 def _choose(
@@ -107,7 +110,7 @@ def _choose(
     chosen: dict[str, int] = {}
     for wanted, name in options.columns.items():
         quantity = quantity_of(name)
-        chosen[quantity] = headers.index(find_header(wanted, headers, source, f"--{quantity.replace('_', '-')}-column"))
+        chosen[quantity] = headers.index(find_header(wanted, headers, source, "--column"))
     rivals: dict[str, list[str]] = {}
     for quantity in [name for name in QUANTITIES if name not in options.without]:
         if quantity not in chosen:
@@ -127,7 +130,7 @@ def _choose(
         if quantity in rivals and quantity not in chosen:
             raise TableError(
                 f"{source} has several columns that may hold the {quantity}: {listing(rivals[quantity])}. "
-                f"Choose one with --{quantity}-column."
+                f"Choose one with --column HEADER={quantity}."
             )
     return chosen, rivals
 
@@ -156,10 +159,10 @@ def _use(quantity: str, header: Header, source: str, options: ImportOptions) -> 
 
 def _missing_message(source: str, headers: tuple[str, ...], missing: list[str]) -> str:
     remedies = {
-        "current": "--current-column, or --file-current-A where a file holds one current (or write it in the file "
-        "names as in force_0.4A.csv)",
-        "distance": "--distance-column, or --file-distance-mm where a file holds one distance",
-        "force": "--force-column",
+        "current": "--column HEADER=current, or --file-current-A where a file holds one current (or write it in the "
+        "file names as in force_0.4A.csv)",
+        "distance": "--column HEADER=distance, or --file-distance-mm where a file holds one distance",
+        "force": "--column HEADER=force",
     }
     return "\n".join(
         [
@@ -181,7 +184,7 @@ def _choices(
             text = f"{quoted(uses[quantity].header)} is taken as {name}; it might also be {listing(headers)}."
         else:
             text = f"{listing(headers)} may each be the {name}; none was taken."
-        findings.append(Finding("choice", "info", text, f"Choose with --{quantity.replace('_', '-')}-column."))
+        findings.append(Finding("choice", "info", text, f"Choose with --column HEADER={quantity}."))
     left = [header for header in unused if not any(header in headers for headers in undecided.values())]
     if left:
         findings.append(Finding("unused-columns", "info", f"Not used: {listing(left, 20)}."))

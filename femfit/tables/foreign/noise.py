@@ -95,6 +95,48 @@ def check_noise(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     return points, [Finding("noise", "info", text, size=bound)]
 
 
+def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
+    """Compare the force with the table's other force columns (``other:<header>``).
+
+    By Newton's third law all of them are one force. Where a smoother column differs by more than its own noise, the
+    difference is an error of the chosen one that may vary too slowly with distance to show as roughness; it is added
+    to ``force_error`` in squares. A column that differs by more than the force itself is another force.
+    """
+    smallest = points[points["current"].abs() == points["current"].abs().min()]
+    force, distance = (smallest[name].to_numpy(dtype=float) for name in ("force", "distance"))
+    own = measure_roughness(distance, force)
+    best: tuple[float, str, float] | None = None
+    for name in (str(name) for name in points if str(name).startswith("other:")):
+        other = _oriented(smallest, name)
+        curve = measure_roughness(distance, other) if np.isfinite(points[name].to_numpy(dtype=float)).all() else None
+        if curve is None or own is None:
+            continue
+        scale = np.maximum(np.abs(other), 1e-9 * float(points[name].abs().max()))
+        difference = float(np.median(np.abs(force - other) / scale))
+        if difference < 1 and (best is None or curve.relative < best[0]):
+            best = curve.relative, name, difference
+    if best is None or own is None or not (best[0] < own.relative / 2 and 3 * best[0] < best[2]):
+        return points, []
+    size, name, difference = best
+    if "force_error" in points:
+        away = points["force"].to_numpy(dtype=float) - _oriented(points, name)
+        points = points.assign(force_error=np.hypot(points["force_error"].to_numpy(dtype=float), away))
+    header = name.removeprefix("other:")
+    text = (
+        f"Column {header} is smoother (noise {100 * size:.2g} % of F against {100 * own.relative:.2g} %) and differs "
+        f"by {100 * difference:.2g} % (median at the smallest current): so much of the chosen force is probably error. "
+        "The error of each row was raised by it."
+    )
+    remedy = f"Take it with --column {header}=force if it is the same force."
+    return points, [Finding("rival-force", "warning", text, remedy, difference)]
+
+
+def _oriented(points: pd.DataFrame, name: str) -> FloatArray:
+    """Another force column with the sign of the chosen one: a reaction points the other way, shape (n,)."""
+    other = points[name].to_numpy(dtype=float)
+    return np.asarray((np.sign(np.sum(other * points["force"].to_numpy(dtype=float))) or 1.0) * other)
+
+
 def _error_of_rows(points: pd.DataFrame, curves: dict[float, Roughness]) -> FloatArray:
     """Noise of each row; a current that could not be judged takes that of the nearest one, shape (n,)."""
     errors, judged = np.empty(len(points)), np.array(list(curves))

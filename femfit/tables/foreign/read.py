@@ -21,7 +21,7 @@ from femfit.tables.column_names import COLUMN_NAMES, STEP_NAMES
 from femfit.tables.foreign.columns import ColumnUse, long_points
 from femfit.tables.foreign.grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
 from femfit.tables.foreign.matrix_form import is_matrix, matrix_points
-from femfit.tables.foreign.noise import check_noise
+from femfit.tables.foreign.noise import check_noise, compare_forces
 from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions, si_unit
 from femfit.tables.foreign.reciprocity import check_reciprocity, flux_from_inductance
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
@@ -240,6 +240,8 @@ def _check(points: pd.DataFrame, findings: list[Finding], options: ImportOptions
     points, found = drop_incomplete(points, [name for name in QUANTITIES if name not in REQUIRED])
     findings += found
     points, found = check_noise(points)
+    findings += found
+    points, found = compare_forces(points)
     return points, findings + found
 
 

@@ -44,9 +44,9 @@ _LARGE = 0.05  # rectangles whose work is below this share of the largest hold m
 
 
 _PARTS = (
-    (2 * math.pi, "force of one radian of an axisymmetric model (give --force-unit 6.283185)"),
-    (1 / (2 * math.pi), "flux linkage of one radian of an axisymmetric model (give --flux-linkage-unit 6.283185)"),
-    (2.0, "force of one half of a symmetric model (give --force-unit 2)"),
+    (2 * math.pi, "force of one radian of an axisymmetric model (give --unit force=6.283185)"),
+    (1 / (2 * math.pi), "flux linkage of one radian of an axisymmetric model (give --unit flux_linkage=6.283185)"),
+    (2.0, "force of one half of a symmetric model (give --unit force=2)"),
 )
 
 FluxOf = Callable[[FloatArray, FloatArray], FloatArray]
@@ -114,7 +114,7 @@ def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
             text = (
                 f"The column taken as flux linkage is {name}{scale}: only so it agrees with the force ({loops.within})."
             )
-            remedy = "Give it as --inductance-column, or export the flux linkage itself."
+            remedy = "Give it as --column HEADER=inductance, or export the flux linkage itself."
             return [Finding("reciprocity", "error", text, remedy, loops.factor)]
     text = (
         "Flux linkage and force do not belong together: the ratio of -d(flux linkage)/dd to dF/di is "
@@ -138,7 +138,7 @@ def _judge_factor(loops: _Loops) -> Finding:
     magnitude = abs(loops.factor)
     causes = _causes_of(magnitude, 0.02 + loops.spread) if abs(magnitude - 1) > _WRONG else []
     if loops.factor < 0:
-        causes.insert(0, "the sign of force or flux linkage is reversed (--flip-force, or --flux-linkage-unit -1)")
+        causes.insert(0, "the sign of force or flux linkage is reversed (--flip-force, or --unit flux_linkage=-1)")
     text = (
         f"Flux linkage and force do not belong together: -d(flux linkage)/dd is {loops.factor:.4g} times dF/di (the "
         f"same {loops.within}). Likely causes: {'; '.join(causes) or 'unknown'}."
@@ -192,22 +192,22 @@ def _causes_of(factor: float, tolerance: float) -> list[str]:
     """Likely causes of a positive factor, flux side over force side: units, turns, parts of a model."""
     known = list(_PARTS)
     for quantity, power in (("flux_linkage", 1), ("distance", -1), ("current", 1), ("force", -1)):
-        column, name, option = QUANTITIES[quantity], quantity.replace("_", " "), quantity.replace("_", "-")
+        column, name = QUANTITIES[quantity], quantity.replace("_", " ")
         units = {column.rpartition("_")[2]: 1.0, **common_factors(column)}
         for true, read in itertools.permutations(units, 2):
             if quantity == "distance" or 1.0 in (units[true], units[read]):
-                cause = f"{name} in {true} read as {read} (--{option}-unit {true})"
+                cause = f"{name} in {true} read as {read} (--unit {quantity}={true})"
                 known.append(((units[read] / units[true]) ** power, cause))
     causes = [cause for value, cause in known if abs(math.log(factor / value)) < tolerance]
     turns = 1 / factor
     if turns > 1.5:
         causes.append(
-            f"flux of one turn instead of the linkage of about {turns:.4g} turns (give --flux-linkage-unit {turns:.4g} "
+            f"flux of one turn instead of the linkage of about {turns:.4g} turns (give --unit flux_linkage={turns:.4g} "
             "with the exact number of turns)"
         )
     elif factor > 1.5:
         causes.append(
-            f"current in ampere-turns of a coil of about {factor:.4g} turns (give --current-unit {turns:.4g}, one over "
+            f"current in ampere-turns of a coil of about {factor:.4g} turns (give --unit current={turns:.4g}, one over "
             "the exact number of turns)"
         )
     return causes
