@@ -8,9 +8,8 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel, Misfit
-from femfit.model.from_json import model_from_dict
+from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import CoenergySpline, Magnetics
-from femfit.model.to_json import model_to_dict
 from femfit.tables.sweep_table import SweepTable
 
 

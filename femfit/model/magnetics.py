@@ -4,8 +4,8 @@ F = -dW'/dd (on the moving part, positive towards the electromagnet), flux linka
 k_m = dF/di = -d(flux linkage)/dd, inductance L = d(flux linkage)/di. Deriving all of them from one function
 makes reciprocity hold to rounding, whatever was fitted.
 
-Stored is a spline in d_0 / (d + s) and i (``bspline``), or a law; ``Magnetics`` gives any derivative in d and i. Effects
-change W' as a function, so they take and give Taylor series about each point (``effects.taylor_series``), which
+Stored is a spline in d_0 / (d + s) and i (``bspline``), or a law; ``Magnetics`` gives any derivative in d and i.
+Effects change W' as a function, so they take and give Taylor series about each point (``effects.taylor_series``), which
 ``coenergy_table`` keeps on a grid, because filters ask for the same changed W' millions of times.
 
 References

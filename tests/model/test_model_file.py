@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from femfit.core.errors import DomainError, MissingPartError, ModelFileError
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel, ValidityBox
-from femfit.model.from_json import model_from_dict
-from femfit.model.json_file import read_model, write_model
+from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
-from femfit.model.to_json import model_to_dict
 
 
 @pytest.fixture

@@ -11,9 +11,8 @@ from femfit.device.summary import sweep_manifest_entry
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.from_json import model_from_dict
+from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.model.to_json import model_to_dict
 from femfit.model.with_effects import nominal_of, with_effects
 from support.actuators import GEOMETRY
 

@@ -7,9 +7,8 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.core_saturation import CORE_SATURATION
 from femfit.effects.effect import AddedEffect
-from femfit.model.from_json import model_from_dict
+from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
-from femfit.model.to_json import model_to_dict
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 
 SATURATION = AddedEffect(CORE_SATURATION, CORE_SATURATION.null() | {"mmf_loss_3": 0.1, "mmf_loss_6": 0.02})
