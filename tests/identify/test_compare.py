@@ -11,6 +11,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.model_test import judge_model
+from femfit.identify.noise.components import estimate_noise
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.actuator_model import Misfit
 from femfit.model.magnetics import Coefficient, LawMagnetics
@@ -185,6 +186,19 @@ def test_the_declared_uncertainty_of_the_distance_is_noise_of_every_reading(levi
     comparison = compare(levitation_model, declared)
     assert comparison.verdict == "agrees"
     assert "uncertain-setting" in {one.code for one in comparison.findings}
+
+
+def test_the_scatter_of_repeats_holds_the_declared_error_of_their_settings_once(levitation_model):
+    """Repeats are set anew, so that their scatter is the sensor's noise and what the distance's error makes of it."""
+    observations = compare(levitation_model, campaign(levitation_model, 34, runs=6, mount_m=0.0, rho=0.0)).observations
+    columns = np.zeros((len(observations.value), 2))
+    columns[observations.of("force_N"), 0] = 4e-4  # what an error of the distance makes of the force
+    error = np.random.default_rng(1).standard_normal(len(observations.covariates))[observations.row]
+    read = observations.with_values(observations.value + error * columns[:, 0])
+    scatter, known = (estimate_noise(one) for one in (read, replace(read, setting_columns=columns)))
+    force = observations.channels.index("force_N")
+    assert scatter.sigma[force] == pytest.approx(2**0.5 * NOISE["force_N"], rel=0.1)
+    assert known.sigma[force] == pytest.approx(NOISE["force_N"], rel=0.1)
 
 
 @pytest.mark.parametrize("count", [1, 5])

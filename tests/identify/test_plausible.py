@@ -7,7 +7,9 @@ import pytest
 
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import AddedEffect
+from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.plausible import plausible_table, suspect_units
+from femfit.model.with_effects import with_effects
 from support.campaign import NOISE, campaign
 
 
@@ -97,3 +99,24 @@ def test_a_turned_hall_element_is_told_from_readings_that_were_clipped(levitatio
     assert (turned.rows["hall_V"] == 0.0).mean() > 0.2
     (finding,) = suspect_units(strong, turned)
     assert str(finding).startswith("hall_V seems to be of the other polarity")
+
+
+def test_the_effects_that_a_model_has_belong_to_what_it_predicts(levitation_model):
+    """A force sensor that is known to read 0.3 of the largest force more is no reading of another sign."""
+    offset = AddedEffect(all_effects()["force_offset"], {"offset": 0.3})
+    model = with_effects(levitation_model, [offset])
+    table = campaign(levitation_model, 22, [offset])
+    rows = table.rows.copy()
+    rows.loc[7, "force_N"] *= 1.5  # beside its prediction, and beside its neighbours
+    kept = plausible_table(model, replace(table, rows=rows))
+    assert kept.rows["force_N"].isna().sum() == 1
+    assert not suspect_units(model, table)
+
+
+def test_currents_beyond_a_linear_models_sweep_are_counted(levitation_model):
+    box = levitation_model.validity
+    narrow = replace(levitation_model, validity=replace(box, current_max_A=0.5 * box.current_max_A))
+    table = campaign(levitation_model, 23)
+    (finding,) = [f for f in bench_observations(narrow, table).findings if f.code == "extrapolated"]
+    beyond = int((table.rows["current_A"] > 0.51 * box.current_max_A).sum())
+    assert str(beyond) in str(finding)

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import optimize, stats
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
 from femfit.identify.noise.constants import (
     CORRELATION_PRICE,
@@ -79,9 +79,23 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
         square, dof = pure_error(residual[here], cells[here], nuisance[here])
         if name in observations.declared_noise:
             sigma[c], degrees[c], source[name] = observations.declared_noise[name], np.inf, observations.noise_source
+        if dof > 0.0:
+            square = _without_settings(observations, here, cells, square / dof, dof) * dof
         if dof >= (LEAST_REPEATS_AGAINST_DECLARED if name in source else LEAST_REPEATS) and square > 0.0:
             sigma[c], degrees[c], source[name] = np.sqrt(square / dof), dof, "repeats"
     return sigma, degrees, source
+
+
+def _without_settings(
+    observations: Observations, here: BoolArray, cells: IntArray, variance: float, degrees_of_freedom: float
+) -> float:
+    """The variance of repeats without what the declared errors of their settings make of it, which counts by itself.
+
+    It is not less than the standard error of a variance from so many repeats: below that nothing can be told apart.
+    """
+    _, cell, count = np.unique(cells[here], return_inverse=True, return_counts=True)
+    made = np.sum(observations.setting_columns[here] ** 2, axis=1)[count[cell] > 1]
+    return max(variance - float(np.mean(made)), variance * float(np.sqrt(2.0 / degrees_of_freedom)))
 
 
 def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, patterns: FloatArray) -> NoiseModel:

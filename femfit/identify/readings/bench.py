@@ -13,7 +13,7 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.plausible import nothing_in_domain, within_domain
+from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
@@ -35,6 +35,15 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     if (known & ~inside).any():
         text = f"{_rows(known & ~inside, 'outside of the validity domain of the model')} left out."
         findings.append(Finding("outside-domain", "info", text, "Sweep and fit a wider range to use them."))
+    box = model.without_effects.validity
+    beyond = inside & ~within_currents(box, i)
+    if beyond.any():
+        text = (
+            f"{int(beyond.sum())} of {int(inside.sum())} rows have currents outside of the model's range, "
+            f"{amount(box.current_min_A, 'A')} to {amount(box.current_max_A, 'A')}. They are compared all the same: "
+            "the model's iron is linear, and was carried on to them. Iron that saturates there shows as a misfit."
+        )
+        findings.append(Finding("extrapolated", "warning", text, "Sweep and fit a wider range."))
     if not inside.any():
         raise TableError(nothing_in_domain(model, table))
     measured = table.rows[inside].reset_index(drop=True)

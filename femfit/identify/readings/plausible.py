@@ -9,7 +9,7 @@ import pandas as pd
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.conditions import Conditions
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.actuator_model import ActuatorModel, HallSensor, ValidityBox
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
@@ -96,8 +96,7 @@ def _suspected(name: str, words: str, why: str) -> Finding:
 
 def _predictor(model: ActuatorModel) -> Predict:
     at = Conditions(nominal_of(model))
-    base = model.without_effects
-    return lambda d, i: predict_readings(base, d, i, at, ())
+    return lambda d, i: predict_readings(model, d, i, at)
 
 
 def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> dict[str, FloatArray]:
@@ -172,8 +171,13 @@ def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArra
     )
     if linear:
         return np.asarray(inside & np.isfinite(current))
+    return np.asarray(inside & within_currents(box, current))
+
+
+def within_currents(box: ValidityBox, current: FloatArray) -> BoolArray:
+    """Which currents a model was fitted to, with a little beyond."""
     slack = _SLACK * (box.current_max_A - box.current_min_A)
-    return np.asarray(inside & (current >= box.current_min_A - slack) & (current <= box.current_max_A + slack))
+    return np.asarray((current >= box.current_min_A - slack) & (current <= box.current_max_A + slack))
 
 
 def nothing_in_domain(model: ActuatorModel, table: BenchTable) -> str:
