@@ -291,10 +291,13 @@ def _passed_over(above: list[Line], used: frozenset[int]) -> tuple[str, ...]:
 
 
 def _is_units_line(cells: tuple[str, ...]) -> bool:
-    """Whether most cells are units; one that femfit does not know is no reason to lose the others."""
+    """Whether most cells are units and few are names: ``mm;A;furlong`` is such a line, ``t;s;F`` is none."""
     texts = [re.sub(r"^in\s+", "", cell.strip("[](){} ")) for cell in cells]
     filled = [text for text in texts if text not in {"", "-", "1"}]
-    return 0 < len(filled) < 2 * sum(map(is_unit, filled))
+    units = sum(map(is_unit, filled))
+    if units == len(filled):
+        return units > 0
+    return 2 * units > len(filled) >= 2 * sum(map(_is_known, filled))
 
 
 def _header_cells(text: str, delimiter: str, width: int) -> tuple[str, ...] | None:

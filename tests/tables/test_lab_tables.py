@@ -100,6 +100,14 @@ def test_every_usual_prefix_is_known_in_a_header_and_in_a_line_of_units(tmp_path
     assert read_measurement(path).rows["force_N"].tolist() == pytest.approx(expected)
 
 
+def test_symbols_that_are_units_too_are_names_beside_other_names(tmp_path):
+    path = written(tmp_path / "a.csv", "s;t;F", ["1;2;3", "2;2;3"])
+    assert (
+        import_table(path, columns={"t": "current"}, units={"s": "mm"}, accept=("one-current",)).mapping[1].header
+        == "s"
+    )
+
+
 def test_an_unknown_unit_is_named_and_not_taken_for_newtons(tmp_path):
     path = written(tmp_path / "a.csv", "Strom;Luftspalt;Kraft\nA;mm;furlong")
     for read in (read_measurement, import_table):
