@@ -108,7 +108,7 @@ def design_backstepping(model: ActuatorModel, points: Sequence[OperatingPoint]) 
     kept as long as w is faster than lambda; otherwise K_i raises p to 3 lambda. A coil that is faster than the samples
     is taken as slow as they can follow.
     """
-    unstable = max(point.mechanical_pole_rad_s for point in points)
+    unstable = max(point.unstable_pole_rad_s for point in points)
     slowest = min(points, key=lambda point: point.coil_pole_rad_s)
     current_pole = max(usable_coil_pole(slowest, model.sample_time_s), 3.0 * unstable)
     triple = current_pole / 3.0
@@ -177,7 +177,7 @@ def design_pid(model: ActuatorModel, point: OperatingPoint) -> Pid:
     K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), chapter 5.
     """
     step = model.sample_time_s
-    coil, unstable = usable_coil_pole(point, step), point.mechanical_pole_rad_s
+    coil, unstable = usable_coil_pole(point, step), point.unstable_pole_rad_s
     derivative = DERIVATIVE_FILTER_RATIO * coil
     half = 4.0 * (coil + derivative)
     w = (half - np.sqrt(half**2 - 40.0 * (derivative * coil - unstable**2))) / 20.0

@@ -56,7 +56,7 @@ class LoopDesign:
     @property
     def slowest_pole_rad_s(self) -> float:
         """The smallest unstable pole of the points: it sets how long filter and loop need to settle."""
-        return min(point.mechanical_pole_rad_s for point in self.points)
+        return min(point.unstable_pole_rad_s for point in self.points)
 
     @cached_property
     def why_no_direct(self) -> str:
@@ -111,7 +111,7 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
     model = replace(model, circuit=_covered(model))
     targets = model.reference_distances_m or _derived_targets(model)
     points = tuple(operating_point(model, float(d)) for d in np.linspace(min(targets), max(targets), DESIGN_POINTS))
-    stable = [point.distance_m for point in points if point.mechanical_pole_rad_s == 0.0]
+    stable = [point.distance_m for point in points if point.unstable_pole_rad_s == 0.0]
     if stable:
         raise DomainError(
             f"Model {model.name!r} must have a force that falls with the distance where it holds its body; at "

@@ -8,6 +8,9 @@ from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome
 
+POINT = ("distance_m", "current_A", "voltage_V", "unstable_pole_rad_s", "coil_pole_rad_s")
+"""What is written of a point of rest."""
+
 
 def verdict(
     design: LoopDesign, seconds: float, loops: Sequence[tuple[Experiment, int, int]], plant: str | None = None
@@ -45,7 +48,7 @@ def design_lines(design: LoopDesign) -> list[str]:
         "  distance  voltage  current  unstable pole  coil pole",
         *(
             f"  {1e3 * p.distance_m:5.1f} mm  {p.voltage_V:5.3f} V  {p.current_A:5.3f} A"
-            f"  {p.mechanical_pole_rad_s:6.1f} rad/s   {p.coil_pole_rad_s:6.1f} rad/s"
+            f"  {p.unstable_pole_rad_s:6.1f} rad/s   {p.coil_pole_rad_s:6.1f} rad/s"
             for p in (design.points[0], design.points[len(design.points) // 2], design.points[-1])
         ),
         (
@@ -72,14 +75,5 @@ def design_data(design: LoopDesign) -> dict[str, Any]:
         },
         "pid": None if pid is None else {"filter_pole": pid.filter_pole, "gains_V_m": list(pid.gains_V_m)},
         "no_pid": design.why_no_pid,
-        "points": [
-            {
-                "distance_m": p.distance_m,
-                "current_A": p.current_A,
-                "voltage_V": p.voltage_V,
-                "unstable_pole_rad_s": p.mechanical_pole_rad_s,
-                "coil_pole_rad_s": p.coil_pole_rad_s,
-            }
-            for p in design.points
-        ],
+        "points": [{name: getattr(point, name) for name in POINT} for point in design.points],
     }

@@ -31,7 +31,7 @@ class OperatingPoint:
 
     Parameters
     ----------
-    mechanical_pole_rad_s : float
+    unstable_pole_rad_s : float
         sqrt(-F_d/m) where the point is unstable, 0 where it is stable.
     A, B : array, shape (3, 3) and (3,)
         In (m, m/s, A) and V.
@@ -40,7 +40,7 @@ class OperatingPoint:
     distance_m: float
     current_A: float
     voltage_V: float
-    mechanical_pole_rad_s: float
+    unstable_pole_rad_s: float
     coil_pole_rad_s: float
     inductance_H: float
     A: FloatArray
@@ -78,7 +78,7 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
         distance_m=distance,
         current_A=current,
         voltage_V=resistance * current,
-        mechanical_pole_rad_s=float(np.sqrt(max(-gradient / mass, 0.0))),
+        unstable_pole_rad_s=float(np.sqrt(max(-gradient / mass, 0.0))),
         coil_pole_rad_s=resistance / inductance,
         inductance_H=inductance,
         A=A,

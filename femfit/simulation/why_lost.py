@@ -20,6 +20,9 @@ from femfit.simulation.loop import LoopResult
 START_ERROR = 5e-3
 """Conventional: how far the body starts off where no noise disturbs it, over the reference distance."""
 
+FEW = 32
+"""Conventional: of more runs so many are repeated where some of them are lost, so that the trials take no longer."""
+
 LAST_TIME_CONSTANTS = 3.0
 """Derived: within three time constants an unstable body multiplies its distance from rest by twenty, so that what went
 wrong happened there."""
@@ -76,6 +79,9 @@ Change = Callable[[LostLoop], LostLoop]
 
 def why_lost(loop: LostLoop, lost: LoopResult) -> str:
     """A sentence or two: the cause, and what was tried against it."""
+    few = replace(loop, runs=FEW)
+    if loop.runs > FEW and not (sample := few.again()).held.all():
+        loop, lost = few, sample
     gone = ~lost.held
 
     def holds(changed: LostLoop) -> bool:

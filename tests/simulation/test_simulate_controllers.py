@@ -49,7 +49,7 @@ def test_the_loop_is_stable_over_the_range(levitation_model, design, name, dista
 
 def test_backstepping_without_enough_velocity_gain_is_unstable(levitation_model, design):
     b, points = design.backstepping, design.points
-    needed = max((p.mechanical_pole_rad_s**2 + b.position_gain) / p.coil_pole_rad_s for p in points)
+    needed = max((p.unstable_pole_rad_s**2 + b.position_gain) / p.coil_pole_rad_s for p in points)
     assert b.velocity_gain > needed
     lame = replace(b, velocity_gain=0.7 * needed)
     assert closed_loop_poles(levitation_model, lame, points[0].distance_m).max() > 0.0
@@ -57,9 +57,9 @@ def test_backstepping_without_enough_velocity_gain_is_unstable(levitation_model,
 
 def test_backstepping_puts_the_three_poles_at_a_third_of_the_coils(design):
     b = design.backstepping
-    point = max(design.points, key=lambda p: p.mechanical_pole_rad_s)
+    point = max(design.points, key=lambda p: p.unstable_pole_rad_s)
     p = min(q.coil_pole_rad_s for q in design.points)
-    polynomial = [1 / p, 1.0, b.velocity_gain - point.mechanical_pole_rad_s**2 / p, b.position_gain]
+    polynomial = [1 / p, 1.0, b.velocity_gain - point.unstable_pole_rad_s**2 / p, b.position_gain]
     np.testing.assert_allclose(np.array(polynomial) * p, np.poly(np.full(3, -p / 3)), rtol=1e-9)
 
 
@@ -76,7 +76,7 @@ def test_pid_has_its_quadruple_pole_where_it_is_designed(levitation_model, desig
     # a quadruple root splits by the fourth root of rounding, but its mean does not
     assert np.ptp(np.abs(slow)) < 3e-3
     w = -np.log(np.mean(slow).real) / levitation_model.sample_time_s
-    n, coil, unstable = 3 * middle.coil_pole_rad_s, middle.coil_pole_rad_s, middle.mechanical_pole_rad_s
+    n, coil, unstable = 3 * middle.coil_pole_rad_s, middle.coil_pole_rad_s, middle.unstable_pole_rad_s
     assert 10 * w**2 - 4 * (coil + n) * w + n * coil == pytest.approx(
         unstable**2, rel=0.3
     )  # continuous against sampled

@@ -28,7 +28,7 @@ def test_the_linear_model_is_the_derivative_of_the_equations_of_motion(levitatio
 def test_the_unstable_pole_is_that_of_the_body_and_the_back_emf_slows_it(levitation_model):
     point = operating_point(levitation_model, 0.022)
     unstable = np.linalg.eigvals(point.A).real.max()
-    assert 0.95 * point.mechanical_pole_rad_s < unstable < point.mechanical_pole_rad_s
+    assert 0.95 * point.unstable_pole_rad_s < unstable < point.unstable_pole_rad_s
 
 
 @pytest.mark.parametrize("step", [1e-5, 5e-4, 0.1])
