@@ -7,6 +7,7 @@ file) is left alone.
 
 import math
 import re
+from collections.abc import Container
 from dataclasses import dataclass, field
 
 from femfit.core.errors import FemFileError
@@ -144,7 +145,11 @@ def _check_kind(text: FemText) -> None:
         raise FemFileError(
             text.source, [f"it is FEMM's {other} file; femfit reads magnetics. Give the magnetics (.fem) file."]
         )
-    needed = {"[Format]": text.header, "[NumPoints]": text.rows, "[NumBlockLabels]": text.rows}
+    needed: dict[str, Container[str]] = {
+        "[Format]": text.header,
+        "[NumPoints]": text.rows,
+        "[NumBlockLabels]": text.rows,
+    }
     missing = [name for name, there in needed.items() if name[1:-1].lower() not in there]
     if missing:
         what = f"it is no FEMM magnetics file of format 4.0: {', '.join(missing)} missing."
