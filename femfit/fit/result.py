@@ -168,8 +168,8 @@ def _law_lines(fit: LawFit) -> list[str]:
         unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
         low, high = fit.interval.block[n]
         free = low < 0.0 < high and not sides[n]
-        value = "not determined by this table:" if free else f"{fit.joint.x[n]:13.5e}  "
-        lines.append(f"  {_term(basis, power):20} {value} {low:.4e} .. {high:.4e} {unit}")
+        shown = "not determined by this table:" if free else f"{fit.joint.x[n]:13.5e}  "
+        lines.append(f"  {_term(basis, power):20} {shown} {low:.4e} .. {high:.4e} {unit}")
     active = fit.limits.active(fit.joint)
     return [*lines, *(f"  on its bound: {_active(active)}" for _ in active[:1])]
 
