@@ -70,7 +70,7 @@ def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange
     d = np.linspace(box.distance_min_m, box.distance_max_m, _DISTANCES)
     forces = [model.magnetics.force(d, np.full_like(d, i)) for i in (lowest, np.clip(0.0, lowest, highest), highest)]
     held: FloatArray = d[(np.min(forces, axis=0) <= weight) & (np.max(forces, axis=0) >= weight)]
-    ends = (float(held[0]), float(held[-1])) if len(held) else (None, None)
+    low, high = (float(held[0]), float(held[-1])) if len(held) else (None, None)
     supply = max(circuit.voltage_max_V / ohm, highest)
     supply = supply if supply > highest * (1.0 + 1e-9) else highest
-    return CarriedRange(celsius, circuit.voltage_max_V, lowest, highest, supply, weight, *ends, float(d[1] - d[0]))
+    return CarriedRange(celsius, circuit.voltage_max_V, lowest, highest, supply, weight, low, high, float(d[1] - d[0]))

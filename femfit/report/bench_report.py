@@ -296,7 +296,7 @@ def _measured_facts(content: DiagnosisContent) -> dict[str, Any]:
 
 def _misfit_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     rms = {one.channel: one.rms_before for one in diagnosis.error_fall.channels}
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name in diagnosis.observations.channels:
         largest = float(np.abs(diagnosis.observations.residual[diagnosis.observations.of(name)]).max())
         floor = diagnosis.noise_floor.get(name)
@@ -329,16 +329,14 @@ def _explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]
 
 
 def _parameter_rows(one: NamedEffect) -> list[tuple[str, ...]]:
-    effect, rows = all_effects().get(one.name), []
+    effect, rows = all_effects().get(one.name), list[tuple[str, ...]]()
     known = {} if effect is None else {p.name: p for p in effect.parameters}
     for name, value in one.parameters.items():
         p, (low, high) = known.get(name), one.ci95.get(name, (np.nan, np.nan))
         interval = f"{significant(low, 3)} … {significant(high, 3)}" if np.isfinite(low) else _no_interval(value, p)
-        about = (
-            (p.description, f"{plain(p.plausible[0])} … {plain(p.plausible[1])}", formula_markup(p.unit)) if p else ()
-        )
-        description, usual, unit = about or (name, NOTHING, "")
-        rows.append((description, significant(value, 4), interval, usual, unit))
+        usual = f"{plain(p.plausible[0])} … {plain(p.plausible[1])}" if p else NOTHING
+        unit = formula_markup(p.unit) if p else ""
+        rows.append((p.description if p else name, significant(value, 4), interval, usual, unit))
     return rows
 
 

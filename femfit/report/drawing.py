@@ -1,6 +1,6 @@
 """The actuator's full section, drawn to scale with its dimensions."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -66,7 +66,7 @@ def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
         _magnetisation(axes, region, distance)
     if actuator.hall is not None:
         r, z = MM * actuator.hall.radius_m, MM * actuator.hall.height_m
-        look = {"color": HALL_COLOUR, "markeredgecolor": INK, "markersize": 6, "zorder": 5}
+        look: dict[str, Any] = {"color": HALL_COLOUR, "markeredgecolor": INK, "markersize": 6, "zorder": 5}
         axes.plot(r, z, "D", label=words("drawing", "hall"), **look)
 
 

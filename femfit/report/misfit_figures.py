@@ -1,7 +1,7 @@
 """What was measured, and where the model fails: measured points on the model's curves, and maps of the misfit."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -216,7 +216,8 @@ def _draw(above: "Axes", below: "Axes", curves: MeasuredCurves, lines: FloatArra
         label = quantity(level, curves.over)
         if len(lines):
             above.plot(factor * curves.axis, size * lines[k], color=colour, linewidth=1.2, label=label)
-        look = {"color": colour, "markersize": 2.8, "fillstyle": "none", "label": "" if len(lines) else label}
+        measured = "" if len(lines) else label
+        look: dict[str, Any] = {"color": colour, "markersize": 2.8, "fillstyle": "none", "label": measured}
         above.plot(factor * curves.x[here], size * curves.measured[here], "o", **look)
         below.plot(factor * curves.x[here], small * misfit[here], "o", color=colour, markersize=2.2)
     below.axhline(0.0, color=INK, linewidth=0.8)
