@@ -26,10 +26,10 @@ def small_actuator(tmp_path_factory):
     for line in text.splitlines():
         if line.startswith("current_A"):
             line = "current_A = [0, 0.4, 0.9, 1.4]"  # noqa: PLW2901
-        if line.startswith("distance_mm") and "start" in line:
-            line = "distance_mm = [15, 16.5, 18, 20, 23, 27, 32, 38, 45]"  # noqa: PLW2901
-        if line.startswith("distance_mm") and "start" not in line:
+        if line.startswith("distance_mm = ["):
             line = "distance_mm = [24, 26]"  # noqa: PLW2901
+        if line.startswith("distance_mm = {"):
+            line = "distance_mm = [15, 16.5, 18, 20, 23, 27, 32, 38, 45]"  # noqa: PLW2901
         if line.startswith("sample_time_ms"):
             line = "sample_time_ms = 1.0"  # noqa: PLW2901
         lines.append(line)
