@@ -9,10 +9,9 @@ from typing import Any
 from shapely import Polygon
 
 from femfit.device.bh_table import Points, curve_problems, read_bh_csv, without_flat_end
-from femfit.device.checks import DrawnPart
+from femfit.device.checks import DrawnPart, outline
 from femfit.device.complaints import did_you_mean, joined, read_part, read_table
 from femfit.device.materials import LIBRARY
-from femfit.device.outline import outline
 from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
 from femfit.device.schema import NAME_PATTERN, CurveEntry, MaterialEntry, OutlineEntry, RegionEntry
 

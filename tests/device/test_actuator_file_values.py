@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from femfit.device.checks import swept
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_toml, read_actuator
 from femfit.device.materials import LIBRARY
-from femfit.device.outline import swept
 from femfit.device.parts import HallElement
 from femfit.device.schema import HallEntry
 from femfit.device.summary import sweep_manifest_entry

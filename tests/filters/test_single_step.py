@@ -14,7 +14,7 @@ from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import initial_covariance
 from femfit.filters.unscented import UnscentedFilter
-from femfit.model.cell_polynomials import CellPolynomials
+from femfit.model.bspline import CellPolynomials
 from femfit.model.json_file import write_model
 from femfit.model.with_effects import with_effects
 
