@@ -53,8 +53,12 @@ def find_frame(bodies: FemBodies, winding: FemWinding, options: FemOptions, note
     up = _side(fixed, moving, options, notes)
     if up == 0.0:
         return None
-    face = _face(fixed, moving, up, notes) if options.face_mm is None else round(up * options.face_mm, DIGITS)
-    usable = _usable_faces(fixed, moving, up)
+    fixed, moving = _upwards(fixed, up), _upwards(moving, up)
+    face = _face(fixed, moving, notes) if options.face_mm is None else round(up * options.face_mm, DIGITS)
+    # Heights in the file's z from which a distance > 0 can be counted: corners of fixed parts, the nearest first.
+    bottom = round(moving.bounds[1], DIGITS)
+    corners = {round(float(z), DIGITS) + 0.0 for z in shapely.get_coordinates(fixed)[:, 1]}
+    usable = [up * z + 0.0 for z in sorted(corners, reverse=True) if z < bottom]
     if face is None:
         side = "above" if up > 0 else "below"
         notes.problem(
@@ -62,7 +66,7 @@ def find_frame(bodies: FemBodies, winding: FemWinding, options: FemOptions, note
             f"{side}. Give the other side with --mover-side{_or_a_face(usable)}."
         )
         return None
-    distance = round(_height(moving, up, lowest=True) - face, DIGITS)
+    distance = round(moving.bounds[1] - face, DIGITS)
     if distance <= 0 and moving.distance(fixed) <= GRID:
         notes.problem("the moving part touches the electromagnet; femfit needs a gap. Move it away in the drawing.")
         return None
@@ -90,7 +94,7 @@ def _side(fixed: Polygon, moving: Polygon, options: FemOptions, notes: Notes) ->
     if options.mover_side != "auto":
         return 1.0 if options.mover_side == "above" else -1.0
     if options.face_mm is None:
-        sides = [up for up in (1.0, -1.0) if _before(fixed, moving, up) is not None]
+        sides = [up for up in (1.0, -1.0) if _before(_upwards(fixed, up), _upwards(moving, up)) is not None]
         if len(sides) == 1:
             return sides[0]
     middle = [0.5 * (shape.bounds[1] + shape.bounds[3]) for shape in (moving, fixed)]
@@ -103,18 +107,19 @@ def _side(fixed: Polygon, moving: Polygon, options: FemOptions, notes: Notes) ->
     return 1.0 if middle[0] > middle[1] else -1.0
 
 
-def _height(shape: Polygon, up: float, *, lowest: bool) -> float:
-    _, low, _, high = shape.bounds
-    return float(min(up * low, up * high) if lowest else max(up * low, up * high))
+def _upwards(shape: Polygon, up: float) -> Polygon:
+    """The shape with the moving part above."""
+    turned: Polygon = shapely.transform(shape, lambda points: points * np.array([1.0, up]) + 0.0)
+    return turned
 
 
-def _face(fixed: Polygon, moving: Polygon, up: float, notes: Notes) -> float | None:
-    """Height along ``up`` that the distance is counted from; None if no fixed part is passed before it."""
-    before = _before(fixed, moving, up)
+def _face(fixed: Polygon, moving: Polygon, notes: Notes) -> float | None:
+    """Height that the distance is counted from; None if the moving part above has passed no fixed part."""
+    before = _before(fixed, moving)
     if before is not None:
         return before
-    corners = up * shapely.get_coordinates(fixed)[:, 1]
-    passed = corners[corners <= _height(moving, up, lowest=True) + GRID]
+    corners = shapely.get_coordinates(fixed)[:, 1]
+    passed = corners[corners <= moving.bounds[1] + GRID]
     if not len(passed):
         return None
     notes.warn(
@@ -126,22 +131,13 @@ def _face(fixed: Polygon, moving: Polygon, up: float, notes: Notes) -> float | N
     return float(passed.max())
 
 
-def _before(fixed: Polygon, moving: Polygon, up: float) -> float | None:
-    """Height along ``up`` of the fixed parts' top, or of what lies before a moving part that reaches into them."""
-    bottom, top = _height(moving, up, lowest=True), _height(fixed, up, lowest=False)
-    if top <= bottom + GRID:
-        return top
-    r0, _, r1, _ = moving.bounds
-    z0, z1 = sorted((up * bottom, up * (bottom - 1e6)))
-    met = fixed.intersection(box(r0, z0, r1, z1))
-    return _height(met, up, lowest=False) if met.area > MIN_AREA else None
-
-
-def _usable_faces(fixed: Polygon, moving: Polygon, up: float) -> list[float]:
-    """Heights in the file's z from which a distance > 0 can be counted: corners of fixed parts, the nearest first."""
-    corners = {round(float(z), DIGITS) + 0.0 for z in up * shapely.get_coordinates(fixed)[:, 1]}
-    bottom = round(_height(moving, up, lowest=True), DIGITS)
-    return [up * z + 0.0 for z in sorted(corners, reverse=True) if z < bottom]
+def _before(fixed: Polygon, moving: Polygon) -> float | None:
+    """Height of the fixed parts' top, or of what lies before a moving part that reaches into them from above."""
+    r0, bottom, r1, _ = moving.bounds
+    if fixed.bounds[3] <= bottom + GRID:
+        return float(fixed.bounds[3])
+    met = fixed.intersection(box(r0, bottom - 1e6, r1, bottom))
+    return float(met.bounds[3]) if met.area > MIN_AREA else None
 
 
 def _or_a_face(usable: Sequence[float]) -> str:
