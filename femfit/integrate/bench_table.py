@@ -169,8 +169,8 @@ def _table(
         means = means.assign(order=means["time_s"] - time[0], branch=flux.branch)
         begin = first
         if isinstance(begin, ActuatorModel):
-            place = (means[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
-            values = predict_readings(begin, *place, Conditions(nominal=nominal_of(begin)))
+            distances, currents = means["distance_m"].to_numpy()[:1], means["current_A"].to_numpy()[:1]
+            values = predict_readings(begin, distances, currents, Conditions(nominal=nominal_of(begin)))
             begin = float(values["flux_linkage_Wb"][0])
         pieces.append(means.drop(columns="time_s").assign(flux_linkage_Wb=begin + flux.flux))
         variances.append(flux.sigma**2)

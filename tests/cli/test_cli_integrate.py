@@ -78,7 +78,9 @@ def test_the_default_is_the_filter_with_the_offset_state(record, experiment, tmp
     assert np.sqrt(np.mean((rows["field_T"].to_numpy() - experiment.field)[settled] ** 2)) < 10e-6
 
 
-def test_the_identified_field_is_written_and_read_again(record, experiment, tmp_path):
+def test_the_identified_field_is_written_and_read_again(experiment, tmp_path):
+    record = tmp_path / "coil.csv"
+    table(experiment).iloc[::5].to_csv(record, index=False)
     options = ("--coil-area", AREA, "--method", "cs2-identified", "--field-model", tmp_path / "field.json")
     first = integrate(record, *options, "--lab", record, "-o", tmp_path / "a.csv")
     assert first.returncode == 0, first.stderr

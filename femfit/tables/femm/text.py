@@ -7,7 +7,6 @@ file) is left alone.
 
 import math
 import re
-from collections.abc import Container
 from dataclasses import dataclass, field
 
 from femfit.core.errors import FemFileError
@@ -145,12 +144,8 @@ def _check_kind(text: FemText) -> None:
         raise FemFileError(
             text.source, [f"it is FEMM's {other} file; femfit reads magnetics. Give the magnetics (.fem) file."]
         )
-    needed: dict[str, Container[str]] = {
-        "[Format]": text.header,
-        "[NumPoints]": text.rows,
-        "[NumBlockLabels]": text.rows,
-    }
-    missing = [name for name, there in needed.items() if name[1:-1].lower() not in there]
+    there = text.header.keys() | text.rows.keys()
+    missing = [name for name in ("[Format]", "[NumPoints]", "[NumBlockLabels]") if name[1:-1].lower() not in there]
     if missing:
         what = f"it is no FEMM magnetics file of format 4.0: {', '.join(missing)} missing."
         raise FemFileError(text.source, [f"{what} Give a .fem file as FEMM saves it."])
