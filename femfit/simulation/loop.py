@@ -203,7 +203,8 @@ def run_loop(
             code = _code(model, state, diverged)
             fresh = (outcome == _HELD) & (code != _HELD)
             outcome, when = np.where(fresh, code, outcome), np.where(fresh, k * step, when)
-        belief = estimate if whole else np.where(alive[:, None], estimate, belief)
+        # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
+        belief = estimate if whole else np.where(alive[:, None], estimate, start)
         reference = loop.reference.at(k)
         voltage, memory = loop.controller.command(memory, belief, reference)
         if kept.stop:
