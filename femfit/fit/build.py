@@ -109,16 +109,16 @@ def fit_model(
         law_fit = fit_law(chosen, rows, default_bounds(chosen).with_single(chosen, bounds or {}), functions)
     coenergy = _coenergy(rows, constraints, inductance_H, needed=law_fit is None)
     hall = None if rows.hall is None or len(rows.currents) < 2 else fit_hall(rows, rows.hall)
-    parts = model_parts(entry, rows, hall, inductance_H is not None)
+    circuit, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
         magnetics=law_magnetics(law_fit, rows, inductance_H) if law_fit else coenergy.magnetics,  # type: ignore[union-attr]
         validity=ValidityBox(
             float(rows.distances[0]), float(rows.distances[-1]), float(rows.currents[0]), float(rows.currents[-1])
         ),
-        circuit=parts.circuit,
-        motion=parts.motion,
-        sensor=parts.sensor,
+        circuit=circuit,
+        motion=motion,
+        sensor=sensor,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         covariance=law_fit.interval.block_covariance if law_fit else None,
         kind=kind_of(entry),
@@ -127,7 +127,7 @@ def fit_model(
     model = replace(model, sample_time_s=period)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, built, law_fit)
-    notes = (*parts.notes, *misfit_notes(model, rows))
+    notes = (*lacks, *misfit_notes(model, rows))
     result = FitResult(model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table))
     provenance = {
         "fit": result.to_dict(),

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -13,27 +13,12 @@ from femfit.fit.rows import FitRows
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Motion
 
-
-@dataclass(frozen=True, eq=False)
-class ModelParts:
-    """Circuit, motion and sensor as far as they are known.
-
-    Parameters
-    ----------
-    sensor : HallSensor or None
-        Needs a Hall field in the table, and the element.
-    notes : tuple of str
-        What is missing, and how to give it.
-    """
-
-    circuit: Circuit | None
-    motion: Motion | None
-    sensor: HallSensor | None
-    notes: tuple[str, ...]
+Parts = tuple[Circuit | None, Motion | None, HallSensor | None, tuple[str, ...]]
+"""Of a model as far as they are known, and what is missing."""
 
 
-def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> ModelParts:
-    """What a manifest's actuator entry makes of a model beside its magnetics, with a note for each part missing."""
+def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> Parts:
+    """What a manifest's actuator entry makes of a model beside its magnetics, and how to give each part missing."""
     notes = []
     circuit = None
     keys = ("resistance_ohm", "voltage_min_V", "voltage_max_V")
@@ -61,7 +46,7 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
         names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
         values = {name: number(element, name) for name in names}
         sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)
-    return ModelParts(circuit, motion, sensor, tuple(notes))
+    return circuit, motion, sensor, tuple(notes)
 
 
 def sample_time(model: ActuatorModel) -> float:
