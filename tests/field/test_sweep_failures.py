@@ -54,6 +54,10 @@ def assert_only_20_mm_failed(table, whole, reason):
     pd.testing.assert_frame_equal(table.rows[~here], whole.rows[~here], check_exact=True, check_dtype=False)
 
 
+# The workers know no kind of sweep: the others are tried in the long tests.
+@pytest.mark.parametrize(
+    "case", ["linear", *(pytest.param(kind, marks=pytest.mark.long) for kind in KINDS[1:])], indirect=True
+)
 @pytest.mark.parametrize(
     ("fault", "reason"), [(starve_at_20_mm, "failed: out of memory"), (die_at_20_mm, "process died")]
 )
