@@ -55,7 +55,7 @@ class Campaign:
         ----------
         M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425: model discrepancy.
         """
-        return 1.0 + self.known_misfit / self.patterns.basis.shape[1]
+        return 1.0 + self.known_misfit / float(self.patterns.basis.shape[1])
 
     @property
     def misfit_as_recorded(self) -> float:

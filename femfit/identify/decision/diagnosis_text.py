@@ -1,5 +1,6 @@
 """A diagnosis in plain sentences: the verdict, its size, how certain it is, where it shows, and what it rests on."""
 
+import math
 from typing import TYPE_CHECKING
 
 from femfit.core.amount import amount, probability
@@ -82,7 +83,7 @@ def _scatter(diagnosis: "Diagnosis") -> str:
 
 def beyond_noise(ratio: float, readings: int) -> bool:
     """Whether an error over the noise is more than noise makes it: by three standard deviations of 1 / sqrt(2 n)."""
-    return ratio > 1.0 + 3.0 / (2.0 * readings) ** 0.5
+    return ratio > 1.0 + 3.0 / math.sqrt(2.0 * readings)
 
 
 def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:
