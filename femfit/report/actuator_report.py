@@ -236,12 +236,18 @@ def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] |
     }
 
 
-def _terms(fit: LawFit) -> list[tuple[str, int, float, tuple[float, float], str]]:
-    """Column, power of the current, value, interval and unit of each coefficient, shape parameters last."""
-    rows = []
+def _terms(fit: LawFit) -> list[tuple[str, int, float | None, tuple[float, float], str]]:
+    """Column, power of the current, value, interval and unit of each coefficient, shape parameters last.
+
+    A value is None where the table leaves its sign open, as ``femfit fit`` prints it.
+    """
+    rows: list[tuple[str, int, float | None, tuple[float, float], str]] = []
+    sides = fit.limits.active_sides(fit.joint)
     for n, (basis, power) in enumerate(fit.terms):
         unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
-        rows.append((basis, power, float(fit.joint.x[n]), fit.interval.block[n], unit))
+        low, high = fit.interval.block[n]
+        free = low < 0.0 < high and not sides[n]
+        rows.append((basis, power, None if free else float(fit.joint.x[n]), (low, high), unit))
     units = {parameter.name: parameter.unit for parameter in fit.law.shape}
     return rows + [(name, 0, value, fit.shape_interval[name], units[name]) for name, value in fit.shape.items()]
 
