@@ -15,6 +15,7 @@ import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.ties import first_best
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -151,7 +152,7 @@ def _stronger_branch(branch: FloatArray, s: FloatArray) -> BoolArray:
     present = [b for b in (1.0, -1.0) if np.any(branch == b)]
     if len(present) < 2:
         return np.ones(len(branch), dtype=bool)
-    strongest = max(present, key=lambda b: float(np.mean(s[branch == b] ** 2)))
+    strongest = present[first_best([float(np.mean(s[branch == b] ** 2)) for b in present])]
     return np.asarray(branch == strongest)
 
 
