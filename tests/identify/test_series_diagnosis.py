@@ -13,6 +13,7 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.series.observations import series_observations
+from femfit.identify.series.samples import take_samples
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement_file import read_measurement
 from support.closed_loop import closed_loop, recorded
@@ -71,7 +72,7 @@ def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, cle
 
 
 def test_many_clean_runs_together_show_no_structure_in_any_channel(model, clean):
-    # A Hall element's noise drives the current that follows it: settings must be told by what came before a reading
+    # A Hall element's noise drives the current that follows it: settings must be taken from before a reading
     observations = series_observations(model, recorded(clean, seed=2, runs=range(1, 13)))
     noise = estimate_noise(observations)
     whitening = Whitening(observations, noise, chains_of(observations))
@@ -129,7 +130,7 @@ def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model)
     assert 0.9 < fall["force_balance_N"].after_over_noise < 1.08  # some 400 windows: 4 %
 
 
-def test_an_eddy_lag_is_told_from_friction_by_the_voltage_and_hardly_by_the_motion_alone(model):
+def test_an_eddy_lag_is_separated_from_friction_by_the_voltage_and_hardly_by_the_motion_alone(model):
     record = hidden(model, added("eddy_current_lag", ring_share=0.15, time_s=4e-3))
     blind = replace(
         record,
@@ -174,3 +175,14 @@ def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, clea
     short = replace(record, rows=record.rows.iloc[:20])
     with pytest.raises(TableError, match="without a gap"):
         series_observations(model, short)
+
+
+def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(model, clean):
+    """Without steps a limited output stands next to its end, not on it."""
+    analogue = replace(model, sensor=replace(model.sensor, adc_bits=0))
+    series = recorded(clean, runs=range(1, 2))
+    limited = np.minimum(series.rows["hall_V"] + 1.5, 4.999)
+    samples = take_samples(analogue, replace(series, rows=series.rows.assign(hall_V=limited)))
+    assert (limited == 4.999).any()
+    assert (np.isnan(samples.columns["hall_V"]) == (limited == 4.999)).all()
+    assert "clipped" in {finding.code for finding in samples.findings}

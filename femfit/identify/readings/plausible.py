@@ -140,9 +140,8 @@ def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
 
 def _within_rails(rows: pd.DataFrame, sensor: HallSensor) -> tuple[pd.DataFrame, list[Finding]]:
     """The Hall output without readings at the ends of its range, where it was clipped."""
-    step = sensor.quantisation_step or 1e-3 * (sensor.output_max_V - sensor.output_min_V)
     values = rows["hall_V"].to_numpy()
-    clipped = (values <= sensor.output_min_V + step) | (values >= sensor.output_max_V - step)
+    clipped = at_ends_of_range(sensor, values)
     if not clipped.any():
         return rows, []
     count = int(clipped.sum())
@@ -152,6 +151,12 @@ def _within_rails(rows: pd.DataFrame, sensor: HallSensor) -> tuple[pd.DataFrame,
     text += f"{sensor.output_max_V:g} V) {'were' if count > 1 else 'was'} set aside: there it is clipped."
     finding = Finding("clipped", "info", text, size=float(count), column="hall_V")
     return rows.assign(hall_V=np.where(clipped, np.nan, values)), [finding]
+
+
+def at_ends_of_range(sensor: HallSensor, volts: FloatArray) -> BoolArray:
+    """Hall voltages within a step of the converter, or a thousandth where there is none, of an end of the output."""
+    step = sensor.quantisation_step or 1e-3 * (sensor.output_max_V - sensor.output_min_V)
+    return np.asarray((volts <= sensor.output_min_V + step) | (volts >= sensor.output_max_V - step))
 
 
 def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:

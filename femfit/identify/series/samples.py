@@ -8,20 +8,14 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
-from femfit.identify.readings.plausible import suspect_settings, within_domain
+from femfit.identify.readings.plausible import at_ends_of_range, suspect_settings, within_domain
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import TimeSeries
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A time series as arrays of length N.
-
-    Parameters
-    ----------
-    usable : array of bool
-        Samples whose distance and current are known and in the model's validity domain.
-    """
+    """A time series as arrays of length N; usable where distance and current lie in the model's validity domain."""
 
     time: FloatArray
     run: FloatArray
@@ -32,13 +26,7 @@ class Samples:
 
 
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
-    """Take the samples of a series that a model can explain.
-
-    Returns
-    -------
-    Samples
-        Voltages as the clamp lets them pass; Hall voltages at an end of the range are missing.
-    """
+    """Take the samples that a model can explain: voltages as the clamp passes them, no Hall voltage at its limits."""
     missing = [name for name in ("current_A", "distance_m") if name not in series.given]
     if missing:
         raise TableError(
@@ -77,8 +65,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
             )
             columns["voltage_V"] = np.clip(columns["voltage_V"], *clamp)
     if model.sensor is not None:
-        ends = model.sensor.output_min_V, model.sensor.output_max_V - model.sensor.quantisation_step
-        ended = (columns["hall_V"] <= ends[0]) | (columns["hall_V"] >= ends[1])
+        ended = at_ends_of_range(model.sensor, columns["hall_V"])
         if ended.any():
             text = f"{int(ended.sum())} Hall voltages stand at an end of the range and count as missing."
             findings.append(Finding("clipped", "info", text, column="hall_V"))
