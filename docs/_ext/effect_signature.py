@@ -133,7 +133,7 @@ def _moving_readings(
     conditions = replace(conditions, motional_V=motional)
     memory = added.memory
     if memory is not None:
-        states = _settled(memory, d, velocity, i, rate, conditions, added.parameters)
+        states = _settled(memory, i, conditions, added.parameters)
         conditions = replace(conditions, memory=states)
     else:
         states = {}
@@ -150,16 +150,8 @@ def _moving_readings(
     return result | {name: read[name] for name in ("hall_V",) if name in read}
 
 
-def _settled(
-    memory: Memory,
-    d: FloatArray,
-    v: FloatArray,
-    i: FloatArray,
-    current_rate: FloatArray,
-    conditions: Conditions,
-    p: Parameters,
-) -> dict[str, FloatArray]:
+def _settled(memory: Memory, i: FloatArray, conditions: Conditions, p: Parameters) -> dict[str, FloatArray]:
     """States after a long time at a constant rate, each linear in itself: z' = b - a z = 0."""
-    zero, one = ({name: np.full_like(d, value) for name in memory.names} for value in (0.0, 1.0))
-    at_zero, at_one = (memory.rate(z, d, v, i, current_rate, conditions, p) for z in (zero, one))
+    zero, one = ({name: np.full_like(i, value) for name in memory.names} for value in (0.0, 1.0))
+    at_zero, at_one = (memory.rate(z, i, conditions, p) for z in (zero, one))
     return {name: at_zero[name] / (at_zero[name] - at_one[name]) for name in memory.names}

@@ -5,39 +5,34 @@ from importlib.metadata import entry_points
 
 from femfit.core.entry_catalogue import EntryCatalogue
 from femfit.effects.coil_temperature import COIL_TEMPERATURE
-from femfit.effects.constant_force import CONSTANT_FORCE
 from femfit.effects.core_saturation import CORE_SATURATION
-from femfit.effects.coulomb_friction import COULOMB_FRICTION
-from femfit.effects.current_gain import CURRENT_GAIN
-from femfit.effects.current_offset import CURRENT_OFFSET
-from femfit.effects.distance_offset import DISTANCE_OFFSET
-from femfit.effects.distance_scale import DISTANCE_SCALE
 from femfit.effects.driver_dead_zone import DRIVER_DEAD_ZONE
-from femfit.effects.driver_gain import DRIVER_GAIN
 from femfit.effects.eddy_current_lag import EDDY_CURRENT_LAG
 from femfit.effects.effect import Effect
-from femfit.effects.end_stop_contact import END_STOP_CONTACT
 from femfit.effects.external_field import EXTERNAL_FIELD
 from femfit.effects.flux_integrator_drift import FLUX_INTEGRATOR_DRIFT
-from femfit.effects.force_gain import FORCE_GAIN
-from femfit.effects.force_offset import FORCE_OFFSET
+from femfit.effects.friction import COULOMB_FRICTION, VISCOUS_FRICTION
 from femfit.effects.hall_coil_pickup import HALL_COIL_PICKUP
-from femfit.effects.hall_drift import HALL_DRIFT
-from femfit.effects.hall_offset import HALL_OFFSET
-from femfit.effects.hall_saturation import HALL_SATURATION
-from femfit.effects.hall_temperature import HALL_TEMPERATURE
+from femfit.effects.hall_element import HALL_DRIFT, HALL_SATURATION, HALL_TEMPERATURE
 from femfit.effects.hysteresis import HYSTERESIS
 from femfit.effects.lateral_misalignment import LATERAL_MISALIGNMENT
-from femfit.effects.magnet_demagnetisation import MAGNET_DEMAGNETISATION
-from femfit.effects.magnet_temperature import MAGNET_TEMPERATURE
-from femfit.effects.mass_error import MASS_ERROR
+from femfit.effects.magnet import MAGNET_DEMAGNETISATION, MAGNET_TEMPERATURE
+from femfit.effects.mechanical_force import CONSTANT_FORCE, END_STOP_CONTACT
 from femfit.effects.motional_emf import MOTIONAL_EMF
 from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
-from femfit.effects.remanence import REMANENCE
-from femfit.effects.resistance import RESISTANCE
 from femfit.effects.sensor_delay import SENSOR_DELAY
-from femfit.effects.turns import TURNS
-from femfit.effects.viscous_friction import VISCOUS_FRICTION
+from femfit.effects.tolerances import REMANENCE, RESISTANCE, TURNS
+from femfit.effects.zeros_and_scales import (
+    CURRENT_GAIN,
+    CURRENT_OFFSET,
+    DISTANCE_OFFSET,
+    DISTANCE_SCALE,
+    DRIVER_GAIN,
+    FORCE_GAIN,
+    FORCE_OFFSET,
+    HALL_OFFSET,
+    MASS_ERROR,
+)
 
 BUILT_IN: tuple[Effect, ...] = (
     DISTANCE_OFFSET,
@@ -92,10 +87,7 @@ _CATALOGUE = EntryCatalogue(Effect, "Effect", BUILT_IN)
 def all_effects() -> dict[str, Effect]:
     """Every effect by its name: those of femfit, then those of installed packages.
 
-    Returns
-    -------
-    dict of str to Effect
-        In the catalogue's order; a name of femfit's own cannot be taken by another package.
+    A name of femfit's own cannot be taken by another package.
 
     Raises
     ------

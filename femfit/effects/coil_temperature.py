@@ -3,11 +3,9 @@
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-
-COPPER = 0.00393
-"""Relative change of resistance per kelvin at 20 °C, by which an unrecorded warming is counted (IEC 60028)."""
 
 
 def _circuit(
@@ -15,7 +13,7 @@ def _circuit(
 ) -> tuple[FloatArray, FloatArray]:
     recorded = like(conditions.coil_temperature_C, current) - REFERENCE_TEMPERATURE_C
     warming = 1.0 if conditions.running else -np.expm1(-like(conditions.time_s, current) / p["warming_time"])
-    unrecorded = COPPER * (p["warmer_K"] + p["warming_K"] * warming)
+    unrecorded = COPPER_TEMPERATURE_COEFFICIENT * (p["warmer_K"] + p["warming_K"] * warming)
     growth = p["coefficient_per_K"] * np.nan_to_num(recorded) + np.where(
         np.isnan(recorded) | conditions.running, unrecorded, 0.0
     )
@@ -29,7 +27,7 @@ COIL_TEMPERATURE = Effect(
     parameters=(
         EffectParameter(
             "coefficient_per_K",
-            "1/K",
+            unit="1/K",
             bounds=(-0.01, 0.02),
             plausible=(2e-3, 6e-3),
             description="Relative change of the resistance per kelvin of the recorded temperature over 20 °C.",
@@ -37,7 +35,7 @@ COIL_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "warmer_K",
-            "K",
+            unit="K",
             bounds=(-60.0, 250.0),
             plausible=(-10.0, 100.0),
             description="Where its temperature was not recorded: the coil's over 20 °C, by 0.393 % a kelvin.",
@@ -45,7 +43,7 @@ COIL_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "warming_K",
-            "K",
+            unit="K",
             bounds=(-60.0, 250.0),
             plausible=(-10.0, 100.0),
             description="Where its temperature was not recorded: final warming since the start of the run.",
@@ -53,7 +51,6 @@ COIL_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "warming_time",
-            "",
             bounds=(1.0, 1e4),
             plausible=(20.0, 500.0),
             description="Readings (or seconds) after which 63 % of the warming are over.",

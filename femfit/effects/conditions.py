@@ -28,7 +28,8 @@ class Nominal:
     hall_quiescent_V : float
         NaN where the model has no Hall element.
     inductance_H, hall_T_per_A : float
-        Of the winding, and field that its current makes at the Hall element (NaN without one), in the box's middle.
+        The winding's inductance, and the field of its current at the Hall element (NaN without one), in the middle of
+        the validity domain.
     hall_swing_V : float
         Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element.
     voltage_V : float
@@ -59,7 +60,7 @@ class Nominal:
         return self.magnet_share >= _NO_MAGNET
 
     @property
-    def current_scale(self) -> float:
+    def peak_current_A(self) -> float:  # noqa: N802 - the unit
         """The largest magnitude of the current in A."""
         return max(abs(self.current_min_A), abs(self.current_max_A))
 
@@ -83,7 +84,7 @@ class Conditions:
     branch : array or float
         +1 while the current rises, -1 while it falls, 0 where unknown.
     coil_temperature_C, magnet_temperature_C : array or float
-        Of the winding and of the magnet; NaN where it was not recorded.
+        NaN where it was not recorded.
     time_s : array or float
         Since the start of the run; where a table has only ``order``, that, in readings.
     elapsed : array or float
@@ -123,12 +124,6 @@ def like(value: FloatArray | float, points: FloatArray) -> FloatArray:
 
 
 def known_or(value: FloatArray | float, points: FloatArray, otherwise: FloatArray | float) -> FloatArray:
-    """A condition at every point, with something else where it was not recorded.
-
-    Parameters
-    ----------
-    points : array, shape (n,)
-        Points.
-    """
+    """A condition at every point, with something else where it was not recorded."""
     recorded = like(value, points)
     return np.where(np.isnan(recorded), otherwise, recorded)

@@ -45,12 +45,12 @@ def _coenergy(
     linkage[1] *= p["hall_share"]
     flux = (1.0 / conditions.nominal.flux_linkage_Wb) * TaylorSeries(linkage)
     lost = flux.compose(_envelope(flux.value, amplitudes, _own_inductance(conditions.nominal), n_d + n_i + 1))
-    return result - conditions.nominal.flux_linkage_Wb * conditions.nominal.current_scale * lost
+    return result - conditions.nominal.flux_linkage_Wb * conditions.nominal.peak_current_A * lost
 
 
 def _own_inductance(nominal: Nominal) -> float:
     """The saturating part's self-inductance, relative to the largest flux over the largest current."""
-    return nominal.inductance_H * nominal.current_scale / nominal.flux_linkage_Wb
+    return nominal.inductance_H * nominal.peak_current_A / nominal.flux_linkage_Wb
 
 
 def _envelope(x: FloatArray, amplitudes: dict[int, float], own: float, order: int) -> list[FloatArray]:
@@ -112,7 +112,6 @@ CORE_SATURATION = Effect(
         *(
             EffectParameter(
                 name=f"mmf_loss_{n}",
-                unit="",
                 bounds=(0.0, upper),
                 plausible=(0.0, usual),
                 description="Part of the largest ampere turns that the core takes at the largest flux, growing with "
@@ -122,7 +121,6 @@ CORE_SATURATION = Effect(
         ),
         EffectParameter(
             name="magnet_share",
-            unit="",
             bounds=(0.0, 2.0),
             plausible=(0.65, 1.25),
             description="How far the magnet's flux passes the saturating part, against the coil's.",
@@ -131,7 +129,6 @@ CORE_SATURATION = Effect(
         ),
         EffectParameter(
             name="hall_share",
-            unit="",
             bounds=(-2.0, 4.0),
             plausible=(-0.5, 1.5),
             description="Loss of field at the Hall element over the loss of flux linkage, both relative.",

@@ -19,7 +19,7 @@ def _circuit(
     nominal = conditions.nominal
     zone, drop = p["dead_zone"] * nominal.voltage_V, p["drop"] * nominal.voltage_V
     applied = voltage - np.clip(voltage, -zone, zone)
-    return resistance, applied - drop * np.tanh(current / (_ROUNDING * nominal.current_scale))
+    return resistance, applied - drop * np.tanh(current / (_ROUNDING * nominal.peak_current_A))
 
 
 DRIVER_DEAD_ZONE = Effect(
@@ -29,7 +29,6 @@ DRIVER_DEAD_ZONE = Effect(
     parameters=(
         EffectParameter(
             "dead_zone",
-            "",
             bounds=(0.0, 1.0),
             plausible=(0.0, 0.2),
             description="Commanded voltage up to which nothing comes, as a part of the largest.",
@@ -38,7 +37,6 @@ DRIVER_DEAD_ZONE = Effect(
         ),
         EffectParameter(
             "drop",
-            "",
             bounds=(0.0, 1.0),
             plausible=(0.0, 0.3),
             description="Voltage lost in the switches against the current, as a part of the largest.",

@@ -17,29 +17,22 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters
+from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters, States
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 _MODES = {"ring": 1.0, "diffusion": 9.0}
 """Mode -> tau over its time constant."""
 
 
-def _rate(
-    states: Mapping[str, FloatArray],
-    d: FloatArray,
-    v: FloatArray,
-    i: FloatArray,
-    current_rate: FloatArray,
-    conditions: Conditions,
-    p: Parameters,
-) -> Mapping[str, FloatArray]:
-    """Of the induced currents over the largest current."""
-    change = (current_rate - conditions.motional_V / conditions.nominal.inductance_H) / conditions.nominal.current_scale
+def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
+    """Rates of the induced currents, over the largest current."""
+    nominal = conditions.nominal
+    change = (conditions.current_rate_A_s - conditions.motional_V / nominal.inductance_H) / nominal.peak_current_A
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
 def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
-    return {f"eddy_{mode}": (conditions.nominal.current_scale * p[f"{mode}_share"], 0.0) for mode in _MODES}
+    return {f"eddy_{mode}": (conditions.nominal.peak_current_A * p[f"{mode}_share"], 0.0) for mode in _MODES}
 
 
 def _coenergy(
@@ -49,13 +42,13 @@ def _coenergy(
     for mode in _MODES:
         if p[f"{mode}_share"] and f"eddy_{mode}" in conditions.memory:
             induced = induced + p[f"{mode}_share"] * like(conditions.memory[f"eddy_{mode}"], i)
-    return base(d, i - conditions.nominal.current_scale * induced, n_d, n_i)
+    return base(d, i - conditions.nominal.peak_current_A * induced, n_d, n_i)
 
 
 def _share(mode: str, description: str, words: str) -> EffectParameter:
     # The winding's own leakage, here at least a twentieth, keeps the current from jumping
     return EffectParameter(
-        f"{mode}_share", "", bounds=(0.0, 0.95), plausible=(0.0, 0.5), description=description, words=words
+        f"{mode}_share", bounds=(0.0, 0.95), plausible=(0.0, 0.5), description=description, words=words
     )
 
 

@@ -23,6 +23,8 @@ from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 Parameters = Mapping[str, float]
 
+States = Mapping[str, FloatArray]
+
 CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 """What a bench reads."""
 
@@ -35,14 +37,14 @@ class EffectParameter:
     ----------
     name : str
         Ends in its SI unit, as in the model file; without one it is dimensionless.
-    unit : str
-        SI unit; empty for a pure number.
     bounds : (float, float)
         What physics allows at all: the fit stays within.
     plausible : (float, float)
         Outside of it, a fitted value is reported as suspicious.
     description : str
         Definition with the sign, as one plain sentence.
+    unit : str
+        SI unit; empty for a pure number.
     words : str
         What a value means to an engineer, as a clause with ``{size}`` for the magnitude with its unit, ``{signed}`` for
         the value, and ``{larger|smaller}`` for words that depend on its sign. Empty where it is not worth saying.
@@ -51,14 +53,14 @@ class EffectParameter:
     nonlinear : bool
         Whether it shapes what the amplitudes do; it matters only when one of them is not null.
     scale : str
-        Quantity of :class:`Nominal` that the value is a part of; empty where the value stands in its unit.
+        Quantity of :class:`Nominal` that the value is a part of, its name ending in its unit; empty for one of its own.
     """
 
     name: str
-    unit: str
     bounds: tuple[float, float]
     plausible: tuple[float, float]
     description: str
+    unit: str = ""
     words: str = ""
     null: float = 0.0
     nonlinear: bool = False
@@ -116,8 +118,8 @@ class Memory:
     steady_state : callable
         (d, i, conditions, p) -> mapping of name to value: where the states stand on a slow bench sweep.
     rate : callable
-        (states, d, v, i, current rate, conditions, p) -> mapping of name to time derivative; linear in the current's
-        rate for each of its signs.
+        (states, i, conditions, p) -> mapping of name to time derivative at the velocity and the current's rate of the
+        conditions; linear in that rate for each of its signs.
     lag : callable or None
         (conditions, p) -> mapping of name to (c in A, t in A/Wb) of states that act as
         W'(d, i) -> V - sum_k z_k t_k lambda^2 / 2 with V = W'(d, i - sum_k c_k z_k) and lambda = dV/di; None where they
@@ -132,10 +134,7 @@ class Memory:
     amplitudes: tuple[str, ...]
     spread: float
     steady_state: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
-    rate: Callable[
-        [Mapping[str, FloatArray], FloatArray, FloatArray, FloatArray, FloatArray, Conditions, Parameters],
-        Mapping[str, FloatArray],
-    ]
+    rate: Callable[[States, FloatArray, Conditions, Parameters], States]
     lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]]] | None = None
     recall: Callable[[FloatArray, BoolArray, Nominal], Mapping[str, FloatArray]] | None = None
 

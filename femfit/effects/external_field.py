@@ -26,7 +26,7 @@ EXTERNAL_FIELD = Effect(
     parameters=(
         EffectParameter(
             "field_T",
-            "T",
+            unit="T",
             bounds=(-0.05, 0.05),
             plausible=(-2e-3, 2e-3),
             description="Uniform field along the axis.",
@@ -34,7 +34,6 @@ EXTERNAL_FIELD = Effect(
         ),
         EffectParameter(
             "core_share",
-            "",
             bounds=(0.05, 2.0),
             plausible=(0.05, 0.6),
             description="Field at the Hall element that the core adds to it, over the field itself.",

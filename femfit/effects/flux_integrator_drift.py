@@ -20,7 +20,6 @@ FLUX_INTEGRATOR_DRIFT = Effect(
     parameters=(
         EffectParameter(
             "ramp",
-            "",
             bounds=(-100.0, 100.0),
             plausible=(-0.5, 0.5),
             description="Drift over 1000 readings (or seconds) of a run, as a part of the largest flux linkage.",
@@ -29,7 +28,6 @@ FLUX_INTEGRATOR_DRIFT = Effect(
         ),
         EffectParameter(
             "bend",
-            "",
             bounds=(-100.0, 100.0),
             plausible=(-0.5, 0.5),
             description="The same, growing with the square of the time, as the offset itself drifts.",

@@ -6,7 +6,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States
 
 
 def _readings(
@@ -18,25 +18,20 @@ def _readings(
     if "pickup_lag" in conditions.memory:
         rate = conditions.memory["pickup_lag"] / nominal.sample_time_s
     else:
-        rate = like(conditions.current_rate_A_s, i) / nominal.current_scale
+        rate = like(conditions.current_rate_A_s, i) / nominal.peak_current_A
     return {
         **values,
-        "hall_V": values["hall_V"] + p["pickup_V"] * i / nominal.current_scale + p["induced_V_s"] * rate,
+        "hall_V": values["hall_V"] + p["pickup_V"] * i / nominal.peak_current_A + p["induced_V_s"] * rate,
     }
 
 
-def _rate(
-    states: Mapping[str, FloatArray],
-    d: FloatArray,
-    v: FloatArray,
-    i: FloatArray,
-    current_rate: FloatArray,
-    conditions: Conditions,
-    p: Parameters,
-) -> Mapping[str, FloatArray]:
+def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
     """The current less its mean over about one sample: the current's rate, for what knows no voltage."""
     nominal = conditions.nominal
-    return {"pickup_lag": current_rate / nominal.current_scale - states["pickup_lag"] / nominal.sample_time_s}
+    return {
+        "pickup_lag": conditions.current_rate_A_s / nominal.peak_current_A
+        - states["pickup_lag"] / nominal.sample_time_s
+    }
 
 
 HALL_COIL_PICKUP = Effect(
@@ -46,7 +41,7 @@ HALL_COIL_PICKUP = Effect(
     parameters=(
         EffectParameter(
             "pickup_V",
-            "V",
+            unit="V",
             bounds=(-5.0, 5.0),
             plausible=(-0.3, 0.3),
             description="Further voltage at the largest current.",
@@ -54,7 +49,7 @@ HALL_COIL_PICKUP = Effect(
         ),
         EffectParameter(
             "induced_V_s",
-            "V s",
+            unit="V s",
             bounds=(-0.1, 0.1),
             plausible=(-1e-3, 1e-3),
             description="Further voltage while the current changes by its largest value in a second.",

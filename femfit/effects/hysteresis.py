@@ -7,8 +7,8 @@ leaves none of them behind, so that z_r fades as phi(i) = sech^2(f i / i_max), t
 tanh(f i / i_max): dz_r = phi (di - |di| z_r / phi) / r + z_r (phi' / phi) di. A loop whose width changes with the flux
 as well has a part that goes with it: W' -> W' - z t lambda^2 / 2.
 
-A bench table tells the order of its readings, and so the path of the current through all turning points of a run. It
-does not tell what was before: the current may have been cycled, or the core demagnetised. Where the order is not known,
+A bench table gives the order of its readings, and so the path of the current through all turning points of a run. It
+does not say what was before: the current may have been cycled, or the core demagnetised. Where the order is not known,
 z_r is that of a slow cycle between two turning points.
 
 References
@@ -24,7 +24,7 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters
+from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters, States
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
@@ -40,7 +40,7 @@ def _span(nominal: Nominal) -> float:
 def _left(i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     """Part phi = sech^2 of the lagging walls that a current leaves behind."""
     # By the decaying exponential: cosh overflows where a filter tries a current far outside
-    decay = np.exp(-2.0 * np.abs(p["fade"] * i / conditions.nominal.current_scale))
+    decay = np.exp(-2.0 * np.abs(p["fade"] * i / conditions.nominal.peak_current_A))
     return np.asarray(4.0 * decay / (1.0 + decay) ** 2)
 
 
@@ -97,16 +97,9 @@ def _recall(current: FloatArray, begins: BoolArray, nominal: Nominal) -> Mapping
     }
 
 
-def _rate(
-    states: Mapping[str, FloatArray],
-    d: FloatArray,
-    v: FloatArray,
-    i: FloatArray,
-    current_rate: FloatArray,
-    conditions: Conditions,
-    p: Parameters,
-) -> Mapping[str, FloatArray]:
-    fade, steep = _left(i, conditions, p), p["fade"] / conditions.nominal.current_scale
+def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
+    fade, steep = _left(i, conditions, p), p["fade"] / conditions.nominal.peak_current_A
+    current_rate = like(conditions.current_rate_A_s, i)
     fading = 2.0 * steep * np.tanh(steep * i) * current_rate
     result = {}
     for name, part in _RADII.items():
@@ -118,7 +111,7 @@ def _rate(
 
 
 def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
-    scale = conditions.nominal.current_scale
+    scale = conditions.nominal.peak_current_A
     growth = {_TAPERED: scale * p["taper"] / conditions.nominal.flux_linkage_Wb}
     return {f"hysteresis_{name}": (scale * p[f"width_{name}"], growth.get(name, 0.0)) for name in _RADII}
 
@@ -132,7 +125,7 @@ def _coenergy(
         if remembered
         else _steady_state(d, i, conditions, p)
     )
-    scale, tapered = conditions.nominal.current_scale, p["taper"] != 0.0
+    scale, tapered = conditions.nominal.peak_current_A, p["taper"] != 0.0
     lag = scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
     energy = base(d, i - lag, n_d, n_i + tapered)
     coefficients = energy.truncated(n_d, n_i).coefficients.copy()
@@ -152,7 +145,7 @@ def _words(p: Parameters, nominal: Nominal) -> list[str]:
     largest = Conditions(nominal, branch=1.0, current_turn_A=(nominal.current_min_A, nominal.current_max_A))
     states = _steady_state(np.zeros(1), np.full(1, middle), largest, p)
     lag = sum(p[f"width_{name}"] * float(states[f"hysteresis_{name}"][0]) for name in _RADII)
-    wide = amount(2.0 * abs(lag) * nominal.current_scale, "A")
+    wide = amount(2.0 * abs(lag) * nominal.peak_current_A, "A")
     return [f"rising and falling current differ as if it were {wide} apart"]
 
 
@@ -164,27 +157,24 @@ HYSTERESIS = Effect(
         *(
             EffectParameter(
                 name=f"width_{name}",
-                unit="",
                 # A state that turns faster than the current would reverse the core's permeability
                 bounds=(-part, part),
                 plausible=(-0.5 * part, 0.5 * part),
                 description=f"Half width of the loop as a part of the largest current, reached over {part:g} of the "
                 "currents' span.",
-                scale="current_scale",
+                scale="peak_current_A",
             )
             for name, part in _RADII.items()
         ),
         EffectParameter(
             name="taper",
-            unit="",
             bounds=(-0.2, 0.2),
             plausible=(-0.08, 0.08),
             description="Growth of the half width from no flux to the largest, as a part of the largest current.",
-            scale="current_scale",
+            scale="peak_current_A",
         ),
         EffectParameter(
             name="hall_share",
-            unit="",
             bounds=(-1.0, 3.0),
             plausible=(0.0, 1.5),
             description="Loop at the Hall element over that of the flux, both relative to the current's part.",
@@ -193,7 +183,6 @@ HYSTERESIS = Effect(
         ),
         EffectParameter(
             name="fade",
-            unit="",
             bounds=(0.0, 6.0),
             plausible=(0.0, 4.0),
             description="Largest current over the current at which 58 % of the lag have gone.",
@@ -201,7 +190,6 @@ HYSTERESIS = Effect(
         ),
         EffectParameter(
             name="virgin",
-            unit="",
             bounds=(0.0, 1.0),
             plausible=(0.0, 1.0),
             description="0 where the current was cycled before each run of a bench table, 1 where the core was "

@@ -52,7 +52,7 @@ def _with_gap(
     ]
     energy = base(d, i, n_d, n_i + 1)
     linkage = energy.along_current()
-    more = 0.5 * nominal.current_scale / nominal.flux_linkage_Wb * distance_series(d, n_d, n_i).compose(growth)
+    more = 0.5 * nominal.peak_current_A / nominal.flux_linkage_Wb * distance_series(d, n_d, n_i).compose(growth)
     return energy.truncated(n_d, n_i) + more * (linkage * linkage)
 
 
@@ -82,7 +82,6 @@ LATERAL_MISALIGNMENT = Effect(
         *(
             EffectParameter(
                 name=f"gap_{part}",
-                unit="",
                 bounds=(0.0, 0.4),
                 plausible=(0.0, 0.2),
                 description="Without a magnet: growth of the largest flux linkage by a better gap in series, as a part "
@@ -96,7 +95,6 @@ LATERAL_MISALIGNMENT = Effect(
         ),
         EffectParameter(
             name="image_share",
-            unit="",
             bounds=(-0.2, 1.0),
             plausible=(0.0, 0.8),
             description="Share of the term that applies to the attraction between magnet and core.",

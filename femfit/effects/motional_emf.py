@@ -13,7 +13,6 @@ MOTIONAL_EMF = Effect(
     parameters=(
         EffectParameter(
             "share",
-            "",
             bounds=(-2.0, 5.0),
             plausible=(-1.0, 1.0),
             description="Further induced voltage over the model's own.",

@@ -52,7 +52,6 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
         *(
             EffectParameter(
                 name=f"increase_{power}",
-                unit="",
                 bounds=(-0.5, 5.0),
                 plausible=(-0.05, 0.5),
                 description="Increase of the inductance at the smallest distance, as a part of the model's, falling "
@@ -63,7 +62,6 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
         ),
         EffectParameter(
             name="hall_share",
-            unit="",
             bounds=(-10.0, 200.0),
             plausible=(0.0, 40.0),
             description="Change of the coil's field at the Hall element over that of its flux, both relative.",

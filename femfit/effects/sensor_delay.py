@@ -5,19 +5,17 @@ i'; there the current less its own lag stands for it, a state with the time cons
 shorter.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States
 
 
 def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
     delay = p["delay_s"]
     if "delay_lag" in conditions.memory:
-        lag = conditions.nominal.current_scale * like(conditions.memory["delay_lag"], i)
+        lag = conditions.nominal.peak_current_A * like(conditions.memory["delay_lag"], i)
         late = delay / _lag_time(conditions, p) * lag
     else:
         late = delay * like(conditions.current_rate_A_s, i)
@@ -28,16 +26,8 @@ def _lag_time(conditions: Conditions, p: Parameters) -> float:
     return max(p["delay_s"], conditions.nominal.sample_time_s)
 
 
-def _rate(
-    states: Mapping[str, FloatArray],
-    d: FloatArray,
-    v: FloatArray,
-    i: FloatArray,
-    current_rate: FloatArray,
-    conditions: Conditions,
-    p: Parameters,
-) -> Mapping[str, FloatArray]:
-    change = current_rate / conditions.nominal.current_scale
+def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
+    change = conditions.current_rate_A_s / conditions.nominal.peak_current_A
     return {"delay_lag": change - states["delay_lag"] / _lag_time(conditions, p)}
 
 
@@ -48,7 +38,7 @@ SENSOR_DELAY = Effect(
     parameters=(
         EffectParameter(
             "delay_s",
-            "s",
+            unit="s",
             bounds=(0.0, 0.05),
             plausible=(0.0, 5e-3),
             description="Age of what a reading shows.",

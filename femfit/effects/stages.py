@@ -83,15 +83,18 @@ def hall_point(
 
 
 def hall_field(
+    series: TaylorSeries,
     coenergy: CoenergySeries,
     effects: tuple[AddedEffect, ...],
     distance: FloatArray,
     current: FloatArray,
     conditions: Conditions,
 ) -> FloatArray:
-    """Field in T that a Hall reading shows, late or not."""
-    distance, current = hall_point(effects, distance, current, conditions)
-    return changed_coenergy(coenergy, effects, conditions)(distance, current, 0, 0).derivative(0, 0, 1)
+    """Field in T that a Hall reading shows: the series' at these points, or that of earlier ones where it is late."""
+    if any(added.effect.hall_point for added in effects):
+        distance, current = hall_point(effects, distance, current, conditions)
+        series = changed_coenergy(coenergy, effects, conditions)(distance, current, 0, 0)
+    return series.derivative(0, 0, 1)
 
 
 def recorded(

@@ -45,13 +45,7 @@ class TaylorSeries:
         return np.asarray(self.coefficients[0, 0, 0])
 
     def derivative(self, in_distance: int, in_current: int, in_hall: int = 0) -> FloatArray:
-        """A partial derivative at the points.
-
-        Returns
-        -------
-        array, shape (n,)
-            In the function's unit over m^a A^b.
-        """
+        """A partial derivative at the points, shape (n,)."""
         factor = factorial(in_distance) * factorial(in_current)
         return np.asarray(factor * self.coefficients[in_hall, in_distance, in_current])
 
@@ -72,13 +66,7 @@ class TaylorSeries:
     def scaled(
         self, distance: FloatArray | float = 1.0, current: FloatArray | float = 1.0, hall: FloatArray | float = 1.0
     ) -> "TaylorSeries":
-        """The series of f(d_0 + distance delta d, i_0 + current delta i, hall h): the chain rule of a linear change.
-
-        Parameters
-        ----------
-        distance, current, hall : array of shape (n,) or float
-            Factor of each variable.
-        """
+        """The series of f(d_0 + distance delta d, i_0 + current delta i, hall h): the chain rule of a linear change."""
         n_d, n_i = self.orders
         a = np.arange(n_d + 1)[:, None, None]
         b = np.arange(n_i + 1)[:, None]
@@ -134,30 +122,18 @@ CoenergySeries = Callable[[FloatArray, FloatArray, int, int], TaylorSeries]
 
 
 def distance_series(distance: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-    """The series of the function d itself.
-
-    Parameters
-    ----------
-    distance : array, shape (n,)
-        Points in m.
-    """
-    result = np.zeros((2, in_distance + 1, in_current + 1, len(distance)))
-    result[0, 0, 0] = distance
-    if in_distance:
-        result[0, 1, 0] = 1.0
-    return TaylorSeries(result)
+    """The series of the function d itself."""
+    return _variable(distance, in_distance, in_current, (1, 0))
 
 
 def current_series(current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-    """The series of the function i itself.
+    """The series of the function i itself."""
+    return _variable(current, in_distance, in_current, (0, 1))
 
-    Parameters
-    ----------
-    current : array, shape (n,)
-        Points in A.
-    """
-    result = np.zeros((2, in_distance + 1, in_current + 1, len(current)))
-    result[0, 0, 0] = current
-    if in_current:
-        result[0, 0, 1] = 1.0
+
+def _variable(points: FloatArray, in_distance: int, in_current: int, along: tuple[int, int]) -> TaylorSeries:
+    result = np.zeros((2, in_distance + 1, in_current + 1, len(points)))
+    result[0, 0, 0] = points
+    if in_distance >= along[0] and in_current >= along[1]:
+        result[0, *along] = 1.0
     return TaylorSeries(result)

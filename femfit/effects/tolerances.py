@@ -1,12 +1,120 @@
 """What a field solution leaves open of a drawing: the magnet's strength, the winding's turns and its resistance.
 
-They are effects of their own, and may be fitted beside another one, held near their nulls by a prior, so that this does
-not have to mop up a base that is slightly off.
+They may also be fitted beside another effect, held near their nulls by a prior, so that this does not have to mop up a
+base that is slightly off.
+
+In linear iron all fields are linear in remanence and current together, so the co-energy is homogeneous of second degree
+in (remanence, i, h): W'(d, i, h; s) = s^2 W'(d, i/s, h/s) for a remanence scaled by s. Where the iron saturates this
+holds to first order in the magnet's share of its flux.
+
+With t times the turns a current makes t times the ampere-turns and links t times the flux: W'(d, i) -> W'(d, t i), the
+field of the test current in the Hall element's place unchanged; a wire that is t times as long has t times the
+resistance. Ammeter and turns differ in the flux linkage alone, so a fluxmeter separates them.
 """
 
-from femfit.effects.remanence import REMANENCE
-from femfit.effects.resistance import RESISTANCE
-from femfit.effects.turns import TURNS
+from femfit.core.arrays import FloatArray
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+
+
+def remanence_scaled(
+    base: CoenergySeries, scale: FloatArray | float, d: FloatArray, i: FloatArray, n_d: int, n_i: int
+) -> TaylorSeries:
+    """s^2 W'(d, i/s, h/s): the co-energy with the magnet's remanence scaled by s > 0, at n points or everywhere."""
+    inverse = 1.0 / scale
+    return (scale * scale) * base(d, i * inverse, n_d, n_i).scaled(current=inverse, hall=inverse)
+
+
+REMANENCE = Effect(
+    name="remanence",
+    symptom="The magnet's part of every channel is larger or smaller than drawn, everywhere by the same factor.",
+    acts_on=("magnetics",),
+    parameters=(
+        EffectParameter(
+            "remanence_error",
+            bounds=(-0.5, 0.3),
+            plausible=(-0.15, 0.1),
+            description="True over drawn remanence, less one.",
+            words="the magnet is {size} {stronger|weaker} than drawn",
+        ),
+    ),
+    needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
+    experiment="Compare the magnet's field on its axis, out of the bench and at a known temperature, with that of its "
+    "data sheet.",
+    reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1; IEC 60404-8-1 (grades)",
+    coenergy=lambda base, d, i, n_d, n_i, conditions, p: remanence_scaled(
+        base, 1.0 + p["remanence_error"], d, i, n_d, n_i
+    ),
+    calibrations=(
+        Calibration(
+            {"remanence_error": 0.01},
+            40.0,
+            "Take the magnet out at 20 °C and read its field on the axis by a gaussmeter.",
+            also={"magnet_demagnetisation": {"loss": -1.0}},
+        ),
+    ),
+)
+
+
+_FOUR_WIRES = "Measure the cold winding's resistance with four wires, at the terminals that the driver feeds."
+
+RESISTANCE = Effect(
+    name="resistance",
+    symptom="The voltage across the winding is larger or smaller than drawn at every current and temperature.",
+    acts_on=("circuit",),
+    parameters=(
+        EffectParameter(
+            "resistance_error",
+            bounds=(-0.9, 9.0),
+            plausible=(-0.2, 0.5),
+            description="True over drawn resistance at 20 °C, leads included, less one.",
+            words="the winding's resistance is {size} {larger|smaller} than drawn",
+        ),
+    ),
+    needs=("~current_A", "voltage_V"),
+    experiment=_FOUR_WIRES,
+    reference="IEC 60317-0-1 (2013), resistance of round wire",
+    circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["resistance_error"]), voltage),
+    calibrations=(Calibration({"resistance_error": 2e-3}, 10.0, _FOUR_WIRES, {"turns": {"turns_error": 1.0}}),),
+)
+
+
+def _coenergy(
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    t = 1.0 + p["turns_error"]
+    return base(d, t * i, n_d, n_i).scaled(current=t)
+
+
+TURNS = Effect(
+    name="turns",
+    symptom="The current's part of every channel is larger or smaller than drawn, everywhere by the same factor.",
+    acts_on=("magnetics", "circuit"),
+    parameters=(
+        EffectParameter(
+            "turns_error",
+            bounds=(-0.5, 1.0),
+            plausible=(-0.1, 0.1),
+            description="True over drawn number of turns, less one.",
+            words="the winding has {size} {more|fewer} turns than drawn",
+        ),
+    ),
+    needs=("~current_A", "force_N|flux_linkage_Wb|hall_V|voltage_V"),
+    experiment="Count the turns by the voltage that a coil of known turns around the same core induces in the winding.",
+    reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
+    coenergy=_coenergy,
+    circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["turns_error"]), voltage),
+    calibrations=(
+        Calibration(
+            {"turns_error": 2e-3},
+            40.0,
+            "Lay ten turns around the same core, feed the winding with an alternating voltage and read the voltage of "
+            "the ten turns: their ratio is that of the turns.",
+        ),
+    ),
+)
+
 
 TOLERANCES = (REMANENCE, TURNS, RESISTANCE)
 

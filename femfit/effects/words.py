@@ -7,24 +7,11 @@ from femfit.core.amount import amount
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 
-_SCALE_UNITS = {
-    "force_N": "N",
-    "flux_linkage_Wb": "Wb",
-    "current_scale": "A",
-    "voltage_V": "V",
-    "inductance_H": "H",
-    "travel_m": "m",
-    "weight_N": "N",
-}
-
 
 def describe(added: AddedEffect, nominal: Nominal) -> list[str]:
     """What an effect is at its parameters: clauses such as ``the gap is 0.20 mm larger than recorded``.
 
-    Returns
-    -------
-    list of str
-        Without a full stop; with the 95 % interval where one was estimated. Amplitudes that are not there are left out.
+    They have no full stop, and the 95 % interval where one was estimated; amplitudes at null are left out.
     """
     effect, values = added.effect, added.parameters
     if all(values[p.name] == p.null for p in effect.amplitudes):
@@ -44,7 +31,7 @@ def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: N
     Parameters
     ----------
     magnitudes : mapping of str to float
-        Per amplitude taken alone. Of a family that of which the least of its plausible range is needed is said.
+        Per amplitude taken alone; the one that needs the least part of its plausible range is said.
     """
     parts = [
         (magnitudes[p.name] / p.width, p)
@@ -61,9 +48,7 @@ def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: N
 
 def size_of(p: EffectParameter, value: float, nominal: Nominal) -> str:
     """A parameter's value with its unit: of a relative one the quantity itself, ``12 mN``."""
-    if p.scale:
-        return amount(value * getattr(nominal, p.scale), _SCALE_UNITS[p.scale])
-    return amount(value, p.unit)
+    return amount(value * getattr(nominal, p.scale), p.scale) if p.scale else amount(value, p.unit)
 
 
 def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | None, nominal: Nominal) -> str:

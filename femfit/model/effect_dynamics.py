@@ -111,10 +111,10 @@ class EffectDynamics:
         inductance = magnetic.inductance
         rates = np.zeros((len(self.names), len(flat)))
         if self.names:
-            still = self._rates(memory, d, v, i, np.zeros_like(i), at)
+            still = self._rates(memory, i, np.zeros_like(i), at)
             driving = driving - (slopes * still).sum(axis=0)
             sign = np.where(driving < 0.0, -1.0, 1.0)
-            slope = sign * (self._rates(memory, d, v, i, sign, at) - still)
+            slope = sign * (self._rates(memory, i, sign, at) - still)
             least = _LEAKAGE * inductance
             inductance = np.maximum(inductance + (slopes * slope).sum(axis=0), least)
             rates = still + slope * (driving / inductance)
@@ -124,18 +124,13 @@ class EffectDynamics:
         return np.concatenate([[v, acceleration, driving / inductance], rates]).T.reshape(state.shape)
 
     def _rates(
-        self,
-        memory: Mapping[str, FloatArray],
-        d: FloatArray,
-        v: FloatArray,
-        i: FloatArray,
-        current_rate: FloatArray,
-        at: Conditions,
+        self, memory: Mapping[str, FloatArray], i: FloatArray, current_rate: FloatArray, at: Conditions
     ) -> FloatArray:
         """Rates z' of shape (len(names), n)."""
         rates: dict[str, FloatArray] = {}
+        at = replace(at, current_rate_A_s=current_rate)
         for added, own in self.memories:
-            rates.update(own.rate(memory, d, v, i, current_rate, at, added.parameters))
+            rates.update(own.rate(memory, i, at, added.parameters))
         return np.stack([rates[name] for name in self.names])
 
     def _magnetics(

@@ -52,8 +52,7 @@ def predict_readings(
     force = with_further_force(added, -series.derivative(1, 0), d, i, conditions)
     values = {"force_N": force, "flux_linkage_Wb": series.derivative(0, 1)}
     if base.sensor is not None:
-        late = any(one.effect.hall_point for one in added)
-        field = hall_field(coenergy, added, d, i, conditions) if late else series.derivative(0, 0, 1)
+        field = hall_field(series, coenergy, added, d, i, conditions)
         values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.circuit is not None:
         # What the driver does to a commanded voltage does not show: a bench reads across the winding

@@ -16,7 +16,7 @@ from femfit.effects import catalogue
 from femfit.effects.catalogue import BUILT_IN, all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.effects.hall_offset import HALL_OFFSET
+from femfit.effects.zeros_and_scales import HALL_OFFSET
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.effects_page import PAGE, page

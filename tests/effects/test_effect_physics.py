@@ -243,7 +243,7 @@ def test_a_plunger_beside_its_axis_is_a_gap_of_less_reluctance_in_series(nominal
         bent = np.stack([0.5 * i**2, i, 0.5 + 0 * i, 0 * i])[: n_i + 1]
         return TaylorSeries(np.stack([along * bent, 0.0 * along * bent]))
 
-    gap = bore * plunger.flux_linkage_Wb / plunger.current_scale
+    gap = bore * plunger.flux_linkage_Wb / plunger.peak_current_A
     coenergy = effect.coenergy(base, d, i, 1, 1, Conditions(plunger), effect.null() | {"gap_all": gap})
     # First order in 0.02 of 20 and more: the next is a thousandth of it
     np.testing.assert_allclose(coenergy.derivative(0, 1) - i / series, i / (series - bore) - i / series, rtol=2e-3)
@@ -280,7 +280,7 @@ def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
 
 
 def test_every_quantity_that_a_parameter_is_a_part_of_is_known(nominal):
-    known = {field.name for field in dataclasses.fields(Nominal)} | {"current_scale"}
+    known = {field.name for field in dataclasses.fields(Nominal)} | {"peak_current_A"}
     for name in ("force_offset", "current_offset", "hysteresis", "driver_dead_zone", "end_stop_contact"):
         assert {p.scale for p in effect_by_name(name).amplitudes} <= known
 

@@ -7,9 +7,9 @@ from scipy import sparse
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.identify.series.memory import states_along
-from femfit.identify.series.nodes import local_polynomials
+from femfit.identify.series.balances import states_along
 from femfit.identify.series.noise import SensorNoise, converter_step, propagated, white_noise
+from femfit.identify.series.views import local_polynomials
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.with_effects import nominal_of
 
@@ -90,10 +90,10 @@ def test_the_error_of_a_coarse_converter_does_not_average_until_noise_dithers_it
             values = np.round(level + sigma * generator.standard_normal(400))
             draws.append(float((mean @ values)[0]) - level)
         white = np.hypot(sigma, 1.0 / np.sqrt(12.0))
-        told = propagated(mean, (mean, SensorNoise(white, 1.0, values)))
-        errors[sigma] = np.std(draws), float(told[0])
-    for seen, told in errors.values():
-        assert told == pytest.approx(seen, rel=0.15)  # 300 draws
+        said = propagated(mean, (mean, SensorNoise(white, 1.0, values)))
+        errors[sigma] = np.std(draws), float(said[0])
+    for seen, said in errors.values():
+        assert said == pytest.approx(seen, rel=0.15)  # 300 draws
 
 
 def test_states_along_a_motion_follow_their_equation(levitation_model):
@@ -106,7 +106,7 @@ def test_states_along_a_motion_follow_their_equation(levitation_model):
     first[[0, 1200]] = True
     still = np.zeros(2001)
     states = states_along(added, time, still + 0.02, current, still, Conditions(nominal), first)
-    seen = states["eddy_ring"] * nominal.current_scale
+    seen = states["eddy_ring"] * nominal.peak_current_A
     # x' = i' - x / tau from rest, integrated by hand
     ramp = np.diff(current) * np.exp(-0.5 * 0.25e-3 / 0.02)
     expected = np.zeros(2001)
@@ -119,7 +119,7 @@ def test_every_effect_with_states_has_rates_affine_in_each_state_alone(levitatio
     from femfit.effects.catalogue import BUILT_IN
 
     nominal = nominal_of(levitation_model)
-    d, v, i, rate = (np.array([x]) for x in (0.02, 0.05, 0.7, 3.0))
+    v, i, rate = (np.array([x]) for x in (0.05, 0.7, 3.0))
     at = Conditions(nominal, velocity_m_s=v, current_rate_A_s=rate, motional_V=np.array([0.01]))
     for effect in BUILT_IN:
         if effect.memory is None:
@@ -128,8 +128,8 @@ def test_every_effect_with_states_has_rates_affine_in_each_state_alone(levitatio
 
         def rates(levels, memory=memory, p=p):
             states = {name: np.array([z]) for name, z in zip(memory.names, levels, strict=True)}
-            told = memory.rate(states, d, v, i, rate, at, p)
-            return np.array([float(told[name][0]) for name in memory.names])
+            rate = memory.rate(states, i, at, p)
+            return np.array([float(rate[name][0]) for name in memory.names])
 
         count = len(memory.names)
         zero = rates(np.zeros(count))

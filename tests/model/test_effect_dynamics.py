@@ -112,7 +112,7 @@ def test_the_current_of_a_held_coil_with_a_shorted_ring_has_its_two_exponentials
     for _ in range(500):
         x = runge_kutta_step(model, x, np.array([volts]), time / 500)
     assert x[0, 2] == pytest.approx(expected[0], rel=1e-8)
-    scale = nominal_of(base).current_scale
+    scale = nominal_of(base).peak_current_A
     assert x[0, 3] * scale == pytest.approx(expected[1], rel=1e-7)
 
 
@@ -131,12 +131,13 @@ def test_an_eddy_current_brakes_the_motion(levitation_model):
 
 def states_along(current, start, parameters, nominal):
     """States of hysteresis after each step of the current, by their own equation and the midpoint rule."""
-    effect, at, z, track = effect_by_name("hysteresis"), Conditions(nominal), start, []
+    effect, z, track = effect_by_name("hysteresis"), start, []
     for low, high in pairwise(current):
         sign, middle = np.array([np.sign(high - low)]), np.array([0.5 * (low + high)])
-        half = effect.memory.rate(z, middle, middle, middle, sign, at, parameters)
+        moving = Conditions(nominal, current_rate_A_s=sign)
+        half = effect.memory.rate(z, middle, moving, parameters)
         mid = {k: v + 0.5 * abs(high - low) * half[k] for k, v in z.items()}
-        rate = effect.memory.rate(mid, middle, middle, middle, sign, at, parameters)
+        rate = effect.memory.rate(mid, middle, moving, parameters)
         z = {k: v + abs(high - low) * rate[k] for k, v in z.items()}
         track.append([z[k][0] for k in effect.memory.names])
     return z, np.array(track).T

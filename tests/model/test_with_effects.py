@@ -48,7 +48,7 @@ def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, poi
     nominal, base = nominal_of(levitation_model), levitation_model
     expected = (
         -1e-4
-        * nominal.current_scale
+        * nominal.peak_current_A
         * (base.magnetics.flux_linkage(d, i) / nominal.flux_linkage_Wb) ** 2
         * base.sensor.field.derivatives(d, i)[2]
     )

@@ -11,7 +11,7 @@ _HEAD = """\
 # Effects that a model may lack
 
 An effect is one physical reason why a bench may disagree with a model. `femfit diagnose` names effects, `femfit add`
-fits them, and simulation, filters and export run them. Each is one file in `femfit/effects`.
+fits them, and simulation, filters and export run them. They stand in `femfit/effects`.
 
 | effect | what one sees | where it acts | the measurement that isolates it |
 |---|---|---|---|

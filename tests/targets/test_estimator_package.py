@@ -12,7 +12,7 @@ import femfit
 from femfit.core.errors import FilterError, MissingPartError, RunDirectoryError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.effects.hall_offset import HALL_OFFSET
+from femfit.effects.zeros_and_scales import HALL_OFFSET
 from femfit.model.json_file import write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.with_effects import with_effects

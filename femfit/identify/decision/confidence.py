@@ -50,12 +50,17 @@ def look_alikes(
         beside[words] = _squared_sine(campaign.whitening.full(constant), fitted)
     unseen = _noticed(campaign) / max(float(signal @ signal), 1e-12)
     others = [name for members in classes for name in members[1:]]
-    slack = TIE * campaign.expected_variance
-    others_of = [one for one in rivals if len(one.fit.names) == len(chosen.fit.names)]
-    as_good = [one for one in others_of if one.passes() and one.fit.chi2 <= chosen.fit.chi2 + slack]
+    as_good = equally_good(campaign, chosen, rivals)
     others += [name for one in as_good for name in one.fit.names if name not in chosen.fit.names]
     alike = ranked([name for name, sine in beside.items() if sine < unseen], lambda name: -beside[name], ROUNDING)
     return tuple(dict.fromkeys(others + alike))
+
+
+def equally_good(campaign: Campaign, chosen: Candidate, rivals: Sequence[Candidate]) -> list[Candidate]:
+    """Rivals of as many effects that pass the test and fit as well, whatever their parameters cost."""
+    slack, count = TIE * campaign.expected_variance, len(chosen.fit.names)
+    rivals = [one for one in rivals if len(one.fit.names) == count and one.passes()]
+    return [one for one in rivals if one.fit.chi2 <= chosen.fit.chi2 + slack]
 
 
 def _squared_sine(columns: FloatArray, fitted: FloatArray) -> float:

@@ -161,16 +161,20 @@ def _acts_elsewhere(campaign: Campaign, pair: Candidate, single: Candidate) -> b
     return before - after >= max(TIE, ELSEWHERE_SHARE * structured)
 
 
-def _named(
-    campaign: Campaign, verdict: Verdict, chosen: Candidate, rivals: Sequence[Candidate], test: ModelTest
-) -> Decision:
-    """The decision with the classes: rivals that the data cannot tell from it, with the other effect the same.
+def tie(campaign: Campaign, chosen: Candidate) -> float:
+    """By how much a rival's sum of squares may be larger for the data not to tell it from what was chosen.
 
     What the chosen explanation itself leaves in the smooth patterns, of the model's misfit or of its own form, is noise
     to a difference between two explanations (the scatter's own size, as R. T. Birge, Physical Review 40 (1932) 207).
     """
-    names = chosen.fit.names
-    slack = TIE * (1.0 + max(chosen.excess, 0.0) / campaign.patterns.basis.shape[1])
+    return TIE * (1.0 + max(chosen.excess, 0.0) / campaign.patterns.basis.shape[1])
+
+
+def _named(
+    campaign: Campaign, verdict: Verdict, chosen: Candidate, rivals: Sequence[Candidate], test: ModelTest
+) -> Decision:
+    """The decision with the classes: rivals that the data cannot tell from it, with the other effect the same."""
+    names, slack = chosen.fit.names, tie(campaign, chosen)
     classes = []
     for k in ranked(range(len(names)), lambda k: float(np.sum(chosen.fit.contribution(k) ** 2))):
         others, members = set(names) - {names[k]}, [names[k]]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.effects.conditions import Nominal
 from femfit.identify.experiments.constants import GUESSED_NOISE
 from femfit.identify.noise.constants import PRIOR_MOUNT_M, PRIOR_RUN
 from femfit.identify.noise.whitening import NoiseModel
@@ -13,11 +14,10 @@ from femfit.identify.readings.observations import Observations
 
 def planned_noise(observations: Observations) -> NoiseModel:
     """The noise model of a plan: declared noise, and the priors of mounts and runs that estimates start from."""
-    channels = observations.channels
-    declared = observations.declared_noise
-    sigma = np.array([declared.get(name, guess) for name, guess in zip(channels, _guessed(observations), strict=True)])
+    channels, declared = observations.channels, observations.declared_noise
+    sigma = np.array([declared.get(name, assumed_noise(name, observations.nominal)) for name in channels])
     zeros, many = np.zeros(len(channels)), np.full(len(channels), np.inf)
-    source = {name: "declared" if name in observations.declared_noise else "assumed" for name in channels}
+    source = {name: "declared" if name in declared else "assumed" for name in channels}
     run = PRIOR_RUN * sigma
     return NoiseModel(channels, sigma, zeros, PRIOR_MOUNT_M, run, many, many, source, PRIOR_MOUNT_M, run)
 
@@ -26,7 +26,7 @@ def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
     """An estimated noise model, with what is assumed for channels that were never measured."""
     known = {name: k for k, name in enumerate(noise.channels)}
     picked = [known.get(name) for name in observations.channels]
-    guessed = _guessed(observations)
+    guessed = np.array([assumed_noise(name, observations.nominal) for name in observations.channels])
 
     def pick(values: FloatArray, missing: FloatArray) -> FloatArray:
         return np.array([m if k is None else values[k] for k, m in zip(picked, missing, strict=True)])
@@ -46,13 +46,12 @@ def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
     )
 
 
-def _guessed(observations: Observations) -> FloatArray:
-    """Of each channel by its largest reading in the validity domain: here it may be zero everywhere."""
-    nominal = observations.nominal
+def assumed_noise(channel: str, nominal: Nominal) -> float:
+    """The noise of a channel that was never measured, by its largest reading in the validity domain."""
     largest = {
         "force_N": nominal.force_N,
         "flux_linkage_Wb": nominal.flux_linkage_Wb,
         "hall_V": nominal.hall_swing_V,
-        "voltage_V": nominal.resistance_ohm * nominal.current_scale,
+        "voltage_V": nominal.resistance_ohm * nominal.peak_current_A,
     }
-    return np.array([GUESSED_NOISE * largest[name] for name in observations.channels])
+    return GUESSED_NOISE * largest[channel]

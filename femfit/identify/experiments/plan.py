@@ -1,32 +1,31 @@
 """What a planned campaign could never separate, and what it could not show at all, before anyone measures."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from html import escape
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femfit.core.amount import amount
-from femfit.core.ties import ROUNDING
 from femfit.effects.catalogue import all_effects
-from femfit.effects.conditions import Nominal
 from femfit.effects.effect import Effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import LEVEL
+from femfit.identify.decision.constants import LEVEL, TIE
 from femfit.identify.decision.magnitude import detectable_magnitudes
 from femfit.identify.experiments.constants import SMALL, VISIBLE
 from femfit.identify.experiments.noise import planned_noise
-from femfit.identify.experiments.separation import needed_distance, starting_points, unexplained
+from femfit.identify.experiments.separation import pairs_in_words, separation, starting_points
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit.start import Start
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import BenchTable
+from femfit.tables.measurement import CHANNEL_WORDS, BenchTable
 from femfit.tables.measurement_file import read_bench_table
 
 
@@ -40,57 +39,50 @@ class PlanReport:
         Standard deviation of one reading per channel, as assumed or declared.
     detectable : mapping of str to mapping of str to float
         Smallest magnitude of each effect's amplitudes that the plan would show nine times in ten.
-    groups : tuple of tuple of str
-        Effects that stay together even at the largest plausible size of each.
-    small_groups : tuple of tuple of str
-        Those that stay together at three times the smallest size that the plan would show.
+    together : tuple of (str, str)
+        Pairs of effects of which the one could be taken for the other even at its largest plausible size.
+    small_together : tuple of (str, str)
+        The same at three times the smallest size that the plan would show.
     invisible : mapping of str to str
         Effects that the plan cannot show at their largest plausible size, and why.
+    smallest, direct : mapping of str to str
+        Per effect its smallest visible size in words, and the measurement that would read it directly.
     """
 
     noise: dict[str, float]
     detectable: dict[str, dict[str, float]]
-    groups: tuple[tuple[str, ...], ...]
-    small_groups: tuple[tuple[str, ...], ...]
+    together: tuple[tuple[str, str], ...]
+    small_together: tuple[tuple[str, str], ...]
     invisible: dict[str, str]
-    nominal: Nominal = field(repr=False)
-    effects: Mapping[str, Effect] = field(repr=False, default_factory=dict)
+    smallest: dict[str, str]
+    direct: dict[str, str]
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        names = ("noise", "detectable", "groups", "small_groups", "invisible")
-        return {name: value for name, value in asdict(replace(self, effects={})).items() if name in names}
+        return dict(vars(self))
 
     def __str__(self) -> str:
-        lines = []
-        if self.groups:
-            lines.append("This plan could never separate, however large they usually get:")
-            for group in self.groups:
-                lines.append(f"  {', '.join(group)}")
-                lines += [f"    {text}" for text in map(self._direct_reading, group) if text]
-        else:
-            lines.append("This plan could separate every effect that it shows from every other, at its largest size.")
-        more = [group for group in self.small_groups if group not in self.groups]
+        lines = ["This plan could separate every effect that it shows from every other, at its largest size."]
+        if self.together:
+            lines = ["This plan could never separate, however large they usually get:"]
+            lines += [f"  {clause}" for clause in pairs_in_words(self.together)]
+            named = dict.fromkeys(name for pair in self.together for name in pair if name in self.direct)
+            lines += ["What would:"] * bool(named) + [f"  {name}: {self.direct[name]}" for name in named]
+        more = [pair for pair in self.small_together if pair not in self.together]
         if more:
             lines.append("Nor these where they are small, at three times the sizes below:")
-            lines += [f"  {', '.join(group)}" for group in more]
+            lines += [f"  {clause}" for clause in pairs_in_words(more)]
         if self.invisible:
             lines.append("It could not show:")
             reasons = dict.fromkeys(self.invisible.values())
             lines += [f"  {', '.join(n for n, w in self.invisible.items() if w == why)}: {why}" for why in reasons]
         lines.append("The smallest that it would show nine times in ten:")
-        for name, magnitudes in self.detectable.items():
-            said = smallest_visible(self.effects[name], magnitudes, self.nominal) if name in self.effects else ""
-            lines.append(f"  {name}: {said or 'nothing within its bounds'}")
-        noise = ", ".join(f"{name} {amount(sigma, name)}" for name, sigma in self.noise.items())
+        lines += [f"  {name}: {words or 'nothing within its bounds'}" for name, words in self.smallest.items()]
+        noise = ", ".join(f"{CHANNEL_WORDS[name]} {amount(sigma, name)}" for name, sigma in self.noise.items())
         return "\n".join([*lines, f"Noise of one reading: {noise}."])
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
-
-    def _direct_reading(self, name: str) -> str:
-        readings = self.effects[name].calibrations if name in self.effects else ()
-        return readings[0].instruction if readings else ""
 
 
 def examine_plan(
@@ -101,7 +93,7 @@ def examine_plan(
     effects = list(all_effects().values()) if effects is None else effects
     rows = plan.rows.assign(**dict.fromkeys(plan.channels, 0.0))
     observations = bench_observations(model, replace(plan, rows=rows))
-    observations = observations.with_values(observations.base)
+    observations, nominal = observations.with_values(observations.base), observations.nominal
     noise = planned_noise(observations)
     whitening = Whitening(observations, noise, chains_of(observations))
     invisible: dict[str, str] = {}
@@ -120,11 +112,11 @@ def examine_plan(
     return PlanReport(
         noise=noise.floor,
         detectable=detectable,
-        groups=_groups(campaign, families, {}),
-        small_groups=_groups(campaign, families, small),
+        together=_together(campaign, families, {}),
+        small_together=_together(campaign, families, small),
         invisible=invisible,
-        nominal=observations.nominal,
-        effects={effect.name: effect for effect in effects},
+        smallest={e.name: smallest_visible(e, detectable[e.name], nominal) for e in effects if e.name in detectable},
+        direct={effect.name: effect.calibrations[0].instruction for effect in effects if effect.calibrations},
     )
 
 
@@ -140,34 +132,18 @@ def _signals(start: Start, sizes: Mapping[str, float] | None = None) -> list[tup
     return result
 
 
-def _groups(
+def _together(
     campaign: Campaign, families: Mapping[str, list[Start]], sizes: Mapping[str, Mapping[str, float]]
-) -> tuple[tuple[str, ...], ...]:
-    names = list(families)
-    leader = {name: name for name in names}
-    for a in names:
-        signals = _signals(families[a][0], sizes.get(a))
-        for b in names:
-            if a != b and leader[a] != leader[b] and signals and _all_made_by(campaign, families, a, b, signals):
-                old, new = leader[a], leader[b]
-                leader = {name: new if top == old else top for name, top in leader.items()}
-    groups = [tuple(name for name in names if leader[name] == top) for top in dict.fromkeys(leader.values())]
-    return tuple(group for group in groups if len(group) > 1)
+) -> tuple[tuple[str, str], ...]:
+    """Pairs of effects of which one can make every visible amplitude of the other: a diagnosis would leave both."""
+    tie = TIE * campaign.expected_variance
+    signals = {name: _signals(starts[0], sizes.get(name)) for name, starts in families.items()}
 
+    def could_be(effect: str, rival: str) -> bool:
+        columns, rivals = families[effect][0].columns.columns, [[one] for one in families[rival]]
+        return bool(signals[effect]) and all(
+            separation(campaign.observations, campaign.whitening, value * columns[:, k], rivals, tie) is None
+            for value, k in signals[effect]
+        )
 
-def _all_made_by(
-    campaign: Campaign,
-    families: Mapping[str, list[Start]],
-    effect: str,
-    rival: str,
-    signals: Sequence[tuple[float, int]],
-) -> bool:
-    """Whether another effect can make every visible amplitude of an effect, so that no diagnosis would leave it out."""
-    observations, whitening, start = campaign.observations, campaign.whitening, families[effect][0]
-    for value, k in signals:
-        change = value * start.columns.columns[:, k]
-        needed = needed_distance(len(change))
-        seen = observations.with_values(observations.base + change)
-        if unexplained(seen, whitening, [[one] for one in families[rival]], needed) >= needed * (1.0 - ROUNDING):
-            return False
-    return True
+    return tuple((a, b) for a, b in combinations(families, 2) if could_be(a, b) or could_be(b, a))

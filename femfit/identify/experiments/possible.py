@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import rounded
+from femfit.core.amount import amount
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.identify.experiments.constants import (
@@ -20,15 +20,9 @@ from femfit.identify.experiments.constants import (
     HEATED_K,
     NEAR_SHARE,
 )
+from femfit.identify.experiments.noise import assumed_noise
 from femfit.identify.readings.observations import Observations
-from femfit.tables.measurement import CHANNELS, SETTINGS
-
-_IN_WORDS = {
-    "force_N": "force",
-    "flux_linkage_Wb": "flux linkage",
-    "hall_V": "Hall voltage",
-    "voltage_V": "voltage across the winding",
-}
+from femfit.tables.measurement import CHANNEL_WORDS, CHANNELS, SETTINGS
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +64,8 @@ def possible_experiments(
     ]
     result += [
         _run(
-            f"Read the {_IN_WORDS[name]} too, at {len(near)} points at {_range(near)}",
+            f"Read the {CHANNEL_WORDS[name]} too, to {amount(assumed_noise(name, nominal), name)} rms, "
+            f"at {len(near)} points at {_range(near)}",
             near,
             (*measured, name),
             CHANNEL_COST,
@@ -108,7 +103,7 @@ def _other_currents(nominal: Nominal, near: pd.DataFrame, low: float, high: floa
         if abs(bound) > max(abs(low), abs(high)) / 0.95 and bound * reached >= 0.0:
             larger = _grid(nominal, *sorted((0.7 * bound, bound)))
             larger = larger[larger["distance_m"] <= near["distance_m"].max()]
-            result.append((f"Go up to {rounded(bound, 3)} A: {{count}} points at {{where}}", larger))
+            result.append((f"Go up to {bound:.3g} A: {{count}} points at {{where}}", larger))
     return result
 
 
@@ -128,4 +123,4 @@ def _grid(nominal: Nominal, low: float, high: float) -> pd.DataFrame:
 
 
 def _range(rows: pd.DataFrame) -> str:
-    return f"{rounded(1e3 * rows['distance_m'].min(), 3)} to {rounded(1e3 * rows['distance_m'].max(), 3)} mm"
+    return f"{1e3 * rows['distance_m'].min():.3g} to {1e3 * rows['distance_m'].max():.3g} mm"

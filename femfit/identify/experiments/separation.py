@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.ties import ROUNDING
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.decision.constants import NONLINEAR_PRICE, TIE
 from femfit.identify.decision.scoring import parameter_price
@@ -29,14 +30,35 @@ _VARIANTS = 12
 """Combinations of trial values of two effects' nonlinear parameters that are tried; more would take too long."""
 
 
-def needed_distance(readings: int, more_parameters: float = 0.0) -> float:
+def needed_distance(tie: float = TIE) -> float:
     """Distance from which a diagnosis leaves the wrong one of two explanations out, in 19 of 20 campaigns.
 
     The weighted sums of squares differ by delta^2 with a standard deviation of 2 delta; they must differ by the tie of
     the decision, and by what the right explanation pays for its further parameters.
     """
-    tie = TIE + max(more_parameters, 0.0) * parameter_price(np.zeros(readings))
     return float(ALMOST_SURELY + np.sqrt(ALMOST_SURELY**2 + tie))
+
+
+def separation(
+    observations: Observations,
+    whitening: Whitening,
+    change: FloatArray,
+    rivals: Sequence[Sequence[Start]],
+    tie: float = TIE,
+    more_parameters: float = 0.0,
+) -> float | None:
+    """How far the best refit of rivals stays from what an explanation changes; None where that is less than needed.
+
+    Parameters
+    ----------
+    change : array, shape (M,)
+        In the readings' units.
+    more_parameters : float
+        How many the explanation has more than its rivals.
+    """
+    needed = needed_distance(tie + max(more_parameters, 0.0) * parameter_price(change))
+    apart = _unexplained(observations.with_values(observations.base + change), whitening, rivals, needed)
+    return None if apart < needed * (1.0 - ROUNDING) else apart
 
 
 def parameters_of(effects: Sequence[AddedEffect]) -> float:
@@ -48,8 +70,8 @@ def parameters_of(effects: Sequence[AddedEffect]) -> float:
     )
 
 
-def unexplained(
-    observations: Observations, whitening: Whitening, rivals: Sequence[Sequence[Start]], enough: float = np.inf
+def _unexplained(
+    observations: Observations, whitening: Whitening, rivals: Sequence[Sequence[Start]], enough: float
 ) -> float:
     """What effects leave of readings, in standard deviations: the best refit from several starting points.
 
@@ -97,6 +119,17 @@ def _start(one: EffectColumns, whitening: Whitening) -> Start:
     return Start(one, whitening.full(one.columns), np.zeros(len(one.amplitudes)))
 
 
-def change_of(observations: Observations, effects: Sequence[AddedEffect]) -> FloatArray:
-    """What effects change of the predicted readings."""
-    return observations.predict(effects) - observations.base
+def pairs_in_words(pairs: Sequence[tuple[str, ...]]) -> list[str]:
+    """Pairs in as few clauses as say them: ``a from b and c``, ``d from e``."""
+    left, clauses = list(pairs), []
+    while left:
+        names = [name for pair in left for name in pair]
+        name = max(dict.fromkeys(names), key=names.count)
+        clauses.append(f"{name} from {listed([a if b == name else b for a, b in left if name in {a, b}], 'and')}")
+        left = [pair for pair in left if name not in pair]
+    return clauses
+
+
+def listed(names: Sequence[str], word: str) -> str:
+    """Names as ``a, b and c``."""
+    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

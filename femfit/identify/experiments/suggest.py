@@ -15,20 +15,24 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.catalogue import all_effects
+from femfit.effects.catalogue import all_effects, catalogue_order
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration
+from femfit.identify.decision.confidence import equally_good
+from femfit.identify.decision.constants import TIE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.naming import tie
 from femfit.identify.experiments.constants import COMPARED, SHOWN
 from femfit.identify.experiments.noise import noise_for
 from femfit.identify.experiments.possible import Experiment, possible_experiments
 from femfit.identify.experiments.separation import (
-    change_of,
+    listed,
     needed_distance,
+    pairs_in_words,
     parameters_of,
+    separation,
     starting_points,
-    unexplained,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
@@ -96,15 +100,15 @@ class Advice:
             return self.note
         lines = []
         for k, one in enumerate(self.suggestions[:SHOWN]):
+            clauses = "; ".join(pairs_in_words([pair[:2] for pair in one.separates]))
             lines.append(f"{'Next' if k == 0 else 'Or'}: {one.text}")
-            lines.append(f"  This separates {_pairs([pair[:2] for pair in one.separates])}, and takes as long as about "
-                         f"{one.cost:.0f} readings.")  # fmt: skip
+            lines.append(f"  This separates {clauses}, and takes as long as about {one.cost:.0f} readings.")
             if one.remains:
-                lines.append(f"  It leaves open: {'; '.join(_listed(group, 'or') for group in _chained(one.remains))}.")
+                lines.append(f"  It does not separate {'; '.join(pairs_in_words(one.remains))}.")
         if self.never:
-            lines.append(f"No measurement that femfit knows separates {_pairs(self.never)}.")
+            lines.append(f"No measurement that femfit knows separates {'; '.join(pairs_in_words(self.never))}.")
         lines += [f"{name}: {experiment}" for name, experiment in self.isolating]
-        return "\n".join([*lines, f"The data leave {_listed(self.explanations, 'or')}."])
+        return "\n".join([*lines, f"The data leave {listed(self.explanations, 'or')}."])
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
@@ -126,7 +130,7 @@ def suggest(
     data : BenchTable or TimeSeries, or a path
         What was measured.
     diagnosis : Diagnosis, optional
-        Of these data, where it was made already.
+        The diagnosis of these data, where it was made already.
 
     Raises
     ------
@@ -143,97 +147,108 @@ def suggest(
     say = progress or (lambda _: None)
     measured = read_measurement(data) if isinstance(data, str | Path) else data
     found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
-    explanations = found.explanations[:COMPARED]
+    explanations, least = _left_together(found)
     names = tuple(" + ".join(fit.names) for fit in explanations)
-    if found.campaign is None:
-        return Advice(names, note=str(found.findings[-1]))
-    if not explanations:
-        return Advice(names, note="There is nothing to separate: no effect is named, see femfit diagnose.")
-    if len(explanations) == 1:
-        return Advice(names, note=f"There is nothing to separate: the data leave {names[0]} alone.")
+    if found.campaign is None or len(explanations) < 2:
+        return Advice(names, note=_nothing_to_separate(found))
     if not isinstance(measured, BenchTable):
         effects = all_effects()
         used = dict.fromkeys(name for fit in explanations for name in fit.names)
         return Advice(names, isolating=tuple((name, effects[name].experiment) for name in used))
     say("Trying measurements")
-    suggestions = suggest_measurements(model, plausible_table(model, measured), found.campaign.noise, explanations)
+    noise = found.campaign.noise
+    suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations, least)
     apart = {pair[:2] for one in suggestions for pair in one.separates}
     return Advice(names, tuple(suggestions), tuple(p for p in combinations(names, 2) if p not in apart))
 
 
+def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
+    """What was named, its class and what fits as well with more parameters; and the tie within which they are one."""
+    if found.campaign is None or found.decision is None or found.decision.chosen is None:
+        return (), TIE
+    chosen, candidates = found.decision.chosen, found.decision.candidates
+    fits = (*found.explanations, *(one.fit for one in equally_good(found.campaign, chosen, candidates)))
+    return tuple({fit.names: fit for fit in reversed(fits)}.values())[::-1][:COMPARED], tie(found.campaign, chosen)
+
+
+def _nothing_to_separate(found: Diagnosis) -> str:
+    if found.campaign is None:
+        return str(found.findings[-1])
+    if found.missing:
+        name = " + ".join(one.name for one in found.missing)
+        return f"There is nothing to separate: of the effects that femfit knows, the data leave {name} alone."
+    if found.verdict == "unexplained":
+        return "There is nothing to separate: no effect that femfit knows explains these data."
+    return "There is nothing to separate: the model explains these data without any effect."
+
+
 def suggest_measurements(
-    model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit]
+    model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit], least: float = TIE
 ) -> list[Suggestion]:
-    """Rank measurements by how cheaply they separate explanations that the data leave together."""
+    """Rank measurements by how cheaply they separate explanations whose sums of squares must differ by some least."""
     observations = bench_observations(model, table)
     d, i = (observations.covariates[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
     available = tuple(predict_readings(model, d, i, Conditions(observations.nominal)))
     named = {added.effect.name: added.effect for fit in explanations for added in fit.effects}
-    direct = [named[name] for name in dict.fromkeys((*all_effects(), *named)) if name in named]
+    direct = [named[name] for name in catalogue_order(named)]
     result = []
     for experiment in possible_experiments(observations, available, direct):
-        separates, remains = _tried(model, table, noise, explanations, experiment)
+        direct_reading = experiment.calibration and _direct(experiment.effect, experiment.calibration)
+        distance = direct_reading or _joint(model, table, noise, experiment, least)
+        separates, remains = list[tuple[str, str, float]](), list[tuple[str, str]]()
+        for a, b in combinations(explanations, 2):
+            pair = (" + ".join(a.names), " + ".join(b.names))
+            apart = distance(a, b)
+            if apart is None:
+                remains.append(pair)
+            else:
+                separates.append((*pair, round(apart, 1)))
         if separates:
-            result.append(Suggestion(experiment.text, experiment.cost, separates, remains, experiment))
+            result.append(Suggestion(experiment.text, experiment.cost, tuple(separates), tuple(remains), experiment))
     return sorted(result, key=lambda one: (one.cost / len(one.separates), one.cost))
 
 
-def _tried(
-    model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit], experiment: Experiment
-) -> tuple[tuple[tuple[str, str, float], ...], tuple[tuple[str, str], ...]]:
-    """Pairs that an experiment separates, with their distance, and pairs that it leaves together."""
-    separates, remains = [], []
-    distance = _direct if experiment.rows is None else _joint(model, table, noise, experiment)
-    for a, b in combinations(explanations, 2):
-        pair = (" + ".join(a.names), " + ".join(b.names))
-        apart = distance(experiment, a, b)
-        if apart is None:
-            remains.append(pair)
-        else:
-            separates.append((*pair, round(apart, 1)))
-    return tuple(separates), tuple(remains)
+Distance = Callable[[Refit, Refit], float | None]
+"""How far apart two explanations are with an experiment; None where that is less than needed."""
 
 
-def _direct(experiment: Experiment, a: Refit, b: Refit) -> float | None:
-    """Distance by a direct reading of an effect's parameters; None where it is less than needed."""
-    if experiment.calibration is None:
-        return None
-    first, second = (_read(experiment.effect, experiment.calibration, fit) for fit in (a, b))
-    apart = float(np.linalg.norm((first - second) / np.array(list(experiment.calibration.reads.values()))))
-    return apart if apart >= needed_distance(1) else None
+def _direct(effect: str, calibration: Calibration) -> Distance:
+    """By a direct reading of an effect's parameters."""
+    uncertainty = np.array(list(calibration.reads.values()))
 
+    def reading(fit: Refit) -> FloatArray:
+        values = np.zeros(len(calibration.reads))
+        for added in fit.effects:
+            if added.effect.name == effect:
+                values += [added.parameters[name] for name in calibration.reads]
+            for name, change in calibration.also.get(added.effect.name, {}).items():
+                values[0] += change * added.parameters[name]
+        return np.asarray(values / uncertainty)
 
-def _read(effect: str, calibration: Calibration, fit: Refit) -> FloatArray:
-    """What a direct reading gives where an explanation is true."""
-    values = np.zeros(len(calibration.reads))
-    for added in fit.effects:
-        if added.effect.name == effect:
-            values += [added.parameters[name] for name in calibration.reads]
-        for name, change in calibration.also.get(added.effect.name, {}).items():
-            values[0] += change * added.parameters[name]
-    return values
+    def distance(a: Refit, b: Refit) -> float | None:
+        apart = float(np.linalg.norm(reading(a) - reading(b)))
+        return apart if apart >= needed_distance() else None
+
+    return distance
 
 
 def _joint(
-    model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment
-) -> Callable[[Experiment, Refit, Refit], float | None]:
-    """The judge of a further run: the smaller of two distances, None where one of them is less than needed."""
+    model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment, least: float
+) -> Distance:
+    """By a further run beside the readings: the smaller of the distances of each from the other's best refit."""
     observations = bench_observations(model, joined(table, experiment))
     whitening = Whitening(observations, noise_for(noise, observations), chains_of(observations))
 
-    def distance(_: Experiment, a: Refit, b: Refit) -> float | None:
-        smallest = np.inf
-        for truth, rival in ((a, b), (b, a)):
-            change = change_of(observations, truth.effects)
-            more = parameters_of(truth.effects) - parameters_of(rival.effects)
-            needed = needed_distance(len(change), more)
-            starts = starting_points([added.effect for added in rival.effects], observations, whitening, rival.effects)
-            seen = observations.with_values(observations.base + change)
-            apart = unexplained(seen, whitening, starts, needed)
-            if apart < needed:
-                return None
-            smallest = min(smallest, apart)
-        return smallest
+    def one_way(truth: Refit, rival: Refit) -> float | None:
+        starts = starting_points([added.effect for added in rival.effects], observations, whitening, rival.effects)
+        change = observations.predict(truth.effects) - observations.base
+        more = parameters_of(truth.effects) - parameters_of(rival.effects)
+        return separation(observations, whitening, change, starts, least, more)
+
+    def distance(a: Refit, b: Refit) -> float | None:
+        there = one_way(a, b)
+        back = None if there is None else one_way(b, a)
+        return None if there is None or back is None else min(there, back)
 
     return distance
 
@@ -250,29 +265,3 @@ def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
         n for n in ("coil_temperature_C", "magnet_temperature_C") if more[n].notna().any() and n not in given
     )
     return replace(table, rows=rows[table.rows.columns], given=(*given, *varied))
-
-
-def _pairs(pairs: Sequence[tuple[str, ...]]) -> str:
-    """Pairs in as few words as say them: ``a from b and c; d from e``."""
-    left, parts = list(pairs), []
-    while left:
-        names = [name for pair in left for name in pair]
-        name = max(dict.fromkeys(names), key=names.count)
-        partners = [a if b == name else b for a, b in left if name in {a, b}]
-        parts.append(f"{name} from {_listed(partners, 'and')}")
-        left = [pair for pair in left if name not in pair]
-    return "; ".join(parts)
-
-
-def _chained(pairs: Sequence[tuple[str, str]]) -> list[list[str]]:
-    """Names that pairs connect, group by group."""
-    groups: list[list[str]] = []
-    for pair in pairs:
-        met = [group for group in groups if set(group) & set(pair)]
-        groups = [group for group in groups if group not in met]
-        groups.append(list(dict.fromkeys([name for group in (*met, pair) for name in group])))
-    return groups
-
-
-def _listed(names: Sequence[str], word: str) -> str:
-    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

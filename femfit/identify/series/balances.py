@@ -7,6 +7,13 @@ Over each window, with means <.> by its test function (:mod:`femfit.identify.ser
 
 The left sides are measured, the right sides the model's; an effect changes the right sides alone. Nothing is integrated
 over time, so that an unstable plant in a closed loop is no harder than a stable one.
+
+Every state of an effect (lag, hysteresis) has a rate that is affine in that state alone, z' = a - b z with a and b
+given by the motion, so that over a step of constant a and b it moves exactly to z exp(-b h) + a (1 - exp(-b h)) / b.
+
+References
+----------
+G. E. Blelloch, IEEE Transactions on Computers 38 (1989) 1526: linear recurrences as prefix sums.
 """
 
 from collections.abc import Sequence
@@ -27,7 +34,6 @@ from femfit.effects.stages import (
     with_further_force,
 )
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.identify.series.memory import states_along
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.actuator_model import Motion as BaseMotion
@@ -40,17 +46,7 @@ SERIES_ROWS = (FORCE_BALANCE, VOLTAGE_BALANCE, "hall_V", "force_N")
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A recorded motion at n nodes.
-
-    Parameters
-    ----------
-    time_s : array, shape (n,)
-        On the record's clock.
-    first : array of bool, shape (n,)
-        Whether a new stretch begins.
-    distance_m, current_A, voltage_V : array, shape (n,)
-        As recorded, smoothed.
-    """
+    """A recorded motion, smoothed, at n nodes on the record's clock; ``first`` where a new stretch begins."""
 
     time_s: FloatArray
     first: BoolArray
@@ -74,13 +70,7 @@ class _Point:
 def model_balances(
     base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
-    """The right sides of the balances.
-
-    Returns
-    -------
-    dict of str to array, each of shape (w,)
-        Of force where the model has a motion, of voltage where it has a circuit.
-    """
+    """The right sides of the balances, each of shape (w,): of force with a motion, of voltage with a circuit."""
     point, result = _excited(coenergy, motion, effects), {}
     if base.motion is not None:
         share, inertia = _inertia(base.motion, motion, weights, point.distance, effects)
@@ -94,19 +84,11 @@ def model_balances(
 def model_readings(
     base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
-    """What the sensors read.
-
-    Returns
-    -------
-    dict of str to array, each of shape (w,)
-        ``force_N``, and ``hall_V`` where the model has a sensor.
-    """
+    """What the sensors read, each of shape (w,): ``force_N``, and ``hall_V`` where the model has a sensor."""
     point = _excited(coenergy, motion, effects)
     readings = {"force_N": point.force}
     if base.sensor is not None:
-        field = point.series.derivative(0, 0, 1)
-        if any(added.effect.hall_point for added in effects):
-            field = hall_field(coenergy, tuple(effects), point.distance, point.current, point.at)
+        field = hall_field(point.series, coenergy, tuple(effects), point.distance, point.current, point.at)
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     readings = recorded(effects, readings, point.distance, point.current, point.at)
     return {name: weights.mean @ reading for name, reading in readings.items()}
@@ -141,3 +123,81 @@ def _drop(resistance: float, motion: Motion, point: _Point, effects: Sequence[Ad
         effects, np.full_like(point.current, resistance), motion.voltage_V, point.current, point.at
     )
     return np.asarray(ohms * point.current + motion.voltage_V - volts)
+
+
+_SLOWEST = 1e-12
+"""Decay over a step below which a state only adds up."""
+
+
+def states_along(
+    added: AddedEffect,
+    time: FloatArray,
+    distance: FloatArray,
+    current: FloatArray,
+    motional_constant: FloatArray,
+    at: Conditions,
+    first: BoolArray,
+) -> dict[str, FloatArray]:
+    """The states of one effect at every node, at rest where a stretch begins (``first``); empty where it needs none."""
+    memory = added.memory
+    if memory is None:
+        return {}
+    fresh, step = first[1:], np.diff(time)
+    moves = ~fresh & (step > 0.0)  # neighbouring windows share a node
+    velocity, rate = (np.divide(np.diff(x), step, out=np.zeros_like(step), where=moves) for x in (distance, current))
+    i, constant = (0.5 * (x[1:] + x[:-1]) for x in (current, motional_constant))
+    moving = replace(
+        at,
+        branch=np.sign(rate),
+        velocity_m_s=velocity,
+        current_rate_A_s=rate,
+        motional_V=constant * velocity,
+        coil_temperature_C=_between(at.coil_temperature_C),
+        magnet_temperature_C=_between(at.magnet_temperature_C),
+        time_s=_between(at.time_s),
+        elapsed=_between(at.elapsed),
+    )
+    at_zero, at_one = (
+        memory.rate({name: np.full_like(i, z) for name in memory.names}, i, moving, added.parameters)
+        for z in (0.0, 1.0)
+    )
+    result = {}
+    for name in memory.names:
+        decay = np.maximum((at_zero[name] - at_one[name]) * np.where(moves, step, 0.0), _SLOWEST)
+        kept = np.where(fresh, 0.0, np.exp(-decay))
+        gained = np.where(moves, at_zero[name] * step * -np.expm1(-decay) / decay, 0.0)
+        result[name] = _recurrence(np.append(0.0, kept), np.append(0.0, gained))
+    return result
+
+
+def _between(condition: FloatArray | float) -> FloatArray | float:
+    """A condition on the steps between nodes."""
+    values = np.asarray(condition)
+    return 0.5 * (values[1:] + values[:-1]) if values.ndim else condition
+
+
+def _recurrence(kept: FloatArray, gained: FloatArray) -> FloatArray:
+    """x_k = kept_k x_(k-1) + gained_k from x_(-1) = 0, by doubling."""
+    factor, total, span = kept.copy(), gained.copy(), 1
+    while span < len(total):
+        total[span:] = total[span:] + factor[span:] * total[:-span]
+        factor[span:] = factor[span:] * factor[:-span]
+        span *= 2
+    return total
+
+
+_ORDERS = (2, 3)
+"""In distance and current, up to which effects ask for the base's series."""
+
+
+def remembered(coenergy: CoenergySeries, distance: FloatArray, current: FloatArray) -> CoenergySeries:
+    """A co-energy that is evaluated once at the points that most effects ask for: these very arrays."""
+    series = coenergy(distance, current, *_ORDERS)
+    series.coefficients.flags.writeable = False
+
+    def evaluate(d: FloatArray, i: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
+        if d is distance and i is current and in_distance <= _ORDERS[0] and in_current <= _ORDERS[1]:
+            return series.truncated(in_distance, in_current)
+        return coenergy(d, i, in_distance, in_current)
+
+    return evaluate

@@ -8,11 +8,83 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.conditions import Nominal
 from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE
-from femfit.identify.series.field import SampleField
-from femfit.identify.series.noise import SensorNoise, carried, propagated
+from femfit.identify.series.noise import SensorNoise, carried, converter_step, propagated, white_noise
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.actuator_model import ActuatorModel, Circuit, Motion
+
+
+@dataclass(frozen=True, eq=False)
+class SampleField:
+    """Magnetics and Hall voltage at the N samples with derivatives in distance and current; zero where unusable.
+
+    -force_i is the flux linkage's derivative in distance.
+    """
+
+    force: FloatArray
+    force_d: FloatArray
+    force_i: FloatArray
+    flux: FloatArray
+    inductance: FloatArray
+    hall: FloatArray
+    hall_d: FloatArray
+    hall_i: FloatArray
+
+
+def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
+    """Evaluate a model at the samples of a record."""
+    here = samples.usable
+    d, i = samples.columns["distance_m"][here], samples.columns["current_A"][here]
+
+    def everywhere(values: FloatArray) -> FloatArray:
+        result = np.zeros(len(here))
+        result[here] = values
+        return result
+
+    d_w, dd_w, di_w, i_w, ii_w = base.magnetics.coenergy_derivatives(d, i, ((1, 0), (2, 0), (1, 1), (0, 1), (0, 2)))
+    hall = [np.zeros_like(d)] * 3
+    if base.sensor is not None:
+        hall = [base.sensor.sensitivity_V_per_T * part for part in base.sensor.field.derivatives(d, i)]
+        hall[0] = hall[0] + base.sensor.quiescent_V
+    return SampleField(*(everywhere(values) for values in (-d_w, -dd_w, -di_w, i_w, ii_w, *hall)))
+
+
+def sensor_noise(
+    base: ActuatorModel, samples: Samples, field: SampleField, declared: Mapping[str, float]
+) -> dict[str, SensorNoise]:
+    """Noise of every sensor: as declared, else from neighbouring samples beside what the model says of them.
+
+    For the current the driving voltage says it; no noise is smaller than the converter's step over sqrt(12).
+    """
+    known = np.where(samples.usable, 0.0, np.nan)
+    explained = {
+        "distance_m": known,
+        "current_A": known + _driven(base, samples, field),
+        "hall_V": known + field.hall,
+        "force_N": known + field.force,
+    }
+    result = {}
+    for name, model in explained.items():
+        values = samples.columns[name]
+        step = converter_step(values)
+        seen = max(white_noise(values - model, samples.segment), step / np.sqrt(12.0))
+        result[name] = SensorNoise(float(declared.get(name, seen)), step, values)
+    return result
+
+
+def _driven(base: ActuatorModel, samples: Samples, field: SampleField) -> FloatArray:
+    """The current that commanded voltage and motion give, up to what is smooth; zeros without circuit or voltage."""
+    volts, distance = samples.columns["voltage_V"], samples.columns["distance_m"]
+    if base.circuit is None or not np.isfinite(volts).any():
+        return np.zeros_like(volts)
+    step = np.diff(samples.time, prepend=samples.time[:1])
+    inductance = np.where(field.inductance > 0.0, field.inductance, np.inf)
+    held = np.append(volts[:1], volts[:-1])
+    motional = field.force_i * np.diff(distance, prepend=distance[:1])
+    drop = base.circuit.resistance_ohm * samples.columns["current_A"]
+    change = np.where(samples.usable, ((held - drop) * step + motional) / inductance, 0.0)
+    return np.cumsum(np.nan_to_num(change))
+
 
 Noise = Mapping[str, SensorNoise]
 
@@ -26,16 +98,9 @@ _EVEN = 1.5
 
 @dataclass(frozen=True, eq=False)
 class MeasuredChannel:
-    """A channel's windows, each of n.
+    """A channel's n windows: both sides of its balance, the model's without effects, and whether samples are enough.
 
-    Parameters
-    ----------
-    measured, predicted : array, shape (n,)
-        Left and right side of the balance; the model's without effects.
-    sigma : array, shape (n,)
-        What the sensors' noise makes of their difference; NaN where a sensor's noise is not known.
-    valid : array of bool, shape (n,)
-        Windows with samples enough.
+    ``sigma`` is what the sensors' noise makes of their difference; NaN where a sensor's noise is not known.
     """
 
     name: str

@@ -19,13 +19,13 @@ from femfit.core.arrays import FloatArray, IntArray
 
 _ORDER = 3
 _MEDIAN = 0.6745
-"""Of the magnitude of a standard normal number."""
+"""Median magnitude of a standard normal number."""
 
 _FAR = 6.0
 """Standard deviations beyond which a difference is a spike."""
 
 _FREE = 0.2
-"""Of the two in which a difference varies, what patterns must leave for it to say anything."""
+"""Least part of a difference's variance that the removed patterns must leave; it is 2 without them."""
 
 _LEAST = 100
 _GRID = 1e-3
@@ -33,20 +33,7 @@ _GRID = 1e-3
 
 
 def white_noise(misfit: FloatArray, segment: IntArray) -> float:
-    """Standard deviation of white noise on samples of something smooth.
-
-    Parameters
-    ----------
-    misfit : array, shape (N,)
-        Samples less what a model says of them; NaN where missing.
-    segment : array of int, shape (N,)
-        Differences are taken within each.
-
-    Returns
-    -------
-    float
-        From third differences of neighbours; NaN for fewer than a hundred.
-    """
+    """Standard deviation of white noise on a smooth misfit, from third differences; NaN for fewer than a hundred."""
     if len(misfit) <= _ORDER:
         return float("nan")
     differences = np.diff(misfit, _ORDER)[segment[_ORDER:] == segment[:-_ORDER]]
@@ -60,13 +47,7 @@ def white_noise(misfit: FloatArray, segment: IntArray) -> float:
 
 
 def converter_step(values: FloatArray) -> float:
-    """The step of the converter that made these values; zero where they lie on no grid.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        NaN where missing.
-    """
+    """The step of the converter that made these values; zero where they lie on no grid."""
     levels = np.unique(values[np.isfinite(values)])
     if not 2 < len(levels) < 0.7 * np.count_nonzero(np.isfinite(values)):
         return 0.0
@@ -77,29 +58,13 @@ def converter_step(values: FloatArray) -> float:
 
 
 def carried(weights: sparse.csr_array, factor: FloatArray | float) -> sparse.csr_array:
-    """Weights of samples that are multiplied by a factor each before they are summed.
-
-    Parameters
-    ----------
-    weights : sparse array, shape (n, N)
-        Of the sums.
-    factor : array of shape (N,) or float
-        Of the samples.
-    """
+    """Weights of samples that are multiplied by a factor each before they are summed."""
     return sparse.csr_array(weights.multiply(factor))
 
 
 @dataclass(frozen=True, eq=False)
 class SensorNoise:
-    """Noise of one sensor's samples.
-
-    Parameters
-    ----------
-    white : float
-        Standard deviation of a sample; NaN where it is unknown.
-    values : array, shape (N,)
-        The samples.
-    """
+    """One sensor's samples, with the standard deviation of their white noise (NaN where unknown) and their step."""
 
     white: float
     step: float
@@ -118,11 +83,6 @@ def propagated(mean: sparse.csr_array, *sensors: tuple[sparse.csr_array, SensorN
         Weights of means over the windows.
     *sensors : tuple of (sparse array of shape (n, N), SensorNoise)
         Weights of a sensor's samples in each sum.
-
-    Returns
-    -------
-    array, shape (n,)
-        NaN where a sensor's noise is not known.
     """
     total = np.zeros(mean.shape[0])
     for weights, sensor in sensors:
@@ -148,22 +108,15 @@ def _largest_partial_sum(weights: sparse.csr_array) -> FloatArray:
 
 
 def successive_scatter(misfit: FloatArray, follows: IntArray, removed: FloatArray) -> float:
-    """Standard deviation that successive windows show, whatever changes slowly under them.
+    """Standard deviation from the median difference of successive windows; NaN for fewer than twelve.
 
     Parameters
     ----------
-    misfit : array, shape (n,)
-        A misfit per window, smooth patterns removed.
     follows : array of int, shape (k,)
         Windows that follow the one before them.
     removed : array, shape (n, p)
-        Orthonormal basis of these patterns: white noise less its part along them differs from one window to the next by
-        a variance of 2 less the squared difference of the basis' rows.
-
-    Returns
-    -------
-    float
-        From the median magnitude of their differences; NaN for fewer than twelve.
+        Orthonormal basis of the patterns that were removed: white noise less its part along them differs from one
+        window to the next by a variance of 2 less the squared difference of the basis' rows.
     """
     if len(follows) < 12:
         return float("nan")

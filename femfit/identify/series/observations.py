@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
@@ -23,18 +24,21 @@ from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.bench import model_tolerance
 from femfit.identify.readings.observations import Observations
-from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE, model_balances, model_readings
-from femfit.identify.series.field import sample_field, sensor_noise
-from femfit.identify.series.measured import MeasuredChannel, measure_balances, measure_sensors
+from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE, model_balances, model_readings, remembered
+from femfit.identify.series.measured import (
+    MeasuredChannel,
+    measure_balances,
+    measure_sensors,
+    sample_field,
+    sensor_noise,
+)
 from femfit.identify.series.noise import successive_scatter
-from femfit.identify.series.remembered import remembered
 from femfit.identify.series.samples import take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
-from femfit.identify.series.weights import window_weights
-from femfit.identify.series.windows import lay_windows
+from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
-from femfit.tables.measurement import TimeSeries
+from femfit.tables.measurement import CHANNEL_WORDS, TimeSeries
 
 _RESTLESS = 1.25
 """Successive windows that scatter this many times more than the sensors' noise makes have another noise."""
@@ -49,11 +53,8 @@ _SHOWN_BY = {FORCE_BALANCE: "force_N", VOLTAGE_BALANCE: "flux_linkage_Wb"}
 def series_observations(model: ActuatorModel, series: TimeSeries) -> Observations:
     """Place a time series beside a model.
 
-    Returns
-    -------
-    Observations
-        Channels ``force_balance_N`` (with motion), ``voltage_balance_V`` (with circuit and commanded voltage),
-        ``hall_V`` and ``force_N``; ``covariates`` also hold ``time_s``, ``velocity_m_s`` and ``current_rate_A_s``.
+    The channels are ``force_balance_N`` (with motion), ``voltage_balance_V`` (with circuit and commanded voltage),
+    ``hall_V`` and ``force_N``; ``covariates`` also hold ``time_s``, ``velocity_m_s`` and ``current_rate_A_s``.
     """
     base = model.without_effects
     samples = take_samples(model, series)
@@ -183,13 +184,13 @@ def _with_scatter(observations: Observations) -> Observations:
         seen, known = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
         if np.isfinite(seen) and not seen <= max(_RESTLESS, 1.0 + _CHANCE / np.sqrt(len(follows))) * known:
             noise[name] = seen
-            more = f"{seen / known:.1f} times" if np.isfinite(known) else "and nothing else says"
+            more = f", {seen / known:.1f} times what the sensors' noise makes" if np.isfinite(known) else ""
             findings.append(
                 Finding(
                     "restless",
                     "info",
-                    f"Successive windows of {name} scatter by {seen:.2g}, {more} what the sensors' noise makes; this "
-                    "was taken as their noise.",
+                    f"The {CHANNEL_WORDS[name]} scatters by {amount(seen, name)} from one short window to the next"
+                    f"{more}; this was taken as its noise.",
                     column=name,
                 )
             )

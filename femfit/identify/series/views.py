@@ -8,6 +8,7 @@ what came before it are independent.
 References
 ----------
 L. Ljung, System Identification (Prentice Hall, 1999), section 13.4: bias from feedback of the noise.
+J. Fan and I. Gijbels, Local Polynomial Modelling and Its Applications (Chapman and Hall, 1996), section 3.2.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,6 @@ from scipy import sparse
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.identify.series.balances import Motion
-from femfit.identify.series.nodes import local_polynomials
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, window_weights
 
@@ -27,7 +27,7 @@ _NODES = 12
 """Intervals between the nodes of a window."""
 
 _SPAN = 1.0 / 6.0
-"""Of a window: how far on each side of a node the samples stand to which its polynomial is fitted."""
+"""Part of a window on each side of a node whose samples its polynomial is fitted to."""
 
 _SLOPE_SPAN = 0.5
 """The same where its slope is asked for, which noise disturbs more."""
@@ -36,7 +36,7 @@ _BEHIND = 0.8
 """The same behind a node alone."""
 
 _MIDDLE = 1.0 / 3.0
-"""Of a window: what a sensor is averaged over."""
+"""Part of a window that a sensor is averaged over."""
 
 _PLAY = 0.05
 """Assumed: part of the validity domain's currents; a current that turns by less has not changed its branch."""
@@ -48,13 +48,7 @@ _TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 class View:
     """How a group of channels sees a record.
 
-    Parameters
-    ----------
-    covariates : DataFrame
-        n rows, as :class:`femfit.identify.readings.observations.Observations` has them, with ``time_s``
-        since the start of the run, ``velocity_m_s`` and ``current_rate_A_s``.
-    weights : Weights
-        Of the windows over the nodes; those of derivatives are zero where no balance is taken.
+    ``weights`` are those of the windows over the nodes; those of derivatives are zero where no balance is taken.
     """
 
     windows: Windows
@@ -223,3 +217,57 @@ def _motion(
             current_turn_A=(cycle.transform("min").to_numpy()[row], cycle.transform("max").to_numpy()[row]),
         ),
     )
+
+
+def local_polynomials(
+    node_s: FloatArray,
+    node_segment: IntArray,
+    time: FloatArray,
+    segment: IntArray,
+    known: BoolArray,
+    *,
+    centre_s: FloatArray,
+    behind_s: float,
+    ahead_s: float,
+    degree: int,
+) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Weights of value and slope of a local polynomial at n nodes over N samples, two sparse arrays of shape (n, N).
+
+    Parameters
+    ----------
+    centre_s : array, shape (n,)
+        Where the samples stand that count for each node: the node itself, or before it.
+    behind_s, ahead_s : float
+        From so far behind the centre to so far ahead of it, by the weight (1 - s^2)^2; more, on the same sides, where
+        there are too few of them.
+    """
+    here = np.flatnonzero(known)
+    # One clock for all segments, far enough apart that no node sees another segment
+    span = float(time.max() - time.min()) + 10.0 * (behind_s + ahead_s)
+    clock, asked = time[here] - time.min() + span * segment[here], centre_s - time.min() + span * node_segment
+    least, slack = 2 * (degree + 1), 1e-9 * (behind_s + ahead_s)
+    first = np.searchsorted(clock, asked - behind_s - slack)
+    last = np.searchsorted(clock, asked + ahead_s + slack)
+    few = last - first < least
+    shift = np.where(ahead_s > 0.0, least // 2, least)
+    begin = np.clip(np.searchsorted(clock, asked + slack) - shift, 0, max(len(clock) - least, 0))
+    first, last = np.where(few, begin, first), np.where(few, np.minimum(begin + least, len(clock)), last)
+    picked = first[:, None] + np.arange(int((last - first).max()))
+    inside = picked < last[:, None]
+    picked = np.minimum(picked, len(clock) - 1)
+    distance = clock[picked] - asked[:, None]
+    farthest = np.abs(np.where(inside, distance, 0.0)).max(axis=1, keepdims=True)
+    width = np.maximum(max(behind_s, ahead_s), 1.01 * farthest)
+    weight = np.where(inside, (1.0 - (distance / width) ** 2) ** 2, 0.0)
+    s = (distance - (node_s - centre_s)[:, None]) / width
+    basis = s[:, :, None] ** np.arange(degree + 1)
+    carried = weight[:, :, None] * basis
+    gram = np.einsum("nka,nkb->nab", carried, basis)
+    unit = np.zeros((len(asked), degree + 1, 2))
+    unit[:, 0, 0], unit[:, 1, 1] = 1.0, 1.0 / width[:, 0]
+    value = carried @ np.linalg.solve(gram, unit)
+    row = np.repeat(np.arange(len(asked)), picked.shape[1])[inside.ravel()]
+    column = here[picked[inside]]
+    shape = (len(asked), len(time))
+    level, slope = (sparse.csr_array((value[:, :, j][inside], (row, column)), shape=shape) for j in (0, 1))
+    return level, slope

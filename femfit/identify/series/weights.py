@@ -1,4 +1,7 @@
-"""Weights that turn samples in a short window into means, mean derivatives and mean second derivatives.
+"""Short windows of a record, and weights that turn their samples into means, mean derivatives and second derivatives.
+
+A window is long enough for its noise to be small beside what effects do, and short enough to see the motion: one and a
+half time constants of the falling body, as long as that leaves enough windows and enough samples in each.
 
 With the test function phi(s) = (1 - s^2)^2 over a window of length T centred at c, s = 2 (t - c) / T, and phi and phi'
 zero at its ends, integrating by parts moves the derivatives from the data to phi:
@@ -20,12 +23,13 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.model.actuator_model import ActuatorModel
 
 LEAST_SAMPLES = 12
 """In a window: twice what its weights are exact for."""
 
 _WIDEST_GAP = 1.0 / 6.0
-"""Of a window, between two samples that it may hold."""
+"""Part of a window that may lie between two of its samples."""
 
 _DEGREE = 5
 """Polynomials up to this degree are integrated exactly, whatever the sampling."""
@@ -33,15 +37,7 @@ _DEGREE = 5
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Windows of equal length, none overlapping another.
-
-    Parameters
-    ----------
-    centre_s : array, shape (n,)
-        On the record's clock.
-    segment : array of int, shape (n,)
-        Of the record.
-    """
+    """Windows of equal length on the record's clock, none overlapping another."""
 
     centre_s: FloatArray
     segment: IntArray
@@ -71,22 +67,10 @@ class Weights:
 
 
 def window_weights(windows: Windows, time: FloatArray, segment: IntArray, known: BoolArray) -> Weights:
-    """Weights for samples of any spacing.
+    """Weights for samples of any spacing, in segments that never fall and in which time grows.
 
-    Parameters
-    ----------
-    time : array, shape (N,)
-        In s, growing within each segment.
-    segment : array of int, shape (N,)
-        Never falling.
-    known : array of bool, shape (N,)
-        Samples that may be used.
-
-    Returns
-    -------
-    Weights
-        Trapezoidal, corrected so that the moments up to the fifth are those of the integrals: <x>, <x'> and <x''> of a
-        quintic are then exact and consistent with each other.
+    Trapezoidal, corrected so that the moments up to the fifth are those of the integrals: <x>, <x'> and <x''> of a
+    quintic are then exact and consistent with each other.
     """
     moments = _moments(_DEGREE + 1)
     powers = np.arange(_DEGREE + 1)
@@ -201,3 +185,39 @@ def _moments(count: int) -> FloatArray:
 
 def _primitive(s: FloatArray) -> FloatArray:
     return np.asarray(s - 2.0 * s**3 / 3.0 + s**5 / 5.0)
+
+
+_TIME_CONSTANTS = 1.5
+_LEAST_WINDOWS, _MOST_WINDOWS = 120, 1200
+_SAMPLES = 3 * LEAST_SAMPLES
+"""In a window: enough for its middle third."""
+
+
+def lay_windows(
+    model: ActuatorModel,
+    time: FloatArray,
+    segment: IntArray,
+    usable: BoolArray,
+    distance: FloatArray,
+    current: FloatArray,
+) -> Windows:
+    """Windows of equal length over every segment of a record; no window where no segment is long enough."""
+    numbers = np.unique(segment)
+    starts, ends = (np.array([time[segment == k][pick] for k in numbers]) for pick in (0, -1))
+    total = float(np.sum(ends - starts))
+    spacing = np.diff(time)[np.diff(segment) == 0]
+    usual = float(np.median(spacing)) if len(spacing) else 0.0
+    wanted = min(_TIME_CONSTANTS / _pole(model, distance[usable], current[usable]), total / _LEAST_WINDOWS)
+    length = max(wanted, _SAMPLES * usual, total / _MOST_WINDOWS)
+    counts = np.floor((ends - starts) / length * (1.0 + 1e-9)).astype(int) if length > 0.0 else np.zeros(0, dtype=int)
+    centre = [start + length * (0.5 + np.arange(n)) for start, n in zip(starts, counts, strict=True)]
+    return Windows(np.concatenate(centre), np.repeat(numbers, counts), length)
+
+
+def _pole(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> float:
+    """Rate at which the body runs away from (or swings about) where it is, in 1/s; 100 where nothing moves."""
+    if model.motion is None or not len(distance):
+        return 100.0
+    pick = slice(None, None, max(1, len(distance) // 500))
+    stiffness = model.magnetics.coenergy_derivatives(distance[pick], current[pick], ((2, 0),))[0]
+    return float(np.sqrt(np.median(np.abs(stiffness)) / model.motion.mass_kg)) or 100.0

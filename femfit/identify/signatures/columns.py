@@ -35,7 +35,7 @@ class EffectColumns:
 
     @property
     def bounds(self) -> FloatArray:
-        """Of the amplitudes, counted from null; shape (2, k)."""
+        """Bounds of the amplitudes, counted from null; shape (2, k)."""
         return np.array([[p.lower - p.null for p in self.amplitudes], [p.upper - p.null for p in self.amplitudes]])
 
     def parameters(self, amplitude: FloatArray) -> dict[str, float]:
@@ -103,7 +103,7 @@ def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Obser
 
 
 def _trial_values(p: EffectParameter) -> tuple[float, ...]:
-    """The usual value first: it stays where the readings do not tell."""
+    """The usual value first: it stays where the readings say nothing."""
     low, high = p.plausible
     return tuple(dict.fromkeys((p.null, low, low + 0.75 * (high - low))))
 

@@ -1,10 +1,11 @@
-"""Dry friction in a guide: a force against the motion whatever its speed, larger where it starts to move.
+"""Friction against the motion: dry, whatever the speed and larger where it starts, or in proportion to the velocity.
 
-Force towards the electromagnet = level weight sign(v), rounded at small speeds.
+Force towards the electromagnet = level weight sign(v), rounded at small speeds, or damping m v; v > 0 is falling away.
 """
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
@@ -25,7 +26,6 @@ COULOMB_FRICTION = Effect(
     parameters=(
         EffectParameter(
             "level",
-            "",
             bounds=(-0.05, 5.0),
             plausible=(0.0, 0.5),
             description="Friction as a part of the body's weight.",
@@ -34,7 +34,6 @@ COULOMB_FRICTION = Effect(
         ),
         EffectParameter(
             "breakaway",
-            "",
             bounds=(-0.05, 5.0),
             plausible=(0.0, 0.3),
             description="Further friction at small speeds, as a part of the body's weight.",
@@ -43,7 +42,7 @@ COULOMB_FRICTION = Effect(
         ),
         EffectParameter(
             "creep_m_s",
-            "m/s",
+            unit="m/s",
             bounds=(1e-5, 0.1),
             plausible=(3e-4, 3e-3),
             description="Speed at which the friction has 76 % of its level.",
@@ -56,4 +55,30 @@ COULOMB_FRICTION = Effect(
     reference="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083",
     force=_force,
     calibrations=(Calibration({"level": 0.01, "breakaway": 0.02}, 40.0, _PULL),),
+)
+
+
+_SWING = "Let the body swing on a spring, the coil open, and record how its amplitude falls."
+
+VISCOUS_FRICTION = Effect(
+    name="viscous_friction",
+    symptom="Oscillations die out faster than the model's.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            "damping_per_s",
+            unit="1/s",
+            bounds=(-10.0, 1e4),
+            plausible=(0.0, 50.0),
+            description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
+        ),
+    ),
+    needs=("time_s", "distance_m|hall_V"),
+    experiment=_SWING,
+    reference="H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.5",
+    force=lambda d, i, conditions, p: (
+        p["damping_per_s"] * conditions.nominal.mass_kg * like(conditions.velocity_m_s, d)
+    ),
+    calibrations=(Calibration({"damping_per_s": 0.5}, 60.0, _SWING),),
+    words=lambda p, nominal: [f"friction brakes with {amount(p['damping_per_s'] * nominal.mass_kg, 'N')} at 1 m/s"],
 )

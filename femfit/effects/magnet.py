@@ -1,21 +1,25 @@
-"""The magnet is weaker when warm: remanence = (1 + coefficient (T - 20 °C) + curvature (T - 20 °C)^2) of the base's."""
+"""What weakens a magnet: warmth, or a lost part of its magnetisation, all over or in the layer next to its face.
+
+Warm: remanence = (1 + coefficient (T - 20 °C) + curvature (T - 20 °C)^2) of the base's. Demagnetised: a magnet of
+height t without its layer of thickness l is a magnet weaker by l/t, whose middle lies l/2 further away.
+"""
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.remanence import remanence_scaled
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.effects.tolerances import remanence_scaled
 
 USUAL_COEFFICIENT = -1.1e-3
 """Relative change of NdFeB's remanence per kelvin, by which an unrecorded warming is counted (IEC 60404-8-1)."""
 
 _LEAST = 0.05
-"""Of the remanence, whatever a fit tries."""
+"""Part of the remanence that is left, whatever a fit tries."""
 
 
-def _coenergy(
+def _warm(
     base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
 ) -> TaylorSeries:
     recorded = like(conditions.magnet_temperature_C, d) - REFERENCE_TEMPERATURE_C
@@ -35,7 +39,7 @@ MAGNET_TEMPERATURE = Effect(
     parameters=(
         EffectParameter(
             "coefficient_per_K",
-            "1/K",
+            unit="1/K",
             bounds=(-0.01, 0.005),
             plausible=(-3e-3, 0.0),
             description="Relative change of the remanence per kelvin of the recorded temperature over 20 °C.",
@@ -43,7 +47,7 @@ MAGNET_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "curvature_per_K2",
-            "1/K^2",
+            unit="1/K^2",
             bounds=(-1e-4, 1e-4),
             plausible=(-1e-5, 1e-5),
             description="The same per kelvin squared.",
@@ -51,7 +55,7 @@ MAGNET_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "warmer_K",
-            "K",
+            unit="K",
             bounds=(-60.0, 150.0),
             plausible=(-10.0, 60.0),
             description="Where its temperature was not recorded: the magnet's over 20 °C, by -0.11 % a kelvin.",
@@ -59,7 +63,6 @@ MAGNET_TEMPERATURE = Effect(
         ),
         EffectParameter(
             "coil_share",
-            "",
             bounds=(0.0, 2.0),
             plausible=(0.0, 1.0),
             description="Where its temperature was not recorded: the part of the coil's warming that it follows.",
@@ -69,12 +72,67 @@ MAGNET_TEMPERATURE = Effect(
     needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
     experiment="Measure the same settings with the magnet cold and after warming it by 20 K, its temperature recorded.",
     reference="IEC 60404-8-1; Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
-    coenergy=_coenergy,
+    coenergy=_warm,
     calibrations=(
         Calibration(
             {"warmer_K": 2.0, "coil_share": 0.1},
             15.0,
             "Put thermometers on magnet and winding, and read them while the bench runs.",
+        ),
+    ),
+)
+
+
+def _demagnetised(
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    lost = p["layer_m"] / p["magnet_height_m"]
+    return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), d + 0.5 * p["layer_m"], i, n_d, n_i)
+
+
+MAGNET_DEMAGNETISATION = Effect(
+    name="magnet_demagnetisation",
+    symptom="The magnet's share of force, flux linkage and Hall voltage is too small everywhere, at any temperature.",
+    acts_on=("magnetics",),
+    parameters=(
+        EffectParameter(
+            "loss",
+            bounds=(-0.1, 0.8),
+            plausible=(-0.03, 0.3),
+            description="Lost part of the remanence; negative for a magnet that is stronger than its grade.",
+            words="the magnet has {lost|gained} {size} of its remanence",
+        ),
+        EffectParameter(
+            "layer_m",
+            unit="m",
+            bounds=(0.0, 2e-3),
+            plausible=(0.0, 1e-3),
+            description="Thickness of the demagnetised layer next to the face.",
+            words="a layer of {size} at the magnet's face is demagnetised",
+        ),
+        EffectParameter(
+            "magnet_height_m",
+            unit="m",
+            bounds=(3e-3, 0.05),
+            plausible=(3e-3, 0.02),
+            description="Height of the whole magnet.",
+            null=5e-3,
+            nonlinear=True,
+        ),
+    ),
+    needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
+    experiment="Compare the magnet's field on its axis, out of the bench, with that of a fresh one; or measure at both "
+    "signs of the current, where the coil's own share is the same.",
+    reference="Campbell, Permanent Magnet Materials and their Application (1994), chapter 3",
+    coenergy=_demagnetised,
+    calibrations=(
+        Calibration(
+            {"layer_m": 5e-5}, 40.0, "Take the magnet out and compare its field at both faces by a gaussmeter."
+        ),
+        Calibration(
+            {"loss": 5e-3},
+            200.0,
+            "Have the magnet magnetised anew, and read its field by a gaussmeter before and after.",
         ),
     ),
 )

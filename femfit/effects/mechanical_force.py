@@ -1,15 +1,47 @@
-"""The moving part touches a stop at the near or the far end of its travel and is pushed back.
+"""Forces beside the magnetic one: a constant pull (a cable, a tilted guide, a fan), and the stops at the travel's ends.
 
-A flat stop is a spring; a rounded one stiffens with the square root of its compression (Hertz). The potential of the
-contact joins the co-energy, whose slope is the force.
+Their potential joins the co-energy, whose slope is the force: a pull is W' -> W' - pull d. A bench sees it as an offset
+of the force sensor, a motion as a lighter or heavier body. A flat stop is a spring; a rounded one stiffens with the
+square root of its compression (Hertz).
 """
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
+
+CONSTANT_FORCE = Effect(
+    name="constant_force",
+    symptom="The body is pulled by the same further force wherever it is and whatever the current.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            "pull",
+            bounds=(-1.0, 1.0),
+            plausible=(-0.05, 0.05),
+            description="Further force towards the electromagnet, as a part of the largest force.",
+            words="a further force of {size} {pulls the body towards|pushes the body away from} the electromagnet",
+            scale="force_N",
+        ),
+    ),
+    needs=("force_N|time_s",),
+    experiment="Turn the bench by 180 degrees, or couple the body to a spring balance with everything switched off, "
+    "and read the force again.",
+    reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
+    coenergy=lambda base, d, i, n_d, n_i, conditions, p: (
+        base(d, i, n_d, n_i) - (p["pull"] * conditions.nominal.force_N) * distance_series(d, n_d, n_i)
+    ),
+    calibrations=(
+        Calibration(
+            {"pull": 1e-3},
+            30.0,
+            "Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
+            "balance.",
+        ),
+    ),
+)
 
 
 def _coenergy(
@@ -38,7 +70,6 @@ def _coenergy(
 def _stop(name: str, description: str, words: str) -> EffectParameter:
     return EffectParameter(
         name,
-        "",
         bounds=(0.0, 100.0),
         plausible=(0.0, 1.0),
         description=description,
@@ -69,7 +100,6 @@ END_STOP_CONTACT = Effect(
         ),
         EffectParameter(
             name="reach",
-            unit="",
             bounds=(0.005, 0.9),
             plausible=(0.02, 0.3),
             description="Part of the travel over which the stop is touched.",
