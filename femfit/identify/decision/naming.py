@@ -167,7 +167,7 @@ def tie(campaign: Campaign, chosen: Candidate) -> float:
     What the chosen explanation itself leaves in the smooth patterns, of the model's misfit or of its own form, is noise
     to a difference between two explanations (the scatter's own size, as R. T. Birge, Physical Review 40 (1932) 207).
     """
-    return TIE * (1.0 + max(chosen.excess, 0.0) / campaign.patterns.basis.shape[1])
+    return float(TIE * (1.0 + max(chosen.excess, 0.0) / campaign.patterns.basis.shape[1]))
 
 
 def _named(
