@@ -181,9 +181,9 @@ def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(mo
     """Without steps a limited output stands next to its end, not on it."""
     analogue = replace(model, sensor=replace(model.sensor, adc_bits=0))
     series = recorded(clean, runs=range(1, 2))
-    limited = np.minimum(series.rows["hall_V"] + 1.5, 4.999)
+    volts = series.rows["hall_V"]
+    limited = np.minimum(volts + 4.999 - volts.median(), 4.999)
     samples = take_samples(analogue, replace(series, rows=series.rows.assign(hall_V=limited)))
-    assert (limited == 4.999).any()
     assert np.isnan(samples.columns["hall_V"][limited == 4.999]).all()
-    assert np.isfinite(samples.columns["hall_V"][limited < 4.99]).any()
+    assert np.isfinite(take_samples(analogue, series).columns["hall_V"]).all()
     assert "clipped" in {finding.code for finding in samples.findings}
