@@ -54,20 +54,14 @@ _FASTEST = 0.3
 
 @dataclass(frozen=True)
 class AuditFinding:
-    """One conclusion of an audit.
-
-    Parameters
-    ----------
-    severity : str
-        ``holds``: recomputed and right; ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic.
-    stated, recomputed : float or None
-        The number as given and as it follows, in the unit that the sentence names.
-    """
+    """One conclusion of an audit."""
 
     code: str
+    # ``holds``: recomputed and right; ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic
     severity: Severity
     about: str
     sentence: str
+    # The number as given and as it follows, in the unit that the sentence names
     stated: float | None = None
     recomputed: float | None = None
 

@@ -20,29 +20,19 @@ _DISTANCES = 601
 
 @dataclass(frozen=True)
 class CarriedRange:
-    """The distances at which a supply's currents can balance the weight, with the coil at one temperature.
-
-    Parameters
-    ----------
-    current_min_A, current_max_A : float
-        Of the supply, as far as the model goes.
-    supply_A : float
-        The supply's largest current, where the model ends below it; else ``current_max_A``.
-    low_m, high_m : float or None
-        None where the weight is carried nowhere.
-    step_m : float
-        Resolution of both.
-    """
+    """The distances at which a supply's currents can balance the weight, with the coil at one temperature."""
 
     coil_C: float
     voltage_max_V: float
+    # Of the supply, as far as the model goes
     current_min_A: float
     current_max_A: float
-    supply_A: float
+    supply_A: float  # The supply's largest current, where the model ends below it; else ``current_max_A``
     weight_N: float
+    # None where the weight is carried nowhere
     low_m: float | None
     high_m: float | None
-    step_m: float
+    step_m: float  # Resolution of both
 
     def __str__(self) -> str:
         if self.supply_A > self.current_max_A:

@@ -11,30 +11,15 @@ Severity = Literal["info", "warning", "error"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One remark about a table, a record or a model.
+    """One remark about a table, a record or a model."""
 
-    Parameters
-    ----------
-    code : str
-        Short and stable, such as ``suspected-unit``: what ``--accept`` takes and what programs compare.
-    severity : str
-        ``info``: nothing to do; ``warning``: look at it; ``error``: the data are refused unless the code is accepted.
-    text : str
-        What was seen and what was done about it, in one or two whole sentences.
-    remedy : str
-        What the user should do; empty where there is nothing to do.
-    size : float or None
-        How large it is, in the unit that the text names; shares as fractions.
-    column : str
-        The column that it concerns, where it concerns one.
-    """
-
-    code: str
+    code: str  # Short and stable, such as ``suspected-unit``: what ``--accept`` takes and what programs compare
+    # ``info``: nothing to do; ``warning``: look at it; ``error``: the data are refused unless the code is accepted
     severity: Severity
-    text: str
-    remedy: str = ""
-    size: float | None = None
-    column: str = ""
+    text: str  # What was seen and what was done about it, in one or two whole sentences
+    remedy: str = ""  # What the user should do; empty where there is nothing to do
+    size: float | None = None  # How large it is, in the unit that the text names; shares as fractions
+    column: str = ""  # The column that it concerns, where it concerns one
 
     def __str__(self) -> str:
         return f"{self.text} {self.remedy}".rstrip()

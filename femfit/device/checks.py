@@ -124,18 +124,12 @@ NON_MAGNETIC_LIMIT = 1.001
 
 @dataclass(frozen=True)
 class DrawnPart:
-    """A region or the winding, as drawn.
-
-    Parameters
-    ----------
-    material : Material or None
-        None for the winding and where the file's material is wrong.
-    """
+    """A region or the winding, as drawn."""
 
     path: str
     name: str
     polygon: Polygon
-    material: Material | None = None
+    material: Material | None = None  # None for the winding and where the file's material is wrong
 
 
 def check_overlaps(parts: Sequence[DrawnPart], problems: list[str]) -> None:

@@ -21,20 +21,13 @@ RESERVED = ("air", "coil")
 
 @dataclass(frozen=True)
 class Drawing:
-    """What could be drawn of a file.
+    """What could be drawn of a file."""
 
-    Parameters
-    ----------
-    fixed, moving : tuple of DrawnPart
-        Regions of the electromagnet and of the moving part.
-    complete : bool
-        Whether every region and the winding could be drawn.
-    """
-
+    # Regions of the electromagnet and of the moving part
     fixed: tuple[DrawnPart, ...]
     moving: tuple[DrawnPart, ...]
     winding: DrawnPart | None
-    complete: bool
+    complete: bool  # Whether every region and the winding could be drawn
 
     @property
     def standing(self) -> tuple[DrawnPart, ...]:

@@ -16,16 +16,10 @@ _MATLIB = "FEMM material library matlib.dat (D. Meeker), entry {}"
 
 @dataclass(frozen=True)
 class LibraryMaterial:
-    """A material with its source.
-
-    Parameters
-    ----------
-    reference : str
-        Where the values come from, and what they leave out.
-    """
+    """A material with its source."""
 
     material: Material
-    reference: str
+    reference: str  # Where the values come from, and what they leave out
 
 
 def _magnet(grade: str, remanence_T: float) -> LibraryMaterial:

@@ -126,16 +126,10 @@ class SweptParameter:
 
 @dataclass(frozen=True)
 class ParameterDesign:
-    """The variants of a file.
-
-    Parameters
-    ----------
-    points : tuple of tuple of float or str
-        One a variant, one value a parameter, in the file's units or a material's name.
-    """
+    """The variants of a file."""
 
     parameters: tuple[SweptParameter, ...]
-    points: Points
+    points: Points  # One a variant, one value a parameter, in the file's units or a material's name
 
     def variant(self, data: Mapping[str, Any], point: tuple[Value, ...]) -> dict[str, Any]:
         """The file of a variant, without ``[sweep.parameters]``."""

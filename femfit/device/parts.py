@@ -15,19 +15,12 @@ REFERENCE_TEMPERATURE = 20.0
 
 @dataclass(frozen=True)
 class LinearMaterial:
-    """A material with H = (B - B_r) / (mu_0 mu_r).
-
-    Parameters
-    ----------
-    remanence_T : float
-        B_r along +z (negative: magnetised along -z); zero for everything but magnets.
-    remanence_coefficient_per_K : float
-        Relative change of B_r per kelvin from 20 degC, where B_r is given; zero where it is unknown.
-    """
+    """A material with H = (B - B_r) / (mu_0 mu_r)."""
 
     name: str
     relative_permeability: float = 1.0
-    remanence_T: float = 0.0
+    remanence_T: float = 0.0  # B_r along +z (negative: magnetised along -z); zero for everything but magnets
+    # Relative change of B_r per kelvin from 20 degC, where B_r is given; zero where it is unknown
     remanence_coefficient_per_K: float = 0.0
 
     @property
@@ -48,22 +41,12 @@ class LinearMaterial:
 
 @dataclass(frozen=True)
 class NonlinearMaterial:
-    """A soft material that saturates: H along B, |H| a monotone function of |B|, without hysteresis.
-
-    Parameters
-    ----------
-    flux_density_T : tuple of float
-        B of the curve's points, ascending from 0.
-    field_A_per_m : tuple of float
-        H of the curve's points, ascending from 0.
-    remark : str
-        What was left out of the curve as it was given; empty for nothing.
-    """
+    """A soft material that saturates: H along B, |H| a monotone function of |B|, without hysteresis."""
 
     name: str
-    flux_density_T: tuple[float, ...]
-    field_A_per_m: tuple[float, ...]
-    remark: str = ""
+    flux_density_T: tuple[float, ...]  # B of the curve's points, ascending from 0
+    field_A_per_m: tuple[float, ...]  # H of the curve's points, ascending from 0
+    remark: str = ""  # What was left out of the curve as it was given; empty for nothing
 
     @property
     def relative_permeability(self) -> float:
@@ -83,37 +66,21 @@ AIR = LinearMaterial("air")
 
 @dataclass(frozen=True)
 class Region:
-    """A named, closed polygon of one material.
-
-    Parameters
-    ----------
-    vertices_m : tuple of (float, float)
-        Corners (r, z), without repeating the first, counter-clockwise.
-    """
+    """A named, closed polygon of one material."""
 
     name: str
-    vertices_m: tuple[tuple[float, float], ...]
+    vertices_m: tuple[tuple[float, float], ...]  # Corners (r, z), without repeating the first, counter-clockwise
     material: Material
 
 
 @dataclass(frozen=True)
 class Coil:
-    """A winding with uniform current density.
+    """A winding with uniform current density."""
 
-    Parameters
-    ----------
-    vertices_m : tuple of (float, float)
-        Corners (r, z) of the winding's section.
-    turns : float
-        Number of turns; a positive current makes +B_z on the axis.
-    wire_diameter_m : float or None
-        Bare copper diameter, where the file gives it.
-    """
-
-    vertices_m: tuple[tuple[float, float], ...]
-    turns: float
+    vertices_m: tuple[tuple[float, float], ...]  # Corners (r, z) of the winding's section
+    turns: float  # Number of turns; a positive current makes +B_z on the axis
     resistance_ohm: float
-    wire_diameter_m: float | None = None
+    wire_diameter_m: float | None = None  # Bare copper diameter, where the file gives it
 
 
 @dataclass(frozen=True)
@@ -126,30 +93,18 @@ class MovingPart:
 
 @dataclass(frozen=True)
 class HallElement:
-    """A linear Hall element measuring B_z, with its analogue output and converter.
+    """A linear Hall element measuring B_z, with its analogue output and converter."""
 
-    Parameters
-    ----------
-    radius_m, height_m : float
-        Position (r, z) of the element.
-    sensitivity_V_per_T : float
-        Slope of the output; 50 V/T is 5 mV/G.
-    output_min_V, output_max_V : float
-        Range of the output and of the converter.
-    adc_bits : int
-        Resolution of the converter over that range; 0 for none.
-    noise_V : float
-        Standard deviation of white noise on one sample.
-    """
-
+    # Position (r, z) of the element
     radius_m: float
     height_m: float
-    sensitivity_V_per_T: float = 50.0
+    sensitivity_V_per_T: float = 50.0  # Slope of the output; 50 V/T is 5 mV/G
     quiescent_V: float = 2.5
+    # Range of the output and of the converter
     output_min_V: float = 0.0
     output_max_V: float = 5.0
-    adc_bits: int = 12
-    noise_V: float = 0.0
+    adc_bits: int = 12  # Resolution of the converter over that range; 0 for none
+    noise_V: float = 0.0  # Standard deviation of white noise on one sample
 
 
 @dataclass(frozen=True)

@@ -15,37 +15,22 @@ from femfit.device.parts import Actuator, SweepAxes
 
 @dataclass(frozen=True)
 class Variant:
-    """One variant.
+    """One variant."""
 
-    Parameters
-    ----------
-    values : tuple of float or str
-        One a column of the sweep, in SI units or a material's name.
-    actuator : Actuator or None
-        None if it cannot be built.
-    """
-
-    values: tuple[Value, ...]
+    values: tuple[Value, ...]  # One a column of the sweep, in SI units or a material's name
     sweep: SweepAxes
-    actuator: Actuator | None
+    actuator: Actuator | None  # None if it cannot be built
     problem: str = ""
 
 
 @dataclass(frozen=True)
 class VariantSweep:
-    """An actuator and what becomes of it when parameters change.
-
-    Parameters
-    ----------
-    columns : tuple of str
-        Names of the parameters in the table, each ending in its SI unit; empty without parameters.
-    variants : tuple of Variant
-        In the order of the design; the actuator alone without parameters.
-    """
+    """An actuator and what becomes of it when parameters change."""
 
     actuator: Actuator
+    # Names of the parameters in the table, each ending in its SI unit; empty without parameters
     columns: tuple[str, ...]
-    variants: tuple[Variant, ...]
+    variants: tuple[Variant, ...]  # In the order of the design; the actuator alone without parameters
 
 
 def read_variants(path: str | Path) -> VariantSweep:

@@ -15,26 +15,7 @@ _NO_MAGNET = 1e-3
 
 @dataclass(frozen=True)
 class Nominal:
-    """Facts of the base model by which effects scale their parameters.
-
-    Parameters
-    ----------
-    magnet_share : float
-        The larger of force and flux linkage without current, over their largest; next to 0 without a magnet.
-    resistance_ohm, mass_kg : float
-        NaN where the model has no circuit or no motion.
-    magnet_drawn : bool
-        Whether a drawing says if there is a magnet; otherwise force and flux linkage without current decide.
-    hall_quiescent_V : float
-        NaN where the model has no Hall element.
-    inductance_H, hall_T_per_A : float
-        The winding's inductance, and the field of its current at the Hall element (NaN without one), in the middle of
-        the validity domain.
-    hall_swing_V : float
-        Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element.
-    voltage_V : float
-        Largest magnitude that the driver gives; NaN where the model has no circuit.
-    """
+    """Facts of the base model by which effects scale their parameters."""
 
     distance_min_m: float
     distance_max_m: float
@@ -42,16 +23,22 @@ class Nominal:
     current_max_A: float
     force_N: float
     flux_linkage_Wb: float
+    # The larger of force and flux linkage without current, over their largest; next to 0 without a magnet
     magnet_share: float
+    # Whether a drawing says if there is a magnet; otherwise force and flux linkage without current decide
     magnet_drawn: bool
+    # NaN where the model has no circuit or no motion
     resistance_ohm: float
     mass_kg: float
     gravity_m_s2: float
-    hall_quiescent_V: float
+    hall_quiescent_V: float  # NaN where the model has no Hall element
+    # The winding's inductance, and the field of its current at the Hall element (NaN without one), in the middle of
+    # the validity domain
     inductance_H: float
     hall_T_per_A: float
+    # Largest departure of the Hall voltage from its quiescent value over the box; NaN without a Hall element
     hall_swing_V: float
-    voltage_V: float
+    voltage_V: float  # Largest magnitude that the driver gives; NaN where the model has no circuit
     sample_time_s: float
 
     @property
@@ -77,44 +64,29 @@ class Nominal:
 
 @dataclass(frozen=True)
 class Conditions:
-    """What else is known of every point; each an array of shape (n,) or a float that holds for all.
-
-    Parameters
-    ----------
-    branch : array or float
-        +1 while the current rises, -1 while it falls, 0 where unknown.
-    coil_temperature_C, magnet_temperature_C : array or float
-        NaN where it was not recorded.
-    time_s : array or float
-        Since the start of the run; where a table has only ``order``, that, in readings.
-    elapsed : array or float
-        Since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
-        anew with a run.
-    motional_V : array or float
-        Voltage that the motion induces, k_m v, as the model has it.
-    running : bool
-        Whether a plant or filter asks: its temperatures are the model's, and a warming that was fitted because nobody
-        recorded the temperature has come to its end.
-    current_turn_A : (array or float, array or float)
-        Lowest and highest current of the cycle that the reading belongs to.
-    memory : mapping of str to array
-        Values of the effects' states; where one is missing, the effect's value at rest holds.
-    recalled : mapping of str to array
-        What effects with states recall of the order in which the readings were taken; empty where it is not known.
-    """
+    """What else is known of every point; each an array of shape (n,) or a float that holds for all."""
 
     nominal: Nominal
-    branch: FloatArray | float = 0.0
+    branch: FloatArray | float = 0.0  # +1 while the current rises, -1 while it falls, 0 where unknown
+    # NaN where it was not recorded
     coil_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
+    # Since the start of the run; where a table has only ``order``, that, in readings
     time_s: FloatArray | float = 0.0
+    # Since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
+    # anew with a run
     elapsed: FloatArray | float = 0.0
     velocity_m_s: FloatArray | float = 0.0
     current_rate_A_s: FloatArray | float = 0.0
-    motional_V: FloatArray | float = 0.0
+    motional_V: FloatArray | float = 0.0  # Voltage that the motion induces, k_m v, as the model has it
+    # Whether a plant or filter asks: its temperatures are the model's, and a warming that was fitted because nobody
+    # recorded the temperature has come to its end
     running: bool = False
+    # Lowest and highest current of the cycle that the reading belongs to
     current_turn_A: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
+    # Values of the effects' states; where one is missing, the effect's value at rest holds
     memory: Mapping[str, FloatArray] = field(default_factory=dict)
+    # What effects with states recall of the order in which the readings were taken; empty where it is not known
     recalled: Mapping[str, FloatArray] = field(default_factory=dict)
 
 

@@ -31,39 +31,19 @@ CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect: an amplitude of its family, or a nonlinear parameter that only shapes it.
+    """A parameter of an effect: an amplitude of its family, or a nonlinear parameter that only shapes it."""
 
-    Parameters
-    ----------
-    name : str
-        Ends in its SI unit, as in the model file; without one it is dimensionless.
-    bounds : (float, float)
-        What physics allows at all: the fit stays within.
-    plausible : (float, float)
-        Outside of it, a fitted value is reported as suspicious.
-    description : str
-        Definition with the sign, as one plain sentence.
-    unit : str
-        SI unit; empty for a pure number.
-    words : str
-        What a value means to an engineer, as a clause with ``{size}`` for the magnitude with its unit, ``{signed}`` for
-        the value, and ``{larger|smaller}`` for words that depend on its sign. Empty where it is not worth saying.
-    null : float
-        Where the effect vanishes (amplitudes: 0), or the usual value of a nonlinear parameter.
-    nonlinear : bool
-        Whether it shapes what the amplitudes do; it matters only when one of them is not null.
-    scale : str
-        Quantity of :class:`Nominal` that the value is a part of, its name ending in its unit; empty for one of its own.
-    """
-
-    name: str
-    bounds: tuple[float, float]
-    plausible: tuple[float, float]
-    description: str
-    unit: str = ""
+    name: str  # Ends in its SI unit, as in the model file; without one it is dimensionless
+    bounds: tuple[float, float]  # What physics allows at all: the fit stays within
+    plausible: tuple[float, float]  # Outside of it, a fitted value is reported as suspicious
+    description: str  # Definition with the sign, as one plain sentence
+    unit: str = ""  # SI unit; empty for a pure number
+    # What a value means to an engineer, as a clause with ``{size}`` for the magnitude with its unit, ``{signed}`` for
+    # the value, and ``{larger|smaller}`` for words that depend on its sign. Empty where it is not worth saying.
     words: str = ""
-    null: float = 0.0
-    nonlinear: bool = False
+    null: float = 0.0  # Where the effect vanishes (amplitudes: 0), or the usual value of a nonlinear parameter
+    nonlinear: bool = False  # Whether it shapes what the amplitudes do; it matters only when one of them is not null
+    # Quantity of :class:`Nominal` that the value is a part of, its name ending in its unit; empty for one of its own
     scale: str = ""
 
     @property
@@ -84,24 +64,14 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A measurement that reads parameters of an effect directly: a reference weight, a shunt, a gauge block.
+    """A measurement that reads parameters of an effect directly: a reference weight, a shunt, a gauge block."""
 
-    Parameters
-    ----------
-    reads : mapping of str to float
-        Parameters of the effect, each with the standard uncertainty that such a measurement usually has, in its unit.
-    cost : float
-        In readings of the usual bench sweep: how many could be taken instead.
-    instruction : str
-        What to do, as one plain sentence that holds with and without a magnet in the drawing.
-    also : mapping of str to mapping of str to float
-        Other effects that show in the same reading: per effect, the change of the first parameter that is read with
-        each of that effect's parameters.
-    """
-
+    # Parameters of the effect, each with the standard uncertainty that such a measurement usually has, in its unit
     reads: Mapping[str, float]
-    cost: float
-    instruction: str
+    cost: float  # In readings of the usual bench sweep: how many could be taken instead
+    instruction: str  # What to do, as one plain sentence that holds with and without a magnet in the drawing
+    # Other effects that show in the same reading: per effect, the change of the first parameter that is read with
+    # each of that effect's parameters
     also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
@@ -210,17 +180,11 @@ class Effect:
 
 @dataclass(frozen=True)
 class AddedEffect:
-    """An effect with its parameters, as it stands in a model.
-
-    Parameters
-    ----------
-    ci95 : mapping of str to (float, float)
-        95 % intervals, where they were estimated.
-    """
+    """An effect with its parameters, as it stands in a model."""
 
     effect: Effect
     parameters: Parameters
-    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals, where they were estimated
 
     @property
     def memory(self) -> Memory | None:

@@ -22,15 +22,9 @@ from femfit.core.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class TaylorSeries:
-    """Taylor coefficients about n points.
+    """Taylor coefficients about n points."""
 
-    Parameters
-    ----------
-    coefficients : array, shape (2, A + 1, B + 1, n)
-        Factor of h^c (delta d)^a (delta i)^b at ``[c, a, b]``.
-    """
-
-    coefficients: FloatArray
+    coefficients: FloatArray  # Factor of h^c (delta d)^a (delta i)^b at ``[c, a, b]``; shape (2, A + 1, B + 1, n)
 
     __array_ufunc__ = None  # an array times a coenergy is the coenergy's business
 

@@ -19,31 +19,17 @@ SHORTEST_STEP = 0.02  # of the outer offset: a shorter edge where two steps near
 
 @dataclass(frozen=True)
 class Layout:
-    """Lengths that the mesh and its motion are built from, in m.
+    """Lengths that the mesh and its motion are built from, in m."""
 
-    Parameters
-    ----------
-    clearance : float
-        Smallest distance between the moving part and any other part or sensor over the sweep.
-    nearest : float
-        Smallest distance that the layer has to leave room at.
-    inner_offset, outer_offset : float
-        Of the layer's two outlines from the moving part, where the room is smallest.
-    fixed_top : float
-        Largest z of all fixed parts and the Hall element.
-    radius : float
-        Largest distance of any part from the origin, over the sweep.
-    stretchable : bool
-        Whether the moving part with its layer stays above all fixed parts, so that one mesh can be stretched along z.
-    """
-
-    clearance: float
-    nearest: float
+    clearance: float  # Smallest distance between the moving part and any other part or sensor over the sweep
+    nearest: float  # Smallest distance that the layer has to leave room at
+    # Of the layer's two outlines from the moving part, where the room is smallest
     inner_offset: float
     outer_offset: float
-    fixed_top: float
-    radius: float
+    fixed_top: float  # Largest z of all fixed parts and the Hall element
+    radius: float  # Largest distance of any part from the origin, over the sweep
     outer_radius: float
+    # Whether the moving part with its layer stays above all fixed parts, so that one mesh can be stretched along z
     stretchable: bool
 
 

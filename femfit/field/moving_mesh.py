@@ -26,19 +26,11 @@ FADE = 8.0  # the stretch has faded out at this multiple of the actuator's radiu
 
 @dataclass(frozen=True, eq=False)
 class PointField:
-    """A solution and what it was made for.
-
-    Parameters
-    ----------
-    force : float
-        On the moving part in N.
-    self_force : float
-        The stress of the moving part's own field on this mesh, as subtracted from the force, in N.
-    """
+    """A solution and what it was made for."""
 
     w: ng.GridFunction
-    force: float
-    self_force: float
+    force: float  # On the moving part in N
+    self_force: float  # The stress of the moving part's own field on this mesh, as subtracted from the force, in N
 
 
 class MovingMesh:

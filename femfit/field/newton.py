@@ -47,38 +47,20 @@ def inner(a: FloatArray, b: FloatArray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """The energy about a state.
+    """The energy about a state."""
 
-    Parameters
-    ----------
-    energy : float
-        E in J.
-    gradient : array, shape (unknowns,)
-        dE/dw.
-    square : float
-        w . K w of the state itself in J, the scale of corrections.
-    """
-
-    energy: float
-    gradient: FloatArray
-    square: float
+    energy: float  # E in J
+    gradient: FloatArray  # dE/dw; shape (unknowns,)
+    square: float  # w . K w of the state itself in J, the scale of corrections.
 
 
 @dataclass(frozen=True)
 class NewtonResult:
-    """How an iteration ended.
+    """How an iteration ended."""
 
-    Parameters
-    ----------
-    state : array, shape (unknowns,)
-        The last state.
-    residual : float
-        The last correction relative to the solution, in the energy's norm.
-    """
-
-    state: FloatArray
+    state: FloatArray  # The last state; shape (unknowns,)
     iterations: int
-    residual: float
+    residual: float  # The last correction relative to the solution, in the energy's norm
     converged: bool
     history: tuple[float, ...]
 

@@ -31,26 +31,18 @@ BEYOND_CURVE = "beyond_bh_curve"
 
 @dataclass(frozen=True)
 class DistanceSolution:
-    """The coefficients of one distance: three of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A.
-
-    Parameters
-    ----------
-    force_change : array, shape (3,), or None
-        That of the force from one polynomial order lower, where that was solved.
-    reaction, work : array, shape (3,)
-        The force by :class:`femfit.field.stress.OtherForces`.
-    self_force : array, shape (3,)
-        The stress of the moving part's own field, as subtracted from the force.
-    """
+    """The coefficients of one distance: three of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A."""
 
     force: FloatArray
+    # That of the force from one polynomial order lower, where that was solved; shape (3,)
     force_change: FloatArray | None
+    # The force by :class:`femfit.field.stress.OtherForces`; shape (3,)
     reaction: FloatArray
     work: FloatArray
     flux_linkage: FloatArray
     coenergy: float
     hall: FloatArray | None
-    self_force: FloatArray
+    self_force: FloatArray  # The stress of the moving part's own field, as subtracted from the force; shape (3,)
 
 
 def superpose(currents: FloatArray, solution: DistanceSolution) -> dict[str, FloatArray]:

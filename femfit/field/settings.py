@@ -7,35 +7,20 @@ from femfit.device.parts import Actuator
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How fine the field is solved.
+    """How fine the field is solved."""
 
-    Parameters
-    ----------
-    order : int
-        Polynomial order of the unknown; the error estimate uses ``order - 1`` on the same mesh.
-    corner_fraction : float
-        Element size at the corners of iron and magnets, as a fraction of the part's smallest extent. Fields are
-        singular there, and this sets the accuracy.
-    region_fraction : float
-        Largest element size within a part, as a fraction of its smallest extent.
-    grading : float
-        How fast elements grow, Netgen's convention: 0 uniform, 1 fastest.
-    outer_radius_factor : float
-        Radius of the domain over the largest distance of any part from the origin. The boundary carries the exact
-        condition of a dipole field, so what is left falls with the fifth power of this factor.
-    stretch_limit : float
-        Largest ratio of distances that one mesh is stretched over before a new one is made.
-    tolerance : float or None
-        Relative accuracy of force and flux linkage; order and element sizes are then chosen to meet it, those above
-        are not used (:mod:`femfit.field.tolerance`).
-    """
-
-    order: int = 5
+    order: int = 5  # Polynomial order of the unknown; the error estimate uses ``order - 1`` on the same mesh
+    # Element size at the corners of iron and magnets, as a fraction of the part's smallest extent. Fields are
+    # singular there, and this sets the accuracy.
     corner_fraction: float = 0.06
-    region_fraction: float = 1.0
-    grading: float = 0.5
+    region_fraction: float = 1.0  # Largest element size within a part, as a fraction of its smallest extent
+    grading: float = 0.5  # How fast elements grow, Netgen's convention: 0 uniform, 1 fastest
+    # Radius of the domain over the largest distance of any part from the origin. The boundary carries the exact
+    # condition of a dipole field, so what is left falls with the fifth power of this factor.
     outer_radius_factor: float = 16.0
-    stretch_limit: float = 1.8
+    stretch_limit: float = 1.8  # Largest ratio of distances that one mesh is stretched over before a new one is made
+    # Relative accuracy of force and flux linkage; order and element sizes are then chosen to meet it, those above are
+    # not used (:mod:`femfit.field.tolerance`)
     tolerance: float | None = None
 
 

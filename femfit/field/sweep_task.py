@@ -22,21 +22,14 @@ _ONE_AT_A_TIME = threading.Lock()
 
 @dataclass(frozen=True)
 class MeshGroup:
-    """What a mesh is made from; picklable.
-
-    Parameters
-    ----------
-    distances : tuple of float
-        That share the mesh, in m, ascending.
-    choice : LevelChoice or None
-        The level that meets the tolerance, where it is known. It follows from all others, so that it does not tell
-        groups apart: whoever chose the level goes on with its mesh.
-    """
+    """What a mesh is made from; picklable."""
 
     actuator: Actuator
     layout: Layout
     settings: SolverSettings
-    distances: tuple[float, ...]
+    distances: tuple[float, ...]  # That share the mesh, in m, ascending
+    # The level that meets the tolerance, where it is known. It follows from all others, so that it does not tell
+    # groups apart: whoever chose the level goes on with its mesh.
     choice: LevelChoice | None = field(default=None, compare=False)
 
     def of(self, distance: float) -> "MeshGroup":

@@ -24,15 +24,10 @@ TABLE_POINTS = 513
 @final
 @dataclass(frozen=True, eq=False)
 class HallInverse:
-    """Distance from Hall voltage, prepared once a model; build with :func:`hall_inverse`.
-
-    Parameters
-    ----------
-    distances_m, volts : array, shape (points,)
-        Table at the middle current, ascending in volts: the first guess.
-    """
+    """Distance from Hall voltage, prepared once a model; build with :func:`hall_inverse`."""
 
     model: ActuatorModel
+    # Table at the middle current, ascending in volts: the first guess; shape (points,)
     distances_m: FloatArray
     volts: FloatArray
 

@@ -45,29 +45,18 @@ _SENTENCES = {
 
 @dataclass(frozen=True, eq=False)
 class FilterState:
-    """Estimates of many runs; never changed, every step returns a new one.
+    """Estimates of many runs; never changed, every step returns a new one."""
 
-    Parameters
-    ----------
-    mean : array, shape (runs, n)
-        Estimated state; NaN from the step at which a run broke down numerically.
-    covariance, factor : array, shape (runs, n, n)
-        Of the estimate's error, and its lower Cholesky factor.
-    innovation, innovation_variance : array, shape (runs,)
-        Measurement minus its prediction at the last update, and its expected square; NaN before the first.
-    out_of_band : array, shape (runs,)
-        Recent fraction of innovations outside of their band.
-    outcome : array of int, shape (runs,)
-        A :class:`FilterOutcome` each.
-    """
-
-    mean: FloatArray
+    mean: FloatArray  # Estimated state; NaN from the step at which a run broke down numerically; shape (runs, n)
+    # Of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
     covariance: FloatArray
     factor: FloatArray
+    # Measurement minus its prediction at the last update, and its expected square; NaN before the first; shape
+    # (runs,)
     innovation: FloatArray
     innovation_variance: FloatArray
-    out_of_band: FloatArray
-    outcome: IntArray
+    out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)
+    outcome: IntArray  # A :class:`FilterOutcome` each; shape (runs,)
 
     @property
     def runs(self) -> int:

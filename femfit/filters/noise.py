@@ -35,20 +35,12 @@ from femfit.model.dynamics import state_derivative
 
 @dataclass(frozen=True)
 class FilterNoise:
-    """Standard deviations and densities of everything white.
+    """Standard deviations and densities of everything white."""
 
-    Parameters
-    ----------
-    acceleration_density : float
-        q in m^2/s^3.
-    bias_density : float
-        Hall bias in V / sqrt(s).
-    """
-
-    acceleration_density: float
+    acceleration_density: float  # q in m^2/s^3
     voltage_V: float
     hall_V: float
-    bias_density: float = BIAS_DENSITY
+    bias_density: float = BIAS_DENSITY  # Hall bias in V / sqrt(s)
 
 
 def hall_noise(sensor: HallSensor, noise_V: float | None = None) -> float:

@@ -21,42 +21,23 @@ class FilterProcess:
     """A discrete process with one input and one measurement, batched over N states.
 
     The input does not reach the measurement directly: z of a sample is taken before its u is applied.
-
-    Parameters
-    ----------
-    names : tuple of str
-        State names with units, for example ``distance_m``.
-    transition : callable
-        f: states (N, n) and inputs (N,) -> next states (N, n).
-    measure : callable
-        h: states (N, n) -> measurements (N,).
-    process_covariance : array, shape (n, n)
-        Q, added once a step.
-    transition_jacobian : callable or None
-        df/dx, shape (N, n, n); central differences where absent.
-    measurement_jacobian : callable or None
-        dh/dx, shape (N, n); central differences where absent.
-    transition_columns, measure_columns : callable or None
-        The same functions for a handful of states in Python's floats, one list a state; by arrays where absent.
-    lower, upper : array, shape (n,), or None
-        Range of states that the model can still say something about.
-    start_covariance : array, shape (n, n), or None
-        Of a first estimate's error, where none is given.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # State names with units, for example ``distance_m``
     step_s: float
-    transition: Transition
-    measure: Measure
-    process_covariance: FloatArray
+    transition: Transition  # f: states (N, n) and inputs (N,) -> next states (N, n)
+    measure: Measure  # h: states (N, n) -> measurements (N,)
+    process_covariance: FloatArray  # Q, added once a step; shape (n, n)
     measurement_variance: float
-    transition_jacobian: Transition | None = None
-    measurement_jacobian: Measure | None = None
+    transition_jacobian: Transition | None = None  # df/dx, shape (N, n, n); central differences where absent
+    measurement_jacobian: Measure | None = None  # dh/dx, shape (N, n); central differences where absent
+    # The same functions for a handful of states in Python's floats, one list a state; by arrays where absent
     transition_columns: Callable[[Columns, float], Columns] | None = None
     measure_columns: Callable[[Columns], list[float]] | None = None
+    # Range of states that the model can still say something about; shape (n,)
     lower: FloatArray | None = None
     upper: FloatArray | None = None
-    start_covariance: FloatArray | None = None
+    start_covariance: FloatArray | None = None  # Of a first estimate's error, where none is given; shape (n, n)
 
     def plausible(self, states: FloatArray) -> BoolArray:
         """Which states of shape (N, n) the model can still say something about; NaN is not."""

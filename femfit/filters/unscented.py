@@ -33,15 +33,9 @@ DOUBLE = np.dtype(np.float64)
 @final
 @dataclass(frozen=True, eq=False)
 class UnscentedFilter(Filter):
-    """Unscented Kalman filter.
+    """Unscented Kalman filter."""
 
-    Parameters
-    ----------
-    alpha : float
-        Scaling of the sigma points, with beta = 2 (a Gaussian) and kappa = 0.
-    """
-
-    alpha: float = 1.0
+    alpha: float = 1.0  # Scaling of the sigma points, with beta = 2 (a Gaussian) and kappa = 0
 
     def __post_init__(self) -> None:
         if not self.alpha > 0.0:

@@ -39,69 +39,36 @@ _CONDITION_MAX = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Inequalities:
-    """G x >= h.
+    """G x >= h."""
 
-    Parameters
-    ----------
-    matrix : array, shape (m, k)
-        G.
-    right : array, shape (m,)
-        h.
-    """
-
-    matrix: FloatArray
-    right: FloatArray
+    matrix: FloatArray  # G; shape (m, k)
+    right: FloatArray  # h; shape (m,)
     labels: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class QPSolution:
-    """Solution of a bounded QP.
+    """Solution of a bounded QP."""
 
-    Parameters
-    ----------
-    x : array, shape (k,)
-        Coefficients.
-    active : tuple of str
-        For each coefficient ``lower``, ``upper`` or empty: the bound it stands on.
-    active_inequalities : array of bool, shape (m,)
-        Which rows of G x >= h hold with equality.
-    residual : array, shape (n,)
-        A x - y.
-    condition_scaled : float
-        Of A / sigma with columns of length one.
-    """
-
-    x: FloatArray
-    active: tuple[str, ...]
-    active_inequalities: BoolArray
-    residual: FloatArray
-    condition_scaled: float
+    x: FloatArray  # Coefficients; shape (k,)
+    active: tuple[str, ...]  # For each coefficient ``lower``, ``upper`` or empty: the bound it stands on
+    active_inequalities: BoolArray  # Which rows of G x >= h hold with equality; shape (m,)
+    residual: FloatArray  # A x - y; shape (n,)
+    condition_scaled: float  # Of A / sigma with columns of length one
 
 
 @dataclass(frozen=True, eq=False)
 class _ScaledQP:
-    """minimise ||R z - q||^2 + outside with bounds and inequalities on z = column_scale x / scale.
+    """minimise ||R z - q||^2 + outside with bounds and inequalities on z = column_scale x / scale."""
 
-    Parameters
-    ----------
-    triangle : array, shape (k, k)
-        R.
-    right : array, shape (k,)
-        q.
-    lower, upper : array, shape (k,)
-        Bounds of z.
-    column_scale : array, shape (k,)
-        Norms of the columns of A / sigma.
-    """
-
-    triangle: FloatArray
-    right: FloatArray
+    triangle: FloatArray  # R; shape (k, k)
+    right: FloatArray  # q; shape (k,)
     outside: float
+    # Bounds of z; shape (k,)
     lower: FloatArray
     upper: FloatArray
     inequalities: Inequalities | None
-    column_scale: FloatArray
+    column_scale: FloatArray  # Norms of the columns of A / sigma; shape (k,)
     scale: float
 
     def excess(self, z: FloatArray) -> float:

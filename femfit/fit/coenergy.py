@@ -35,21 +35,14 @@ SHAPES: dict[str, str] = {
 
 @dataclass(frozen=True, eq=False)
 class CoenergyFit:
-    """A fitted co-energy.
-
-    Parameters
-    ----------
-    held_out : float
-        Rms error by which the basis was chosen, the larger of force (relative to itself) and flux linkage (relative to
-        its change over the distance): on held-out rows, or on all rows where that is larger.
-    left_out_N : float
-        Rms error of the force with each inner row predicted by the others, at least that of the fit.
-    """
+    """A fitted co-energy."""
 
     magnetics: CoenergySpline
     basis: CoenergyBasis
+    # Rms error by which the basis was chosen, the larger of force (relative to itself) and flux linkage (relative to
+    # its change over the distance): on held-out rows, or on all rows where that is larger
     held_out: float
-    left_out_N: float
+    left_out_N: float  # Rms error of the force with each inner row predicted by the others, at least that of the fit
     constraints: tuple[str, ...]
     active: tuple[str, ...]
     qp: QPSolution

@@ -18,14 +18,9 @@ U_DEGREE = 4
 
 @dataclass(frozen=True, eq=False)
 class CoenergyBasis:
-    """Degrees and knots of the spline.
+    """Degrees and knots of the spline."""
 
-    Parameters
-    ----------
-    reference_distance_m, distance_shift_m : float
-        d_0 and s of u = d_0 / (d + s).
-    """
-
+    # d_0 and s of u = d_0 / (d + s)
     reference_distance_m: float
     distance_shift_m: float
     u_knots: FloatArray
@@ -95,21 +90,12 @@ JUDGED = 2
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Rows of one column, shape (m,) each.
+    """Rows of one column, shape (m,) each."""
 
-    Parameters
-    ----------
-    order : (int, int)
-        Derivative of W' in d and i.
-    which : array of int
-        Rows of the table that have the column.
-    value, scale, sigma : array
-        Data, what their relative error is measured against, and their standard deviation.
-    """
-
-    order: tuple[int, int]
+    order: tuple[int, int]  # Derivative of W' in d and i
     sign: float
-    which: IntArray
+    which: IntArray  # Rows of the table that have the column
+    # Data, what their relative error is measured against, and their standard deviation
     value: FloatArray
     scale: FloatArray
     sigma: FloatArray
@@ -117,16 +103,10 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class CoenergySystem:
-    """All equations of a sweep.
-
-    Parameters
-    ----------
-    channels : tuple of Channel
-        Force, then flux linkage and inductance where the table has them.
-    """
+    """All equations of a sweep."""
 
     rows: FitRows
-    channels: tuple[Channel, ...]
+    channels: tuple[Channel, ...]  # Force, then flux linkage and inductance where the table has them
 
     def equations(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Matrix, data and standard deviations in N, Wb and H, as the table has them.

@@ -27,24 +27,15 @@ the field is a twentieth of its range, a thousandth of it is still tens of micro
 
 @dataclass(frozen=True, eq=False)
 class HallFit:
-    """A fitted Hall characteristic.
-
-    Parameters
-    ----------
-    held_out : float
-        Rms error on held-out rows over the field's range.
-    coil_slope_T_per_A : (float, float)
-        Least and largest dB/di over the sweep; their difference is the magnet's own permeability.
-    magnet_field_T : (float, float)
-        B without current at the largest and the least distance.
-    """
+    """A fitted Hall characteristic."""
 
     field: HallSpline
     rms_T: float
     max_T: float
-    held_out: float
+    held_out: float  # Rms error on held-out rows over the field's range
+    # Least and largest dB/di over the sweep; their difference is the magnet's own permeability
     coil_slope_T_per_A: tuple[float, float]
-    magnet_field_T: tuple[float, float]
+    magnet_field_T: tuple[float, float]  # B without current at the largest and the least distance
     qp: QPSolution
 
 

@@ -36,24 +36,15 @@ POOR = 0.1
 
 @dataclass(frozen=True, eq=False)
 class InductanceFit:
-    """A model and how far it is from the inductances.
-
-    Parameters
-    ----------
-    rms_H, max_H : float
-        Root mean square and largest of model minus table.
-    notes : tuple of str
-        What the model lacks, and how to give it.
-    of_data : tuple of str
-        What was left out of the table or converted.
-    """
+    """A model and how far it is from the inductances."""
 
     model: ActuatorModel
+    # Root mean square and largest of model minus table
     rms_H: float
     max_H: float
     rows: int
-    notes: tuple[str, ...]
-    of_data: tuple[str, ...] = ()
+    notes: tuple[str, ...]  # What the model lacks, and how to give it
+    of_data: tuple[str, ...] = ()  # What was left out of the table or converted
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""

@@ -22,19 +22,13 @@ FUNCTIONS: dict[str, tuple[int, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class CoefficientBounds:
-    """What each coefficient c_k(i) may be, at the currents of the sweep.
+    """What each coefficient c_k(i) may be, at the currents of the sweep."""
 
-    Parameters
-    ----------
-    lower, upper : array, shape (k,)
-        One entry a column of the law; infinite where nothing is bounded.
-    attracting : array of bool, shape (k,), or None
-        Columns whose bounds hold at currents >= 0 alone, in which the coil attracts: b(i) = m i changes its sign with
-        the current. None for none of them.
-    """
-
+    # One entry a column of the law; infinite where nothing is bounded; shape (k,)
     lower: FloatArray
     upper: FloatArray
+    # Columns whose bounds hold at currents >= 0 alone, in which the coil attracts: b(i) = m i changes its sign with
+    # the current. None for none of them; shape (k,)
     attracting: BoolArray | None = None
 
     def at(self, current: float) -> tuple[FloatArray, FloatArray]:
@@ -89,21 +83,14 @@ def design_matrix(
 
 @dataclass(frozen=True, eq=False)
 class TermBounds:
-    """Bounds on c_k(i) at every current, written for the terms of its polynomial.
-
-    Parameters
-    ----------
-    lower, upper : array, shape (terms,)
-        A box, from currents at which a single term makes up the coefficient.
-    sides : tuple of str
-        ``lower`` or ``upper`` for each inequality.
-    """
+    """Bounds on c_k(i) at every current, written for the terms of its polynomial."""
 
     names: tuple[str, ...]
+    # A box, from currents at which a single term makes up the coefficient; shape (terms,)
     lower: FloatArray
     upper: FloatArray
     inequalities: Inequalities | None
-    sides: tuple[str, ...]
+    sides: tuple[str, ...]  # ``lower`` or ``upper`` for each inequality
 
     def active(self, solution: QPSolution) -> tuple[str, ...]:
         """The bounds that a solution stands on, in words."""

@@ -82,45 +82,27 @@ class Interval:
 
     Intervals for independent residuals would be too narrow where the law's own misfit dominates, because that is the
     same at neighbouring distances and all currents.
-
-    Parameters
-    ----------
-    block : array, shape (terms, 2)
-        Delete-a-block jackknife over neighbouring distances with all their currents, shape parameters fitted again
-        each time: valid for residuals that are dependent within a block.
-    block_covariance : array, shape (terms, terms)
-        Of the same jackknife.
     """
 
+    # Delete-a-block jackknife over neighbouring distances with all their currents, shape parameters fitted again each
+    # time: valid for residuals that are dependent within a block; shape (terms, 2)
     block: FloatArray
-    block_covariance: FloatArray
+    block_covariance: FloatArray  # Of the same jackknife; shape (terms, terms)
 
 
 @dataclass(frozen=True, eq=False)
 class LawFit:
-    """A fitted law.
-
-    Parameters
-    ----------
-    shape_interval : mapping of str to (float, float)
-        Their 95 % block-jackknife intervals.
-    terms : tuple of (str, int)
-        Column and power of current of each term.
-    two_stage : array, shape (terms,)
-        Coefficients of the two-stage fit.
-    joint : QPSolution
-        The one-stage fit of the same terms to all rows.
-    """
+    """A fitted law."""
 
     law: ForceLaw
     shape: Mapping[str, float]
-    shape_interval: Mapping[str, tuple[float, float]]
+    shape_interval: Mapping[str, tuple[float, float]]  # Their 95 % block-jackknife intervals
     functions: tuple[str, ...]
-    terms: tuple[tuple[str, int], ...]
+    terms: tuple[tuple[str, int], ...]  # Column and power of current of each term
     stage_one: StageOne
     stage_two: tuple[CoefficientFunction, ...]
-    two_stage: FloatArray
-    joint: QPSolution
+    two_stage: FloatArray  # Coefficients of the two-stage fit; shape (terms,)
+    joint: QPSolution  # The one-stage fit of the same terms to all rows
     limits: TermBounds
     interval: Interval
 

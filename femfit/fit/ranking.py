@@ -39,33 +39,18 @@ DISTANCE_BLOCKS = 8
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A law and its error on rows left out.
+    """A law and its error on rows left out."""
 
-    Parameters
-    ----------
-    fit : LawFit or None
-        To all rows; None where the law could not be fitted.
-    misfit : Misfit or None
-        Of the law as a model file would hold it, to all rows.
-    held_out_rms, held_out_max : float
-        Error on the rows left out, as a part of the weight (or of the rms force).
-    held_out_of_force : float
-        Rms of error over force (its scale, where it passes through zero) on the rows left out.
-    rms : float
-        The force's part of ``misfit``, as a part of the same.
-    failure : str
-        Why it could not be fitted, or empty.
-    """
-
-    fit: LawFit | None
+    fit: LawFit | None  # To all rows; None where the law could not be fitted
     law: ForceLaw
-    misfit: Misfit | None
+    misfit: Misfit | None  # Of the law as a model file would hold it, to all rows
+    # Error on the rows left out, as a part of the weight (or of the rms force)
     held_out_rms: float
     held_out_max: float
-    held_out_of_force: float
-    rms: float
+    held_out_of_force: float  # Rms of error over force (its scale, where it passes through zero) on the rows left out
+    rms: float  # The force's part of ``misfit``, as a part of the same
     parameters: int
-    failure: str = ""
+    failure: str = ""  # Why it could not be fitted, or empty
 
     @property
     def error(self) -> float:
@@ -75,25 +60,13 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Candidates, the smallest error first.
-
-    Parameters
-    ----------
-    recommended : Candidate
-        The cheapest within :data:`TARGET`, or else the best.
-    reached : bool
-        Whether the recommended one is within the target.
-    of : str
-        What the errors are a part of: ``weight`` or ``rms force``.
-    why_of : str
-        Why it is the rms force, a clause; empty for the weight.
-    """
+    """Candidates, the smallest error first."""
 
     candidates: tuple[Candidate, ...]
-    recommended: Candidate
-    reached: bool
-    of: str
-    why_of: str
+    recommended: Candidate  # The cheapest within :data:`TARGET`, or else the best
+    reached: bool  # Whether the recommended one is within the target
+    of: str  # What the errors are a part of: ``weight`` or ``rms force``
+    why_of: str  # Why it is the rms force, a clause; empty for the weight
 
     def lines(self) -> list[str]:
         """The table of candidates and why one is recommended."""

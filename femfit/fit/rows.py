@@ -21,26 +21,16 @@ say nothing."""
 
 @dataclass(frozen=True, eq=False)
 class FitRows:
-    """Rows of a sweep, SI units, shape (n,) each.
-
-    Parameters
-    ----------
-    inductance : array or None
-        d(flux linkage)/di, beside the flux linkage; NaN in rows without.
-    force_error : array
-        Estimated error of the force; zero where the table gives none.
-    weight : float or None
-        Weight m g of the moving part in N, where the mass is known.
-    """
+    """Rows of a sweep, SI units, shape (n,) each."""
 
     distance: FloatArray
     current: FloatArray
     force: FloatArray
     flux_linkage: FloatArray | None
     hall: FloatArray | None
-    force_error: FloatArray
-    weight: float | None
-    inductance: FloatArray | None = None
+    force_error: FloatArray  # Estimated error of the force; zero where the table gives none
+    weight: float | None  # Weight m g of the moving part in N, where the mass is known
+    inductance: FloatArray | None = None  # d(flux linkage)/di, beside the flux linkage; NaN in rows without
 
     @property
     def currents(self) -> FloatArray:

@@ -26,41 +26,23 @@ FEWEST_CURRENTS = 3
 
 @dataclass(frozen=True, eq=False)
 class StageOne:
-    """A law fitted at each current by itself.
+    """A law fitted at each current by itself."""
 
-    Parameters
-    ----------
-    currents : array, shape (m,)
-        A.
-    coefficients : array, shape (m, k)
-        c_k at each current.
-    residual_sums : array, shape (m,)
-        J in N^2.
-    """
-
-    currents: FloatArray
-    coefficients: FloatArray
-    residual_sums: FloatArray
+    currents: FloatArray  # A; shape (m,)
+    coefficients: FloatArray  # c_k at each current; shape (m, k)
+    residual_sums: FloatArray  # J in N^2; shape (m,)
     solutions: tuple[QPSolution, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class CoefficientFunction:
-    """A coefficient as a polynomial of the current.
-
-    Parameters
-    ----------
-    held_out : mapping of str to float
-        Root mean square error at the current left out, for every function that was tried.
-    active : tuple of str
-        Bounds that the function stands on, in words.
-    """
+    """A coefficient as a polynomial of the current."""
 
     name: str
     values: FloatArray
     residual_sum: float
-    held_out: Mapping[str, float]
-    active: tuple[str, ...]
+    held_out: Mapping[str, float]  # Root mean square error at the current left out, for every function that was tried
+    active: tuple[str, ...]  # Bounds that the function stands on, in words
     active_sides: tuple[str, ...]
 
     def at(self, current: FloatArray) -> FloatArray:

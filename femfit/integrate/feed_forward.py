@@ -26,20 +26,14 @@ rate, and at 204.8 kS/s it would hide every plateau."""
 
 @dataclass(frozen=True)
 class Window:
-    """Sums over the samples of a window that is not complete yet.
-
-    Parameters
-    ----------
-    current_min, current_max : float
-        Of the current's means over :data:`BIN`, A; infinite without a current.
-    bin_sum, bin_samples : float, int
-        Of the mean that is not complete yet, A and how many; at the window's end it is left out.
-    """
+    """Sums over the samples of a window that is not complete yet."""
 
     samples: int = 0
     voltage_sum: float = 0.0
+    # Of the current's means over :data:`BIN`, A; infinite without a current
     current_min: float = math.inf
     current_max: float = -math.inf
+    # Of the mean that is not complete yet, A and how many; at the window's end it is left out
     bin_sum: float = 0.0
     bin_samples: int = 0
 
@@ -69,8 +63,6 @@ class FeedForwardState:
         B in T, its accumulated noise variance, and the integrated time in s.
     offset, still, level : float
         v_o in V; seconds since the last ramp, or of the zero reading; the last window's current, A.
-    zero_samples : int
-        In the mean of the zero reading.
     """
 
     last: LastSample
@@ -86,27 +78,16 @@ class FeedForwardState:
 
 @dataclass(frozen=True)
 class FeedForwardIntegrator:
-    """Trapezoid, FFA1 with a zero reading, FFA2 on plateaus.
-
-    Parameters
-    ----------
-    initial_field : float
-        B_0 in T.
-    zero_reading : float
-        Seconds at the record's begin in which the field is held and the offset read.
-    on_plateaus : bool
-        Whether the offset is read on plateaus, ``settling`` seconds after a ramp.
-    still_A : float
-        A window whose current moves by less is on a plateau; without a current its mean voltage tells.
-    """
+    """Trapezoid, FFA1 with a zero reading, FFA2 on plateaus."""
 
     coil: SensingCoil
     noise: Noise
     sample_time: float
-    initial_field: float = 0.0
-    zero_reading: float = 0.0
-    on_plateaus: bool = False
+    initial_field: float = 0.0  # B_0 in T
+    zero_reading: float = 0.0  # Seconds at the record's begin in which the field is held and the offset read
+    on_plateaus: bool = False  # Whether the offset is read on plateaus, ``settling`` seconds after a ramp
     settling: float = SETTLING_S
+    # A window whose current moves by less is on a plateau; without a current its mean voltage tells
     still_A: float = STILL_A
     window: float = WINDOW
 

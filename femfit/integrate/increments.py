@@ -21,21 +21,11 @@ class LastSample:
 
 @dataclass(frozen=True, eq=False)
 class Increments:
-    """B_k - B_(k-1) of a block's samples.
+    """B_k - B_(k-1) of a block's samples."""
 
-    Parameters
-    ----------
-    dt : array, shape (n,)
-        Since the sample before, s; 0 at a record's first sample.
-    field : array, shape (n,)
-        Increment in T.
-    variance : array, shape (n,)
-        Of its noise in T^2, and across a gap of what the gap may hide.
-    """
-
-    dt: FloatArray
-    field: FloatArray
-    variance: FloatArray
+    dt: FloatArray  # Since the sample before, s; 0 at a record's first sample; shape (n,)
+    field: FloatArray  # Increment in T; shape (n,)
+    variance: FloatArray  # Of its noise in T^2, and across a gap of what the gap may hide; shape (n,)
 
 
 def increments(

@@ -50,20 +50,13 @@ class Pending:
 
 @dataclass(frozen=True, eq=False)
 class OffsetState:
-    """Of the filter after a sample.
-
-    Parameters
-    ----------
-    mean : array, shape (2, 4)
-        Field (T) and offset (V) at the last correction; their columns are the estimate, and the responses to the
-        reference, to a unit of it, and to a volt of unmodelled offset.
-    covariance : array, shape (2, 2)
-        At the last correction.
-    """
+    """Of the filter after a sample."""
 
     last: LastSample
+    # Field (T) and offset (V) at the last correction; their columns are the estimate, and the responses to the
+    # reference, to a unit of it, and to a volt of unmodelled offset; shape (2, 4)
     mean: FloatArray
-    covariance: FloatArray
+    covariance: FloatArray  # At the last correction; shape (2, 2)
     pending: Pending
     magnet: MagnetState | None = None
 
@@ -82,25 +75,15 @@ class Correction:
 
 @dataclass(frozen=True)
 class OffsetFilter:
-    """With a Hall probe, or with the current and a field model.
-
-    Parameters
-    ----------
-    initial_field : float
-        B_0 in T; NaN takes the reference's first reading.
-    offset_sigma : float
-        Standard uncertainty of the offset voltage at the start, V.
-    offset_wander : float
-        How far the offset walks, V/sqrt(s).
-    """
+    """With a Hall probe, or with the current and a field model."""
 
     coil: SensingCoil
     noise: Noise
     sample_time: float
     field_model: FieldModel | None = None
-    initial_field: float = float("nan")
-    offset_sigma: float = FIRST_OFFSET_SIGMA_V
-    offset_wander: float = OFFSET_WANDER_V
+    initial_field: float = float("nan")  # B_0 in T; NaN takes the reference's first reading
+    offset_sigma: float = FIRST_OFFSET_SIGMA_V  # Standard uncertainty of the offset voltage at the start, V
+    offset_wander: float = OFFSET_WANDER_V  # How far the offset walks, V/sqrt(s)
     interval: float = UPDATE_INTERVAL
 
     def start(self) -> OffsetState:

@@ -40,24 +40,16 @@ class PlateauOptions:
 
 @dataclass(frozen=True, eq=False)
 class PlateauFlux:
-    """Flux linkage on the p settled plateaus of a run, arrays of shape (p,).
+    """Flux linkage on the p settled plateaus of a run, arrays of shape (p,)."""
 
-    Parameters
-    ----------
-    first, last : array
-        Samples of each plateau, the last exclusive.
-    flux, sigma : array
-        Mean flux linkage minus that of the first plateau, Wb, and its standard uncertainty: from the samples' white
-        noise, the offset's wander between plateaus (both type A), and what gaps between plateaus may hide.
-    branch : array
-        Sign of the last change of current: +1, -1, or 0 before any.
-    """
-
+    # Samples of each plateau, the last exclusive
     first: IntArray
     last: IntArray
+    # Mean flux linkage minus that of the first plateau, Wb, and its standard uncertainty: from the samples' white
+    # noise, the offset's wander between plateaus (both type A), and what gaps between plateaus may hide
     flux: FloatArray
     sigma: FloatArray
-    branch: FloatArray
+    branch: FloatArray  # Sign of the last change of current: +1, -1, or 0 before any
 
 
 def plateau_flux(

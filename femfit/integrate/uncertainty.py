@@ -44,21 +44,12 @@ class LinearSigma:
 
 @dataclass(frozen=True)
 class Noise:
-    """What the filter weighs.
+    """What the filter weighs."""
 
-    Parameters
-    ----------
-    voltage : LinearSigma
-        White noise of each sample, V.
-    reference : LinearSigma
-        White noise of each Hall reading, T; of a current's field its error, which lasts for about a second.
-    initial_T : float
-        Standard uncertainty of the field before the first sample.
-    """
-
-    voltage: LinearSigma
+    voltage: LinearSigma  # White noise of each sample, V
+    # White noise of each Hall reading, T; of a current's field its error, which lasts for about a second
     reference: LinearSigma
-    initial_T: float
+    initial_T: float  # Standard uncertainty of the field before the first sample
 
 
 @dataclass(frozen=True)
@@ -73,22 +64,14 @@ class Systematics:
 
 @dataclass(frozen=True, eq=False)
 class Responses:
-    """How the estimate answers to what is systematic; a linear filter answers to each as to a signal of its own.
+    """How the estimate answers to what is systematic; a linear filter answers to each as to a signal of its own."""
 
-    Parameters
-    ----------
-    coil, reference : array, shape (n,)
-        The part of the field, in T, that came from the coil and from the reference: dB per relative gain error.
-    reference_unit : array, shape (n,)
-        dB per tesla of reference offset, between 0 and 1.
-    voltage_unit : array, shape (n,)
-        dB per volt of constant offset voltage, T/V.
-    """
-
+    # The part of the field, in T, that came from the coil and from the reference: dB per relative gain error; shape
+    # (n,)
     coil: FloatArray
     reference: FloatArray
-    reference_unit: FloatArray
-    voltage_unit: FloatArray
+    reference_unit: FloatArray  # dB per tesla of reference offset, between 0 and 1; shape (n,)
+    voltage_unit: FloatArray  # dB per volt of constant offset voltage, T/V; shape (n,)
 
     def parts(self, systematics: Systematics) -> dict[str, FloatArray]:
         """Standard uncertainty in T that each source brings, shape (n,)."""
@@ -102,24 +85,13 @@ class Responses:
 
 @dataclass(frozen=True, eq=False)
 class FieldBlock:
-    """The integrated field, a value for each sample of a coil block, each an array of shape (n,).
-
-    Parameters
-    ----------
-    field : array
-        B in T (a flux linkage in Wb where the coil's area is 1).
-    variance : array
-        Of white noise, in T^2.
-    offset : array
-        Estimated offset voltage in V.
-    innovation, innovation_variance : array
-        Reference minus prediction where a reading was used, NaN elsewhere; T and T^2.
-    """
+    """The integrated field, a value for each sample of a coil block, each an array of shape (n,)."""
 
     time: FloatArray
-    field: FloatArray
-    variance: FloatArray
-    offset: FloatArray
+    field: FloatArray  # B in T (a flux linkage in Wb where the coil's area is 1)
+    variance: FloatArray  # Of white noise, in T^2
+    offset: FloatArray  # Estimated offset voltage in V
+    # Reference minus prediction where a reading was used, NaN elsewhere; T and T^2
     innovation: FloatArray
     innovation_variance: FloatArray
     responses: Responses

@@ -29,38 +29,22 @@ Columns = Callable[[FloatArray, Mapping[str, float]], FloatArray]
 
 @dataclass(frozen=True)
 class ForceLaw:
-    """A force law.
-
-    Parameters
-    ----------
-    basis : tuple of str
-        Name of each column, for example ``d^-4``.
-    coefficient_units : tuple of str
-        Unit of each column's coefficient at current power zero; each power of current divides by A.
-    columns : callable
-        (d of shape (n,), shape parameters) -> phi of shape (n, k), in 1/coefficient unit times N.
-    potential_columns : callable
-        The same for Phi(d), the integral of phi from d to infinity.
-    column_operations : int
-        Floating-point operations of the columns at one distance: each addition, multiplication, division and square
-        root counts one (division and square root take the same time on common microcontrollers), exp counts 20.
-    shape : tuple of ShapeParameter
-        Parameters that enter nonlinearly; empty for most laws.
-    nonnegative : tuple of bool
-        Which coefficients are bounded below by zero at each current.
-    """
+    """A force law."""
 
     name: str
     formula: str
-    basis: tuple[str, ...]
+    basis: tuple[str, ...]  # Name of each column, for example ``d^-4``
+    # Unit of each column's coefficient at current power zero; each power of current divides by A
     coefficient_units: tuple[str, ...]
-    columns: Columns
+    columns: Columns  # (d of shape (n,), shape parameters) -> phi of shape (n, k), in 1/coefficient unit times N
     gradient_columns: Columns
-    potential_columns: Columns
+    potential_columns: Columns  # The same for Phi(d), the integral of phi from d to infinity
+    # Floating-point operations of the columns at one distance: each addition, multiplication, division and square
+    # root counts one (division and square root take the same time on common microcontrollers), exp counts 20
     column_operations: int
     reference: str
-    shape: tuple[ShapeParameter, ...] = ()
-    nonnegative: tuple[bool, ...] = field(default=())
+    shape: tuple[ShapeParameter, ...] = ()  # Parameters that enter nonlinearly; empty for most laws
+    nonnegative: tuple[bool, ...] = field(default=())  # Which coefficients are bounded below by zero at each current
 
     @property
     def operations(self) -> int:

@@ -5,20 +5,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ActuatorKind:
-    """Which parts of the drawing are magnets, iron and winding.
-
-    Parameters
-    ----------
-    saturates : bool
-        Whether a part's material has a B-H curve.
-    """
+    """Which parts of the drawing are magnets, iron and winding."""
 
     fixed_magnet: bool
     moving_magnet: bool
     fixed_iron: bool
     moving_iron: bool
     coil: bool
-    saturates: bool
+    saturates: bool  # Whether a part's material has a B-H curve
 
     @property
     def has_magnet(self) -> bool:

@@ -26,17 +26,10 @@ FloatFunction = Callable[[list[float], list[float]], list[list[float]]]
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What some derivatives need.
+    """What some derivatives need."""
 
-    Parameters
-    ----------
-    table : array, shape (powers of s, rows, cells)
-        Each row is a polynomial in s, the lowest power first.
-    terms : tuple of tuple of (row, factor)
-        Of each derivative the rows before the powers of t, the highest power first.
-    """
-
-    table: FloatArray
+    table: FloatArray  # Each row is a polynomial in s, the lowest power first; shape (powers of s, rows, cells)
+    # Of each derivative the rows before the powers of t, the highest power first
     terms: tuple[tuple[tuple[int, float], ...], ...]
 
     def in_lists(self) -> list[list[list[list[float]]]]:
@@ -198,21 +191,14 @@ def is_clamped(knots: FloatArray, degree: int) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TensorSpline:
-    """S(x, y) = sum_ab C[a, b] B_a(x) B_b(y).
+    """S(x, y) = sum_ab C[a, b] B_a(x) B_b(y)."""
 
-    Parameters
-    ----------
-    x_knots, y_knots : array
-        Clamped knot vectors (``degree + 1`` equal knots at both ends).
-    coefficients : array, shape (len(x_knots) - x_degree - 1, len(y_knots) - y_degree - 1)
-        C.
-    """
-
+    # Clamped knot vectors (``degree + 1`` equal knots at both ends)
     x_knots: FloatArray
     y_knots: FloatArray
     x_degree: int
     y_degree: int
-    coefficients: FloatArray
+    coefficients: FloatArray  # C; shape (len(x_knots)
 
     @cached_property
     def _cells(self) -> CellPolynomials:

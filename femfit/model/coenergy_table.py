@@ -44,20 +44,13 @@ _BEYOND = 0.2
 
 @dataclass(frozen=True)
 class _Cells:
-    """Polynomials sum_kl P[k, l] (d - d_0)^k (i - i_0)^l, in n x m cells with a border of cells that hold nothing.
+    """Polynomials sum_kl P[k, l] (d - d_0)^k (i - i_0)^l, in n x m cells with a border of cells that hold nothing."""
 
-    Parameters
-    ----------
-    distance, current : array, shape (n + 1,) and (m + 1,)
-        Edges in m and A.
-    polynomials : array, shape (n + 2, m + 2, 1 or 2, 6, 6)
-        P, of W' and of the Hall field.
-    """
-
+    # Edges in m and A; shape (n + 1,)
     distance: FloatArray
     current: FloatArray
     starts: tuple[FloatArray, FloatArray]
-    polynomials: FloatArray
+    polynomials: FloatArray  # P, of W' and of the Hall field; shape (n + 2, m + 2, 1 or 2, 6, 6)
     good: BoolArray
 
     def find(self, d: FloatArray, i: FloatArray) -> tuple[IntArray, IntArray]:
@@ -73,19 +66,11 @@ class _Cells:
 
 @dataclass(frozen=True, eq=False)
 class CoenergyTable:
-    """A co-energy as a series, from a table; called as :data:`femfit.effects.taylor_series.CoenergySeries`.
+    """A co-energy as a series, from a table; called as :data:`femfit.effects.taylor_series.CoenergySeries`."""
 
-    Parameters
-    ----------
-    exact : callable
-        The co-energy under effects that depend on distance and current alone.
-    hall : bool
-        Whether the field at the Hall element is asked for.
-    """
-
-    exact: CoenergySeries
+    exact: CoenergySeries  # The co-energy under effects that depend on distance and current alone
     nominal: Nominal
-    hall: bool
+    hall: bool  # Whether the field at the Hall element is asked for
 
     def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
         """Taylor coefficients at points (n,) in m and A."""

@@ -34,20 +34,13 @@ _LEAKAGE = 0.05
 
 @dataclass(frozen=True, eq=False)
 class EffectDynamics:
-    """Effects at work in plant and filters.
+    """Effects at work in plant and filters."""
 
-    Parameters
-    ----------
-    motion_coenergy, hall_coenergy : callable
-        The co-energy without what ``later`` does to it, without and with the field at the Hall element.
-    later : tuple of AddedEffect
-        Those of the effects whose change of the co-energy depends on states.
-    """
-
+    # The co-energy without what ``later`` does to it, without and with the field at the Hall element
     motion_coenergy: CoenergySeries
     hall_coenergy: CoenergySeries
     effects: tuple[AddedEffect, ...]
-    later: tuple[AddedEffect, ...]
+    later: tuple[AddedEffect, ...]  # Those of the effects whose change of the co-energy depends on states
     at: Conditions
     resistance_ohm: float
 

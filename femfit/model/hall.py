@@ -46,19 +46,11 @@ class HallField(ABC):
 
 @dataclass(frozen=True, eq=False)
 class HallSpline(HallField):
-    """B_z(d, i) at the Hall element as a tensor B-spline.
-
-    Parameters
-    ----------
-    spline : TensorSpline
-        In (d_0 / (d + s), i), in T; a polynomial in the current is a spline with one cell.
-    distance_shift_m : float
-        s >= 0, as in :class:`femfit.model.magnetics.CoenergySpline`.
-    """
+    """B_z(d, i) at the Hall element as a tensor B-spline."""
 
     reference_distance_m: float
-    spline: TensorSpline
-    distance_shift_m: float = 0.0
+    spline: TensorSpline  # In (d_0 / (d + s), i), in T; a polynomial in the current is a spline with one cell
+    distance_shift_m: float = 0.0  # s >= 0, as in :class:`femfit.model.magnetics.CoenergySpline`
 
     def _partials(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]

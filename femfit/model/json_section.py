@@ -18,16 +18,10 @@ Record = TypeVar("Record", bound="DataclassInstance")
 
 @dataclass(frozen=True)
 class Section:
-    """A JSON object and where it stands.
-
-    Parameters
-    ----------
-    path : str
-        Keys that lead to it, joined by dots; empty at the top.
-    """
+    """A JSON object and where it stands."""
 
     source: str
-    path: str
+    path: str  # Keys that lead to it, joined by dots; empty at the top
     data: Mapping[str, Any]
 
     def where(self, key: str) -> str:

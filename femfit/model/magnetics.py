@@ -70,21 +70,11 @@ def _in_distance(
 
 @dataclass(frozen=True)
 class MagneticState:
-    """What the circuit and the motion need at one or many points.
+    """What the circuit and the motion need at one or many points."""
 
-    Parameters
-    ----------
-    force : array
-        F in N.
-    motional_constant : array
-        k_m in V s/m = N/A.
-    inductance : array
-        L in H.
-    """
-
-    force: FloatArray
-    motional_constant: FloatArray
-    inductance: FloatArray
+    force: FloatArray  # F in N
+    motional_constant: FloatArray  # k_m in V s/m = N/A
+    inductance: FloatArray  # L in H
 
 
 class Magnetics(ABC):
@@ -140,18 +130,11 @@ class Magnetics(ABC):
 
 @dataclass(frozen=True, eq=False)
 class CoenergySpline(Magnetics):
-    """W'(d, i) as a tensor B-spline in u = d_0 / (d + s) and i.
-
-    Parameters
-    ----------
-    spline : TensorSpline
-        In (u, i), in J.
-    distance_shift_m : float
-        s >= 0: the part of the magnetic path that the distance does not close, so that a small one leaves W' finite.
-    """
+    """W'(d, i) as a tensor B-spline in u = d_0 / (d + s) and i."""
 
     reference_distance_m: float
-    spline: TensorSpline
+    spline: TensorSpline  # In (u, i), in J
+    # s >= 0: the part of the magnetic path that the distance does not close, so that a small one leaves W' finite
     distance_shift_m: float = 0.0
 
     def _derivatives(
@@ -173,27 +156,15 @@ class CoenergySpline(Magnetics):
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One term c i^n phi_k(d) of a force law, as fitted.
+    """One term c i^n phi_k(d) of a force law, as fitted."""
 
-    Parameters
-    ----------
-    basis : str
-        Name of the column phi_k.
-    ci95 : (float, float) or None
-        95 % interval, where it was estimated.
-    bounds : (float, float)
-        What the fit allowed; infinite where it did not bound.
-    active : str
-        ``lower``, ``upper`` or empty: the bound that the fit hit.
-    """
-
-    basis: str
+    basis: str  # Name of the column phi_k
     current_power: int
     value: float
     unit: str
-    ci95: tuple[float, float] | None = None
-    bounds: tuple[float, float] = (-np.inf, np.inf)
-    active: str = ""
+    ci95: tuple[float, float] | None = None  # 95 % interval, where it was estimated
+    bounds: tuple[float, float] = (-np.inf, np.inf)  # What the fit allowed; infinite where it did not bound
+    active: str = ""  # ``lower``, ``upper`` or empty: the bound that the fit hit
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,11 +175,6 @@ class LawMagnetics(Magnetics):
     about the last two terms, which do not depend on the distance. Counted from d_ref, the farthest distance of the
     sweep, they are the flux linkage without current and the inductance there, and no integral to infinity, where no
     row holds a law, enters the circuit.
-
-    Parameters
-    ----------
-    reference_distance_m : float or None
-        d_ref; None for infinity, as in models of earlier versions.
     """
 
     law_name: str
@@ -216,7 +182,7 @@ class LawMagnetics(Magnetics):
     shape: Mapping[str, float] = field(default_factory=dict)
     constant_inductance_H: float = 0.0
     constant_flux_linkage_Wb: float = 0.0
-    reference_distance_m: float | None = None
+    reference_distance_m: float | None = None  # d_ref; None for infinity, as in models of earlier versions
 
     @cached_property
     def law(self) -> ForceLaw:

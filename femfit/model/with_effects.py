@@ -83,15 +83,10 @@ class EffectMagnetics(Magnetics):
 
 @dataclass(frozen=True, eq=False)
 class EffectHallField(HallField):
-    """The field that a Hall element at rest seems to show, as effects on field and reading change it.
-
-    Parameters
-    ----------
-    quiescent_V, sensitivity_V_per_T : float
-        Of the sensor, by which the reading is converted to a field.
-    """
+    """The field that a Hall element at rest seems to show, as effects on field and reading change it."""
 
     dynamics: EffectDynamics
+    # Of the sensor, by which the reading is converted to a field
     quiescent_V: float
     sensitivity_V_per_T: float
 

@@ -58,24 +58,17 @@ SCALAR = (
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisContent:
-    """A diagnosis, and what was done about it.
-
-    Parameters
-    ----------
-    after : array, shape (M,), or None
-        Recorded minus what the model predicts with the effects that were added, or that the diagnosis names.
-    hashes : tuple of (str, str)
-        Files and their SHA-256.
-    """
+    """A diagnosis, and what was done about it."""
 
     diagnosis: Diagnosis
     suggestions: Sequence[Suggestion] = ()
     added: AddResult | None = None
+    # Recorded minus what the model predicts with the effects that were added, or that the diagnosis names; shape (M,)
     after: FloatArray | None = None
     source: str = "measurement"
     test_object: str = ""
     notes: str = ""
-    hashes: tuple[tuple[str, str], ...] = ()
+    hashes: tuple[tuple[str, str], ...] = ()  # Files and their SHA-256
 
     @property
     def model(self) -> ActuatorModel:

@@ -19,31 +19,21 @@ from femfit.tables.sweep_table import SweepTable
 
 @dataclass(frozen=True)
 class ReportContent:
-    """Results on one actuator; every part but the model may be absent, and its chapter is then left out.
+    """Results on one actuator; every part but the model may be absent, and its chapter is then left out."""
 
-    Parameters
-    ----------
-    model : ActuatorModel
-        That the report describes; with a fit to all laws, the co-energy rather than the recommended law.
-    no_study : str
-        Why the loop was not closed, as the error said.
-    field, strongest : FieldSample or None
-        The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged.
-    unfinished : bool
-        Whether the loop is still to come: ``femfit run`` writes the page again when it is there.
-    timings_s, hashes : tuple of (str, float), tuple of (str, str)
-        Steps of the run and their time; files and their SHA-256.
-    """
-
+    # That the report describes; with a fit to all laws, the co-energy rather than the recommended law
     model: ActuatorModel
     actuator: Actuator | None = None
     sweep: SweepTable | None = None
     fit: FitResult | None = None
     study: ClosedLoopStudy | None = None
-    no_study: str = ""
+    no_study: str = ""  # Why the loop was not closed, as the error said
+    # The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged
     field: FieldSample | None = None
     strongest: FieldSample | None = None
+    # Whether the loop is still to come: ``femfit run`` writes the page again when it is there
     unfinished: bool = False
+    # Steps of the run and their time; files and their SHA-256
     timings_s: tuple[tuple[str, float], ...] = ()
     hashes: tuple[tuple[str, str], ...] = ()
 

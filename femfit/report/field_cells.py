@@ -24,30 +24,20 @@ SUBDIVISIONS = 6
 
 @dataclass(frozen=True, eq=False)
 class FieldCells:
-    """A field at n points (r, z) of the half section, vectors of shape (n, 2), with the triangles between them.
-
-    Parameters
-    ----------
-    elements : array of int, shape (e, 3)
-        Points at the corners of each finite element.
-    regions : tuple of str
-        Names of the mesh's regions: ``fixed:NAME``, ``moving:NAME``, ``coil``, ``air``, and ``halo`` and ``layer``, the
-        air around the moving part; ``point_region`` and ``triangle_region`` are places in it.
-    potential_Wb_per_m : array, shape (n,)
-        A_phi.
-    relative_permeability : array, shape (n,)
-        B / (mu_0 H) where a part saturates; the recoil permeability in magnets.
-    """
+    """A field at n points (r, z) of the half section, vectors of shape (n, 2), with the triangles between them."""
 
     points_m: FloatArray
     triangles: IntArray
-    elements: IntArray
+    elements: IntArray  # Points at the corners of each finite element; shape (e, 3)
+    # Names of the mesh's regions: ``fixed:NAME``, ``moving:NAME``, ``coil``, ``air``, and ``halo`` and ``layer``, the
+    # air around the moving part; ``point_region`` and ``triangle_region`` are places in it
     regions: tuple[str, ...]
     point_region: IntArray
     triangle_region: IntArray
-    potential_Wb_per_m: FloatArray
+    potential_Wb_per_m: FloatArray  # A_phi; shape (n,)
     flux_density_T: FloatArray
     field_A_per_m: FloatArray
+    # B / (mu_0 H) where a part saturates; the recoil permeability in magnets; shape (n,)
     relative_permeability: FloatArray
 
 

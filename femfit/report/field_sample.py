@@ -52,29 +52,18 @@ def solve_point(
 
 @dataclass(frozen=True, eq=False)
 class FieldSample:
-    """A field at one distance and current on a grid of m heights and n radii, arrays of shape (m, n).
-
-    Parameters
-    ----------
-    flux_density_T : array
-        |B|.
-    flux_Wb : array
-        2 pi r A_phi, the flux through the circle of radius r, whose contours are the flux lines.
-    self_force_N : float
-        What the stress of the moving part's own field integrates to on this mesh, taken away from the force.
-    part_flux_density_T : dict of str to float
-        The largest |B| of each part off its corners.
-    """
+    """A field at one distance and current on a grid of m heights and n radii, arrays of shape (m, n)."""
 
     distance_m: float
     current_A: float
     radius_m: FloatArray
     height_m: FloatArray
-    flux_density_T: FloatArray
-    flux_Wb: FloatArray
+    flux_density_T: FloatArray  # |B|
+    flux_Wb: FloatArray  # 2 pi r A_phi, the flux through the circle of radius r, whose contours are the flux lines
     force_N: float
+    # What the stress of the moving part's own field integrates to on this mesh, taken away from the force
     self_force_N: float
-    part_flux_density_T: dict[str, float]
+    part_flux_density_T: dict[str, float]  # The largest |B| of each part off its corners
     unknowns: int
 
 

@@ -38,26 +38,15 @@ LEVELS = 9
 
 @dataclass(frozen=True)
 class Feed:
-    """A current that the coil may carry, and what follows from it.
+    """A current that the coil may carry, and what follows from it."""
 
-    Parameters
-    ----------
-    name : str
-        ``cold`` or ``warm`` at the supply's voltage, ``reversed`` at its other end, ``rated`` or ``idle``.
-    drawn_A : float
-        The current within the model's validity domain that forces are taken at.
-    density_A_mm2 : float or None
-        In the wire; None where its diameter is not known.
-    force_near_N, force_far_N : float
-        At the shortest and the longest distance of the model.
-    """
-
-    name: str
+    name: str  # ``cold`` or ``warm`` at the supply's voltage, ``reversed`` at its other end, ``rated`` or ``idle``
     current_A: float
-    drawn_A: float
+    drawn_A: float  # The current within the model's validity domain that forces are taken at
     temperature_C: float
     power_W: float
-    density_A_mm2: float | None
+    density_A_mm2: float | None  # In the wire; None where its diameter is not known
+    # At the shortest and the longest distance of the model
     force_near_N: float
     force_far_N: float
 
@@ -69,17 +58,7 @@ class Feed:
 
 @dataclass(frozen=True, eq=False)
 class Rating:
-    """Ratings of a coil and the forces over the model's distances, by the name of the feed.
-
-    Parameters
-    ----------
-    inductance_H, idle_inductance_H : array
-        At the rated current and at the smallest current in size.
-    motor_constant : array
-        dF/di over the root of the cold resistance at the rated current, N/sqrt(W).
-    surface_m2 : float or None
-        Of the cylinder that encloses the fixed part; None without a drawing, and then no current is rated.
-    """
+    """Ratings of a coil and the forces over the model's distances, by the name of the feed."""
 
     voltage_V: float
     cold_ohm: float
@@ -87,9 +66,11 @@ class Rating:
     feeds: tuple[Feed, ...]
     distance_m: FloatArray
     forces_N: dict[str, FloatArray]
+    # At the rated current and at the smallest current in size
     inductance_H: FloatArray
     idle_inductance_H: FloatArray
-    motor_constant: FloatArray
+    motor_constant: FloatArray  # dF/di over the root of the cold resistance at the rated current, N/sqrt(W)
+    # Of the cylinder that encloses the fixed part; None without a drawing, and then no current is rated
     surface_m2: float | None
     cold_C: float = REFERENCE_TEMPERATURE
     warm_C: float = WARM_C
@@ -182,18 +163,12 @@ def _missed(model: ActuatorModel, grid: SweepGrid | None) -> Callable[[FloatArra
 
 @dataclass(frozen=True)
 class Growth:
-    """What the second half of the sweep's largest current adds to the force at the shortest distance.
-
-    Parameters
-    ----------
-    expected_N : float
-        Without saturation, where the force is a + b i + c i^2: by the force at smaller currents.
-    """
+    """What the second half of the sweep's largest current adds to the force at the shortest distance."""
 
     half_A: float
     full_A: float
     gained_N: float
-    expected_N: float
+    expected_N: float  # Without saturation, where the force is a + b i + c i^2: by the force at smaller currents
 
     @property
     def limited(self) -> bool:

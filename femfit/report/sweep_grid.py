@@ -13,19 +13,13 @@ FEWEST_DISTANCES = 5
 
 @dataclass(frozen=True, eq=False)
 class SweepGrid:
-    """A full grid of m currents and n distances, arrays of shape (m, n).
-
-    Parameters
-    ----------
-    force_scale : array
-        What an error is a part of: the force, but for its passages through zero.
-    """
+    """A full grid of m currents and n distances, arrays of shape (m, n)."""
 
     currents: FloatArray
     distances: FloatArray
     force: FloatArray
     force_error: FloatArray
-    force_scale: FloatArray
+    force_scale: FloatArray  # What an error is a part of: the force, but for its passages through zero
     flux_linkage: FloatArray | None
 
 

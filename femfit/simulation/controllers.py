@@ -34,15 +34,9 @@ class Controller(ABC):
 
 @dataclass(frozen=True, eq=False)
 class SplitController(Controller):
-    """Different controllers for different runs of one batch.
+    """Different controllers for different runs of one batch."""
 
-    Parameters
-    ----------
-    parts : tuple of (array of int, Controller)
-        Indices of the runs and their controller; every run once.
-    """
-
-    parts: tuple[tuple[IntArray, Controller], ...]
+    parts: tuple[tuple[IntArray, Controller], ...]  # Indices of the runs and their controller; every run once
 
     @property
     def words(self) -> int:  # type: ignore[override]
@@ -130,11 +124,6 @@ class Pid(Controller):
     voltage less u_r, which stops windup. u_r is the voltage that the reference itself needs, R i with
     F(r, i) = m (g - r''); without it, as in (35), the integrator alone would find it and lag behind by millimetres.
 
-    Parameters
-    ----------
-    gains_V_m : (float, float, float)
-        b_0, b_1, b_2, negative in sum: a body that is too far away needs more voltage.
-
     References
     ----------
     A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eq. (35).
@@ -142,6 +131,7 @@ class Pid(Controller):
 
     model: ActuatorModel
     filter_pole: float
+    # b_0, b_1, b_2, negative in sum: a body that is too far away needs more voltage
     gains_V_m: tuple[float, float, float]
     words = 4  # w(k-1), w(k-2), e(k-1), e(k-2)
 

@@ -28,30 +28,17 @@ OBSERVERS: tuple[ObserverName, ...] = get_args(ObserverName)
 
 @dataclass(frozen=True, eq=False)
 class LoopDesign:
-    """Reference, controllers and noise of one model's closed loop.
+    """Reference, controllers and noise of one model's closed loop."""
 
-    Parameters
-    ----------
-    model : ActuatorModel
-        With circuit, motion and sensor; the driver's voltages within what the swept currents cover.
-    points : tuple of OperatingPoint
-        From the smallest to the largest of them.
-    pid : Pid or None
-        Designed for the middle one; None where there is none for it.
-    noise_V : float
-        White noise of a Hall sample, in the sensor and as the filters know it.
-    why_no_pid : str
-        Why there is no PID controller; empty where there is one.
-    """
-
+    # With circuit, motion and sensor; the driver's voltages within what the swept currents cover
     model: ActuatorModel
     targets_m: tuple[float, ...]
-    points: tuple[OperatingPoint, ...]
+    points: tuple[OperatingPoint, ...]  # From the smallest to the largest of them
     backstepping: Backstepping
-    pid: Pid | None
+    pid: Pid | None  # Designed for the middle one; None where there is none for it
     reference_rate_rad_s: float
-    noise_V: float
-    why_no_pid: str = ""
+    noise_V: float  # White noise of a Hall sample, in the sensor and as the filters know it
+    why_no_pid: str = ""  # Why there is no PID controller; empty where there is one
 
     @property
     def slowest_pole_rad_s(self) -> float:

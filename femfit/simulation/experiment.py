@@ -22,33 +22,20 @@ from femfit.simulation.sensor import SensorErrors
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment of a batch.
-
-    Parameters
-    ----------
-    observer : str
-        ``exact``, alone in its batch: the controller knows the true state.
-    targets_m : tuple of float
-        Reference distances in turn; one for a hold.
-    noise_V : float or None
-        Of the Hall sensor; None: the design's.
-    start_error_m : float
-        How far the body truly starts from the first reference distance.
-    believed_m : float or None
-        Distance that the observer starts with; None: the true one. The filter is told of so large an error.
-    """
+    """One experiment of a batch."""
 
     controller: ControllerName
-    observer: ObserverName | Literal["exact"]
-    targets_m: tuple[float, ...]
+    observer: ObserverName | Literal["exact"]  # ``exact``, alone in its batch: the controller knows the true state
+    targets_m: tuple[float, ...]  # Reference distances in turn; one for a hold
     force_scale: float = 1.0
     offset_V: float = 0.0
     drift_V_per_s: float = 0.0
     stuck_after_s: float = np.inf
     dropout_probability: float = 0.0
-    noise_V: float | None = None
+    noise_V: float | None = None  # Of the Hall sensor; None: the design's
+    # Distance that the observer starts with; None: the true one. The filter is told of so large an error.
     believed_m: float | None = None
-    start_error_m: float = 0.0
+    start_error_m: float = 0.0  # How far the body truly starts from the first reference distance
 
 
 def run_experiments(

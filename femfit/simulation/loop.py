@@ -51,18 +51,12 @@ _HELD = int(LoopOutcome.HELD)
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """Everything that a batch of runs is made of.
-
-    Parameters
-    ----------
-    observer : Observer or None
-        None: the controller knows the exact state.
-    """
+    """Everything that a batch of runs is made of."""
 
     plant: Plant
     sensor: HallSensor
     errors: SensorErrors
-    observer: Observer | None
+    observer: Observer | None  # None: the controller knows the exact state
     controller: Controller
     reference: Reference
 
@@ -85,42 +79,24 @@ class TimeSeries:
 
 @dataclass(frozen=True, eq=False)
 class WindowStatistics:
-    """Over the samples of one window, each of shape (runs,); NaN for runs lost before the window's end.
+    """Over the samples of one window, each of shape (runs,); NaN for runs lost before the window's end."""
 
-    Parameters
-    ----------
-    estimate_rms_m : array
-        sqrt(mean((estimated - true distance)^2)).
-    normalised_innovation_squared : array
-        Mean; 1 is expected of a true filter.
-    """
-
-    estimate_rms_m: FloatArray
+    estimate_rms_m: FloatArray  # sqrt(mean((estimated - true distance)^2))
     estimate_bias_m: FloatArray
     tracking_rms_m: FloatArray
     tracking_bias_m: FloatArray
-    normalised_innovation_squared: FloatArray
+    normalised_innovation_squared: FloatArray  # Mean; 1 is expected of a true filter
 
 
 @dataclass(frozen=True, eq=False)
 class LoopResult:
-    """What came of a batch of runs.
-
-    Parameters
-    ----------
-    windows : tuple of WindowStatistics
-        In the order asked for, over all runs.
-    outcome : array of int, shape (runs,)
-        A :class:`LoopOutcome` each.
-    outcome_time_s : array, shape (runs,)
-        When it was lost; NaN for runs that were held.
-    """
+    """What came of a batch of runs."""
 
     time_s: FloatArray
     series: TimeSeries
-    windows: tuple[WindowStatistics, ...]
-    outcome: IntArray
-    outcome_time_s: FloatArray
+    windows: tuple[WindowStatistics, ...]  # In the order asked for, over all runs
+    outcome: IntArray  # A :class:`LoopOutcome` each; shape (runs,)
+    outcome_time_s: FloatArray  # When it was lost; NaN for runs that were held; shape (runs,)
 
     def outcomes(self) -> tuple[LoopOutcome, ...]:
         """The outcome of every run."""

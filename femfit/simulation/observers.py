@@ -64,15 +64,9 @@ class DirectObserver:
 
 @dataclass(frozen=True, eq=False)
 class SplitObserver:
-    """Different observers for different runs of one batch.
+    """Different observers for different runs of one batch."""
 
-    Parameters
-    ----------
-    parts : tuple of (array of int, Observer)
-        Indices of the runs and their observer; every run once.
-    """
-
-    parts: tuple[tuple[IntArray, "Observer"], ...]
+    parts: tuple[tuple[IntArray, "Observer"], ...]  # Indices of the runs and their observer; every run once
 
     def start(self, mean: FloatArray) -> Seen:
         """Each part on its own runs."""

@@ -27,22 +27,15 @@ _NEWTON_STEPS, _STEPS_FROM_NEAR = 40, 5
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
-    """A point of rest and its linear model.
-
-    Parameters
-    ----------
-    unstable_pole_rad_s : float
-        sqrt(-F_d/m) where the point is unstable, 0 where it is stable.
-    A, B : array, shape (3, 3) and (3,)
-        In (m, m/s, A) and V.
-    """
+    """A point of rest and its linear model."""
 
     distance_m: float
     current_A: float
     voltage_V: float
-    unstable_pole_rad_s: float
+    unstable_pole_rad_s: float  # sqrt(-F_d/m) where the point is unstable, 0 where it is stable
     coil_pole_rad_s: float
     inductance_H: float
+    # In (m, m/s, A) and V; shape (3, 3)
     A: FloatArray
     B: FloatArray
 

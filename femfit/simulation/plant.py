@@ -23,15 +23,10 @@ class ScaledForce(Magnetics):
 
     W'(d, i) = s (W'_0(d, i) - W'_0(d_ref, i)) + W'_0(d_ref, i): the plant stays conservative, and at d_ref the flux
     linkage is unchanged as well.
-
-    Parameters
-    ----------
-    scale : array, shape (runs,)
-        s, one factor a run.
     """
 
     base: Magnetics
-    scale: FloatArray
+    scale: FloatArray  # s, one factor a run; shape (runs,)
     reference_distance_m: float
 
     def _derivatives(

@@ -30,19 +30,13 @@ from femfit.simulation.operating_point import (
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The reference at one sample, or at all of them.
+    """The reference at one sample, or at all of them."""
 
-    Parameters
-    ----------
-    distance, velocity, acceleration : array
-        In m, m/s and m/s^2; shape (runs,) or scalar at one sample, (steps,) or (steps, runs) for all.
-    current : array or None
-        That holds a body which moves so, in A and of the same shape; worked out by the controller where None.
-    """
-
+    # In m, m/s and m/s^2; shape (runs,) or scalar at one sample, (steps,) or (steps, runs) for all
     distance: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
+    # That holds a body which moves so, in A and of the same shape; worked out by the controller where None
     current: FloatArray | None = None
 
     def at(self, k: int | IntArray) -> "Reference":

@@ -19,28 +19,15 @@ from femfit.model.actuator_model import HallSensor
 
 @dataclass(frozen=True, eq=False)
 class SensorErrors:
-    """What is wrong with the sensor; every entry is one number or one a run.
+    """What is wrong with the sensor; every entry is one number or one a run."""
 
-    Parameters
-    ----------
-    noise_V : array, shape (runs,), or float
-        Standard deviation of white noise on a sample.
-    offset_V : array or float
-        Constant offset that the model does not know.
-    stuck_after_s : array or float
-        From then on the last reading is repeated; infinite for never.
-    dropout_probability : array or float
-        Of a sample that reads the lower end of the range.
-    blocks : int
-        The runs are this many equal blocks in a row that share their random numbers, so that what differs between the
-        blocks is not hidden by the noise (common random numbers).
-    """
-
-    noise_V: FloatArray | float = 0.0
-    offset_V: FloatArray | float = 0.0
+    noise_V: FloatArray | float = 0.0  # Standard deviation of white noise on a sample; shape (runs,)
+    offset_V: FloatArray | float = 0.0  # Constant offset that the model does not know
     drift_V_per_s: FloatArray | float = 0.0
-    stuck_after_s: FloatArray | float = np.inf
-    dropout_probability: FloatArray | float = 0.0
+    stuck_after_s: FloatArray | float = np.inf  # From then on the last reading is repeated; infinite for never
+    dropout_probability: FloatArray | float = 0.0  # Of a sample that reads the lower end of the range
+    # The runs are this many equal blocks in a row that share their random numbers, so that what differs between the
+    # blocks is not hidden by the noise (common random numbers)
     blocks: int = 1
 
 

@@ -59,72 +59,47 @@ class StepSeries:
 
 @dataclass(frozen=True)
 class StepRow:
-    """How well one measurement follows the true distance over the reference steps.
-
-    Parameters
-    ----------
-    measurement : str
-        ``direct`` or the filter that feeds the loop.
-    rms_m : float
-        Over the runs that were held; NaN if none was.
-    """
+    """How well one measurement follows the true distance over the reference steps."""
 
     controller: str
-    measurement: str
-    rms_m: float
+    measurement: str  # ``direct`` or the filter that feeds the loop
+    rms_m: float  # Over the runs that were held; NaN if none was
     held: int
     runs: int
 
 
 @dataclass(frozen=True)
 class HoldRow:
-    """Direct against filtered noise at rest.
-
-    Parameters
-    ----------
-    ratio, bound : float
-        Direct over filtered rms, and 1/sqrt(2 lambda t_s), which no filter of white noise passes.
-    innovation_band : ConsistencyBand
-        95 % for the mean of the normalised innovations squared.
-    """
+    """Direct against filtered noise at rest."""
 
     controller: str
     filter: str
     distance_m: float
     direct_rms_m: float
     filtered_rms_m: float
+    # Direct over filtered rms, and 1/sqrt(2 lambda t_s), which no filter of white noise passes
     ratio: float
     bound: float
     normalised_innovation_squared: float
-    innovation_band: ConsistencyBand
+    innovation_band: ConsistencyBand  # 95 % for the mean of the normalised innovations squared
     held: int
     runs: int
 
 
 @dataclass(frozen=True)
 class FaultRow:
-    """How the runs of one experiment ended, with the means of those that were held.
-
-    Parameters
-    ----------
-    outcomes : mapping of str to int
-        Number of runs by the name of their :class:`~femfit.simulation.loop.LoopOutcome`.
-    last_loss_s : float or None
-        When the last of the lost runs was lost.
-    estimate_rms_m, estimate_bias_m, position_bias_m : float
-        Estimated minus true distance, and true distance minus reference; NaN if no run was held.
-    position_shift_m, shift_error_m : float
-        How far the body moved against the loop without the fault on the same noise, and the standard error of that;
-        NaN without such a loop, or if fewer than two runs were held in both.
-    """
+    """How the runs of one experiment ended, with the means of those that were held."""
 
     experiment: Experiment
     runs: int
-    outcomes: Mapping[str, int]
-    last_loss_s: float | None
+    outcomes: Mapping[str, int]  # Number of runs by the name of their :class:`~femfit.simulation.loop.LoopOutcome`
+    last_loss_s: float | None  # When the last of the lost runs was lost
+    # Estimated minus true distance, and true distance minus reference; NaN if no run was held
     estimate_rms_m: float
     estimate_bias_m: float
     position_bias_m: float
+    # How far the body moved against the loop without the fault on the same noise, and the standard error of that; NaN
+    # without such a loop, or if fewer than two runs were held in both
     position_shift_m: float
     shift_error_m: float
 
@@ -146,31 +121,18 @@ class SpectrumPair:
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoopStudy:
-    """Everything that command line, report and run show of the closed loop.
-
-    Parameters
-    ----------
-    seconds : float
-        Of one run over the reference steps.
-    acquisition : tuple of FaultRow
-        Filters started at the wrong end of the range.
-    series : tuple of StepSeries
-        One run of the reference steps a controller.
-    spectra : tuple of SpectrumPair
-        At the smallest reference distance, of the controllers that held.
-    no_direct : str
-        Why nothing is compared with the direct measurement, whose rms is then NaN; empty where it is.
-    """
+    """Everything that command line, report and run show of the closed loop."""
 
     design: LoopDesign
     seed: int
-    seconds: float
+    seconds: float  # Of one run over the reference steps
     steps: tuple[StepRow, ...]
     holds: tuple[HoldRow, ...]
     faults: tuple[FaultRow, ...]
-    acquisition: tuple[FaultRow, ...]
-    series: tuple[StepSeries, ...]
-    spectra: tuple[SpectrumPair, ...]
+    acquisition: tuple[FaultRow, ...]  # Filters started at the wrong end of the range
+    series: tuple[StepSeries, ...]  # One run of the reference steps a controller
+    spectra: tuple[SpectrumPair, ...]  # At the smallest reference distance, of the controllers that held
+    # Why nothing is compared with the direct measurement, whose rms is then NaN; empty where it is
     no_direct: str = ""
 
     def __str__(self) -> str:

@@ -33,23 +33,15 @@ AT_LIMIT = 0.5
 
 @dataclass(frozen=True)
 class LostLoop:
-    """A loop of which some runs were lost, with all that is needed to run it again.
-
-    Parameters
-    ----------
-    random : numpy.random.Generator
-        As it was before the first run; it is copied.
-    plant : ActuatorModel or None
-        What truly moves, where that is another model than the design's.
-    """
+    """A loop of which some runs were lost, with all that is needed to run it again."""
 
     design: LoopDesign
     experiment: Experiment
-    random: np.random.Generator
+    random: np.random.Generator  # As it was before the first run; it is copied
     runs: int
     steps: int
     supported_steps: int
-    plant: ActuatorModel | None
+    plant: ActuatorModel | None  # What truly moves, where that is another model than the design's
 
     def again(self, recorded: int = 0) -> LoopResult:
         """The result on the same noise, with the series of the first runs."""

@@ -10,24 +10,12 @@ from femfit.core.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class CoilBlock:
-    """Consecutive samples of a coil record; one sample is a block too.
+    """Consecutive samples of a coil record; one sample is a block too."""
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        In s, rising.
-    voltage : array, shape (n,)
-        Of the coil in V; positive for a rising field.
-    hall : array, shape (n,), or None
-        Hall probe's reading in T; NaN where there is none.
-    current : array, shape (n,), or None
-        Excitation current in A.
-    """
-
-    time: FloatArray
-    voltage: FloatArray
-    hall: FloatArray | None = None
-    current: FloatArray | None = None
+    time: FloatArray  # In s, rising; shape (n,)
+    voltage: FloatArray  # Of the coil in V; positive for a rising field; shape (n,)
+    hall: FloatArray | None = None  # Hall probe's reading in T; NaN where there is none; shape (n,)
+    current: FloatArray | None = None  # Excitation current in A; shape (n,)
 
     def __len__(self) -> int:
         return len(self.time)

@@ -46,23 +46,13 @@ _LONGEST_GAP = 2**24
 
 @dataclass(frozen=True)
 class CoilRecord:
-    """A coil record that lies in a file.
-
-    Parameters
-    ----------
-    used : tuple of UsedColumn
-        The time and what else is read, each with its header and its factor to SI.
-    samples : int or None
-        Rows; None where only reading shows it (CSV).
-    layout : mapping
-        Of a raw record its sidecar, of a text record the arguments of ``pandas.read_csv``.
-    """
+    """A coil record that lies in a file."""
 
     path: Path
     headers: tuple[str, ...]
-    used: tuple[UsedColumn, ...]
-    samples: int | None
-    layout: Mapping[str, Any]
+    used: tuple[UsedColumn, ...]  # The time and what else is read, each with its header and its factor to SI
+    samples: int | None  # Rows; None where only reading shows it (CSV)
+    layout: Mapping[str, Any]  # Of a raw record its sidecar, of a text record the arguments of ``pandas.read_csv``
 
     @property
     def columns(self) -> tuple[str, ...]:

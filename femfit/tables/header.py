@@ -21,20 +21,12 @@ _LONGEST = 200
 
 @dataclass(frozen=True)
 class Header:
-    """A header taken apart.
-
-    Parameters
-    ----------
-    words : tuple of str
-        Lower case, without accents, without the unit.
-    unit_known : bool
-        False if something in brackets looks like a unit but is not one of ours.
-    """
+    """A header taken apart."""
 
     text: str
-    words: tuple[str, ...]
+    words: tuple[str, ...]  # Lower case, without accents, without the unit
     unit: str | None
-    unit_known: bool = True
+    unit_known: bool = True  # False if something in brackets looks like a unit but is not one of ours
 
     @property
     def name(self) -> str:

@@ -56,18 +56,11 @@ SERIES_COLUMNS = ("run", "time_s", *SERIES_CHANNELS)
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What bench tables and time series have in common.
-
-    Parameters
-    ----------
-    given : tuple of str
-        The columns that the file has with at least one number.
-    declared_noise : mapping of str to float
-        Standard deviation of a channel's reading, in the channel's unit.
-    """
+    """What bench tables and time series have in common."""
 
     rows: pd.DataFrame
-    given: tuple[str, ...]
+    given: tuple[str, ...]  # The columns that the file has with at least one number
+    # Standard deviation of a channel's reading, in the channel's unit
     declared_noise: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     source: str = "measurement"

@@ -24,35 +24,18 @@ MOST_COLUMNS = 2000
 
 @dataclass(frozen=True, eq=False)
 class RawTable:
-    """Cells of one file, not yet interpreted.
-
-    Parameters
-    ----------
-    headers : tuple of str
-        One a column; empty if the file has none.
-    numbers : array, shape (n, m)
-        NaN where the cell is no finite number.
-    texts : sequence of sequence of str
-        The text of each cell, column by column.
-    lines : array of int, shape (n,)
-        Line (text) or row (Parquet) of each row in the file, from 1.
-    ragged : tuple of int
-        Lines with more or fewer cells than the table has columns: their cells may stand in wrong columns.
-    dialect : str
-        Encoding, delimiter and decimal mark in one phrase.
-    notes : tuple of str
-        What was passed over: comment lines, repeated headers.
-    """
+    """Cells of one file, not yet interpreted."""
 
     source: str
-    headers: tuple[str, ...]
-    numbers: FloatArray
-    texts: Sequence[Sequence[str]]
-    lines: Sequence[int]
-    dialect: str
+    headers: tuple[str, ...]  # One a column; empty if the file has none
+    numbers: FloatArray  # NaN where the cell is no finite number; shape (n, m)
+    texts: Sequence[Sequence[str]]  # The text of each cell, column by column
+    lines: Sequence[int]  # Line (text) or row (Parquet) of each row in the file, from 1; shape (n,)
+    dialect: str  # Encoding, delimiter and decimal mark in one phrase
     decimal: str = "."
+    # Lines with more or fewer cells than the table has columns: their cells may stand in wrong columns
     ragged: tuple[int, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # What was passed over: comment lines, repeated headers
 
     def column(self, header: str) -> FloatArray:
         """Return the numbers of a column, shape (n,)."""

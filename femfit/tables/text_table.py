@@ -50,21 +50,13 @@ class Line(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text table is laid out.
-
-    Parameters
-    ----------
-    headers : tuple of str
-        One a column; empty if there are none.
-    used : frozenset of int
-        Numbers of the lines that the headers were made of.
-    """
+    """How a text table is laid out."""
 
     delimiter: str
     width: int
-    headers: tuple[str, ...]
+    headers: tuple[str, ...]  # One a column; empty if there are none
     first: int
-    used: frozenset[int] = frozenset()
+    used: frozenset[int] = frozenset()  # Numbers of the lines that the headers were made of
     notes: tuple[str, ...] = field(default=())
 
 

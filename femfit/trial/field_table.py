@@ -24,14 +24,9 @@ LINEAR_DISTANCES, SATURATING_DISTANCES, CURRENTS = 16, 12, 13
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """What the field does at n points.
+    """What the field does at n points."""
 
-    Parameters
-    ----------
-    force, flux_linkage, hall : array, shape (n,)
-        In N, Wb and T; the last is zero where there is no Hall element.
-    """
-
+    # In N, Wb and T; the last is zero where there is no Hall element; shape (n,)
     force: FloatArray
     flux_linkage: FloatArray
     hall: FloatArray
@@ -49,21 +44,12 @@ class Fields:
 
 @dataclass(frozen=True, eq=False)
 class FieldTable:
-    """Fields of a drawing.
+    """Fields of a drawing."""
 
-    Parameters
-    ----------
-    distances : (float, float)
-        Range in m.
-    current : float
-        Largest magnitude in A; the polynomials of a linear drawing hold beyond.
-    coefficients : array, shape (3, N_d, N_i)
-        Of force, flux linkage and Hall field: Chebyshev polynomials in log distance times, for a linear drawing, powers
-        of the current, else Chebyshev polynomials in the current.
-    """
-
-    distances: tuple[float, float]
-    current: float
+    distances: tuple[float, float]  # Range in m
+    current: float  # Largest magnitude in A; the polynomials of a linear drawing hold beyond
+    # Of force, flux linkage and Hall field: Chebyshev polynomials in log distance times, for a linear drawing, powers
+    # of the current, else Chebyshev polynomials in the current; shape (3, N_d, N_i)
     coefficients: FloatArray
     linear: bool
 

@@ -66,21 +66,11 @@ Readings = Mapping[str, FloatArray]
 
 @dataclass(frozen=True)
 class HiddenError:
-    """One thing that is wrong, up to its size.
+    """One thing that is wrong, up to its size."""
 
-    Parameters
-    ----------
-    limit : callable
-        Takes the device; the largest size that is still believable.
-    channels : tuple of str
-        Those that show it, of which a campaign records at least one.
-    needs : str
-        What the drawing must have; empty for nothing.
-    """
-
-    limit: Callable[[Device], float]
-    channels: tuple[str, ...]
-    needs: str = ""
+    limit: Callable[[Device], float]  # Takes the device; the largest size that is still believable
+    channels: tuple[str, ...]  # Those that show it, of which a campaign records at least one
+    needs: str = ""  # What the drawing must have; empty for nothing
     setting: Callable[[Device, float, Conditions], Conditions] | None = None
     fields: Callable[[Device, float, Conditions], Fields] | None = None
     reading: Callable[[Device, float, Conditions, Readings], Readings] | None = None

@@ -45,30 +45,19 @@ _POINTED_AT = 0.5
 
 @dataclass(frozen=True)
 class Outcome:
-    """One campaign and what was said of it.
-
-    Parameters
-    ----------
-    classes : tuple of tuple of str
-        Each name with what it cannot be told from, itself first.
-    found : tuple of bool
-        Per hidden error, whether some class has it.
-    spurious : int
-        Classes without any hidden error.
-    withheld_named, withheld_certain : bool or None
-        With the hidden error out of the catalogue; None where that was not tried.
-    """
+    """One campaign and what was said of it."""
 
     number: int
     hidden: tuple[str, ...]
     level: float
     verdict: str
-    classes: tuple[tuple[str, ...], ...]
-    found: tuple[bool, ...]
+    classes: tuple[tuple[str, ...], ...]  # Each name with what it cannot be told from, itself first
+    found: tuple[bool, ...]  # Per hidden error, whether some class has it
     named_first: bool
     certain: bool
-    spurious: int
+    spurious: int  # Classes without any hidden error
     right_channel: bool
+    # With the hidden error out of the catalogue; None where that was not tried
     withheld_named: bool | None
     withheld_certain: bool | None
 

@@ -66,13 +66,7 @@ def measured(values: FloatArray, meter: Meter, run: IntArray, rng: np.random.Gen
 
 
 def make_campaign(device: Device, errors: Sequence[str], level: float, rng: np.random.Generator) -> Campaign:
-    """Measure a device with hidden errors, each of the same level; noise falls where one cannot be as large.
-
-    Raises
-    ------
-    DomainError
-        If none of twenty campaigns can show the errors at this level.
-    """
+    """Measure a device with hidden errors, each of the same level; noise falls where one cannot be as large."""
     for _ in range(_TRIES):
         dials, at = _settings(device, rng)
         meters = _meters(true_readings(device, at, {}), errors, rng)

@@ -38,30 +38,18 @@ class Extreme:
 
 @dataclass(frozen=True)
 class ChannelMisfit:
-    """How far a model is from one channel.
-
-    Parameters
-    ----------
-    mean, rms : float
-        Of recorded minus predicted, in the channel's unit.
-    noise_floor : float or None
-        Standard deviation of one reading; None where it is unknown.
-    noise_source : str
-        ``repeats``, ``declared``, ``samples`` of a time series, or empty.
-    noise_readings : float or None
-        Degrees of freedom of the repeats that the noise comes from.
-    model_misfit : float
-        Root mean square of the model's misfit to the table that it was fitted to, in the channel's unit.
-    """
+    """How far a model is from one channel."""
 
     channel: str
     readings: int
+    # Of recorded minus predicted, in the channel's unit
     mean: float
     rms: float
     largest: Extreme
-    noise_floor: float | None
-    noise_source: str
-    noise_readings: float | None
+    noise_floor: float | None  # Standard deviation of one reading; None where it is unknown
+    noise_source: str  # ``repeats``, ``declared``, ``samples`` of a time series, or empty
+    noise_readings: float | None  # Degrees of freedom of the repeats that the noise comes from
+    # Root mean square of the model's misfit to the table that it was fitted to, in the channel's unit
     model_misfit: float
     lack_of_fit: LackOfFit | None
 

@@ -21,37 +21,21 @@ _POINTS = 101
 
 @dataclass(frozen=True, eq=False)
 class MeasuredCurves:
-    """Readings of one channel on the model's curves.
-
-    Parameters
-    ----------
-    along : str
-        Setting along the horizontal axis, ``distance_m`` or ``current_A``: the one that was set to more levels.
-    over : str
-        The other setting; each of its levels has a curve.
-    levels : array, shape (L,)
-        Settings ``over`` of the curves.
-    axis : array, shape (K,)
-        Settings ``along`` of the curves.
-    before, after : array, shape (L, K)
-        The model's curves, in the channel's unit; no rows for a record over time, whose balances have no curve.
-    x : array, shape (n,)
-        Setting ``along`` of each reading.
-    level : array of int, shape (n,)
-        Curve nearest to each reading.
-    measured, misfit_before, misfit_after : array, shape (n,)
-        Each reading, and recorded minus predicted at its own settings.
-    """
+    """Readings of one channel on the model's curves."""
 
     channel: str
+    # Setting along the horizontal axis, ``distance_m`` or ``current_A``: the one that was set to more levels
     along: str
-    over: str
-    levels: FloatArray
-    axis: FloatArray
+    over: str  # The other setting; each of its levels has a curve
+    levels: FloatArray  # Settings ``over`` of the curves; shape (L,)
+    axis: FloatArray  # Settings ``along`` of the curves; shape (K,)
+    # The model's curves, in the channel's unit; no rows for a record over time, whose balances have no curve; shape
+    # (L, K)
     before: FloatArray
     after: FloatArray
-    x: FloatArray
-    level: IntArray
+    x: FloatArray  # Setting ``along`` of each reading; shape (n,)
+    level: IntArray  # Curve nearest to each reading; shape (n,)
+    # Each reading, and recorded minus predicted at its own settings; shape (n,)
     measured: FloatArray
     misfit_before: FloatArray
     misfit_after: FloatArray

@@ -18,21 +18,14 @@ from femfit.tables.measurement import CHANNEL_WORDS
 
 @dataclass(frozen=True)
 class ChannelFall:
-    """The error of one channel before and after.
-
-    Parameters
-    ----------
-    rms_before, rms_after : float
-        Root mean square of recorded minus predicted, in the channel's unit.
-    noise : float or None
-        Standard deviation of one reading, from repeats or as declared; None where neither says it.
-    """
+    """The error of one channel before and after."""
 
     channel: str
     readings: int
+    # Root mean square of recorded minus predicted, in the channel's unit
     rms_before: float
     rms_after: float
-    noise: float | None
+    noise: float | None  # Standard deviation of one reading, from repeats or as declared; None where neither says it
 
     @property
     def before_over_noise(self) -> float | None:

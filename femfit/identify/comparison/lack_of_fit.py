@@ -28,19 +28,12 @@ _COARSE = (2, 3)
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """The outcome of a lack-of-fit test.
+    """The outcome of a lack-of-fit test."""
 
-    Parameters
-    ----------
-    statistic : float
-        Squared length of the whitened residual in the tested directions, over its degrees of freedom; 1 is expected.
-    p_value : float
-        Probability of at least this statistic where nothing is missing.
-    """
-
+    # Squared length of the whitened residual in the tested directions, over its degrees of freedom; 1 is expected
     statistic: float
     degrees_of_freedom: int
-    p_value: float
+    p_value: float  # Probability of at least this statistic where nothing is missing
 
 
 def tail_probability(square: float, count: int, degrees_of_freedom: float) -> float:
@@ -58,15 +51,9 @@ def tail_probability(square: float, count: int, degrees_of_freedom: float) -> fl
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Patterns that are tested together.
+    """Patterns that are tested together."""
 
-    Parameters
-    ----------
-    basis : array, shape (M, k)
-        Whitened, orthonormal.
-    """
-
-    basis: FloatArray
+    basis: FloatArray  # Whitened, orthonormal; shape (M, k)
     degrees_of_freedom: float
 
     def along(self, residual: FloatArray, fitted: FloatArray) -> tuple[float, int]:

@@ -17,24 +17,15 @@ _WRONG = 1.0
 
 @dataclass(frozen=True)
 class ShapeMisfit:
-    """How far a law is from what it was fitted to.
-
-    Parameters
-    ----------
-    against : str
-        ``co-energy reference`` over the validity domain of the law, or the ``sweep`` of the law's own file.
-    over_noise : float or None
-        The rms over the bench's noise floor of the force.
-    wrong : bool or None
-        Whether that is more than one standard deviation of a reading; None without a noise floor.
-    """
+    """How far a law is from what it was fitted to."""
 
     law: str
+    # ``co-energy reference`` over the validity domain of the law, or the ``sweep`` of the law's own file
     against: str
     force_rms_N: float
     force_max_N: float
-    over_noise: float | None
-    wrong: bool | None
+    over_noise: float | None  # The rms over the bench's noise floor of the force
+    wrong: bool | None  # Whether that is more than one standard deviation of a reading; None without a noise floor
     sentence: str
 
 

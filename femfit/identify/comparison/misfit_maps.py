@@ -22,15 +22,10 @@ _CLOSE = 0.01
 
 @dataclass(frozen=True)
 class MapCell:
-    """One cell of a map.
-
-    Parameters
-    ----------
-    mean, rms : float
-        Of recorded minus predicted, in the channel's unit.
-    """
+    """One cell of a map."""
 
     at: tuple[float, ...]
+    # Of recorded minus predicted, in the channel's unit
     mean: float
     rms: float
     readings: int

@@ -29,24 +29,12 @@ _LEAST_SPREAD_C = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Patterns:
-    """Smooth patterns of all channels.
+    """Smooth patterns of all channels."""
 
-    Parameters
-    ----------
-    columns : array, shape (M, k)
-        Each zero outside of its channel.
-    channel : array of int, shape (k,)
-        Of each column.
-    degree : array of int, shape (k,)
-        How fine each column is: its total degree in all covariates.
-    along : tuple of frozenset of str, length k
-        Covariates that each column changes with.
-    """
-
-    columns: FloatArray
-    channel: IntArray
-    degree: IntArray
-    along: tuple[frozenset[str], ...]
+    columns: FloatArray  # Each zero outside of its channel; shape (M, k)
+    channel: IntArray  # Of each column; shape (k,)
+    degree: IntArray  # How fine each column is: its total degree in all covariates; shape (k,)
+    along: tuple[frozenset[str], ...]  # Covariates that each column changes with
 
 
 Labelled = list[tuple[FloatArray, int, frozenset[str]]]

@@ -20,18 +20,10 @@ _ALIASES = {"elapsed": "order"}
 
 @dataclass(frozen=True)
 class Where:
-    """Where the model fails.
+    """Where the model fails."""
 
-    Parameters
-    ----------
-    channel : str
-        The measured channel with the largest misfit over its noise; empty where nothing fails.
-    covariates : tuple of str
-        Columns along which the misfit changes, the strongest first.
-    """
-
-    channel: str
-    covariates: tuple[str, ...]
+    channel: str  # The measured channel with the largest misfit over its noise; empty where nothing fails
+    covariates: tuple[str, ...]  # Columns along which the misfit changes, the strongest first
     sentence: str
 
 

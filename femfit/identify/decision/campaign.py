@@ -21,18 +21,13 @@ from femfit.identify.signatures.columns import effect_columns, why_untestable
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Readings with everything that a decision about them needs.
-
-    Parameters
-    ----------
-    effects : tuple of Start
-        Every testable effect at every combination of trial values of its nonlinear parameters, in the catalogue's
-        order, with amplitudes of zero.
-    """
+    """Readings with everything that a decision about them needs."""
 
     observations: Observations
     whitening: Whitening
     patterns: PatternSpace
+    # Every testable effect at every combination of trial values of its nonlinear parameters, in the catalogue's
+    # order, with amplitudes of zero
     effects: tuple[Start, ...]
     untestable: Mapping[str, str]
 

@@ -17,29 +17,15 @@ from femfit.identify.refit.start import Start
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One effect, or two, refitted to the readings.
-
-    Parameters
-    ----------
-    cost : float
-        Weighted sum of squares plus a price for every parameter.
-    excess : float
-        Squared length of the whitened residual in the smooth patterns beyond what noise gives.
-    beyond_own_misfit : float
-        P-value of the same test where the model's own misfit to its table is allowed for.
-    further : float
-        Smallest p-value of a further effect beside it, with that allowance, times the number of effects.
-    beside : tuple of Start
-        The other effects as they would go on from here, best first.
-    """
+    """One effect, or two, refitted to the readings."""
 
     fit: Refit
-    cost: float
-    excess: float
+    cost: float  # Weighted sum of squares plus a price for every parameter
+    excess: float  # Squared length of the whitened residual in the smooth patterns beyond what noise gives
     lack_of_fit: LackOfFit
-    beyond_own_misfit: float
-    further: float
-    beside: tuple[Start, ...]
+    beyond_own_misfit: float  # P-value of the same test where the model's own misfit to its table is allowed for
+    further: float  # Smallest p-value of a further effect beside it, with that allowance, times the number of effects
+    beside: tuple[Start, ...]  # The other effects as they would go on from here, best first
 
     def passes(self, level: float = LEVEL_AFTER) -> bool:
         """Whether it leaves neither structure beyond the model's own misfit nor anything for a further effect."""

@@ -25,58 +25,33 @@ Verdict = Literal["nothing_missing", "named", "form_insufficient", "unexplained"
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect that the verdict names.
-
-    Parameters
-    ----------
-    members : tuple of str
-        The class: effects that would give the same readings, itself first.
-    explained_share : float
-        Part of the structured misfit, above the noise, that all that is named explains on readings that it was not
-        fitted to; 1 for all.
-    ci95 : mapping of str to (float, float)
-        95 % intervals.
-    plausible : bool
-        Whether every parameter lies in its plausible range.
-    """
+    """An effect that the verdict names."""
 
     name: str
-    members: tuple[str, ...]
+    members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
     p_value: float
+    # Part of the structured misfit, above the noise, that all that is named explains on readings that it was not
+    # fitted to; 1 for all
     explained_share: float
     parameters: Mapping[str, float]
-    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
     words: tuple[str, ...] = ()
-    plausible: bool = True
+    plausible: bool = True  # Whether every parameter lies in its plausible range
 
 
 @dataclass(frozen=True)
 class ScoredEffect:
-    """An effect of the catalogue as these data see it.
-
-    Parameters
-    ----------
-    p_value : float
-        Of its score test, nuisance removed; 1 where it cannot be tested.
-    chi2_fall : float
-        By how much it lowers the weighted sum of squares: refitted where ``error_left`` is a number, else to first
-        order.
-    degrees_of_freedom : int
-        Number of its amplitudes that these data can see.
-    explained_share : float
-        As in :class:`NamedEffect`; NaN where it was not refitted.
-    error_left : float
-        Weighted rms error that it leaves alone, refitted, over the noise; NaN where it was not refitted.
-    note : str
-        Why it cannot be tested; empty where it can.
-    """
+    """An effect of the catalogue as these data see it."""
 
     name: str
-    p_value: float
+    p_value: float  # Of its score test, nuisance removed; 1 where it cannot be tested
+    # By how much it lowers the weighted sum of squares: refitted where ``error_left`` is a number, else to first
+    # order
     chi2_fall: float
-    degrees_of_freedom: int
-    explained_share: float = float("nan")
-    note: str = ""
+    degrees_of_freedom: int  # Number of its amplitudes that these data can see
+    explained_share: float = float("nan")  # As in :class:`NamedEffect`; NaN where it was not refitted
+    note: str = ""  # Why it cannot be tested; empty where it can
+    # Weighted rms error that it leaves alone, refitted, over the noise; NaN where it was not refitted
     error_left: float = float("nan")
 
 

@@ -13,23 +13,14 @@ from femfit.identify.refit.start import Start
 
 @dataclass(frozen=True, eq=False)
 class ModelTest:
-    """The test of a model: of smooth patterns, and of every effect's columns.
+    """The test of a model: of smooth patterns, and of every effect's columns."""
 
-    Parameters
-    ----------
-    outcome : str
-        ``fits`` within the noise; ``own_misfit`` where it misses the readings no more than the table that it was fitted
-        to; else ``fails``.
-    p_value : float
-        Of both tests together (Bonferroni).
-    excess : float
-        Squared length of the whitened residual beyond what noise gives.
-    """
-
+    # ``fits`` within the noise; ``own_misfit`` where it misses the readings no more than the table that it was fitted
+    # to; else ``fails``
     outcome: Literal["fits", "own_misfit", "fails"]
     lack_of_fit: LackOfFit
-    p_value: float
-    excess: float
+    p_value: float  # Of both tests together (Bonferroni)
+    excess: float  # Squared length of the whitened residual beyond what noise gives
     scores: tuple[ScoredEffect, ...]
     starts: list[Start]
 

@@ -41,23 +41,13 @@ from femfit.identify.refit.start import Start
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What is missing, before it is put into words.
-
-    Parameters
-    ----------
-    test : ModelTest
-        The test of the model before anything is added.
-    classes : tuple of tuple of str
-        Per named effect, what cannot be told from it, itself first.
-    candidates : tuple of Candidate
-        All that were refitted, the cheapest first.
-    """
+    """What is missing, before it is put into words."""
 
     verdict: Verdict
-    test: ModelTest
+    test: ModelTest  # The test of the model before anything is added
     chosen: Candidate | None = None
-    classes: tuple[tuple[str, ...], ...] = ()
-    candidates: tuple[Candidate, ...] = ()
+    classes: tuple[tuple[str, ...], ...] = ()  # Per named effect, what cannot be told from it, itself first
+    candidates: tuple[Candidate, ...] = ()  # All that were refitted, the cheapest first
 
     @property
     def excess(self) -> float:

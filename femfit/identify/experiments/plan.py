@@ -31,29 +31,16 @@ from femfit.tables.measurement_file import read_bench_table
 
 @dataclass(frozen=True)
 class PlanReport:
-    """What a plan can show; printed, it is what ``femfit suggest --plan`` prints.
+    """What a plan can show; printed, it is what ``femfit suggest --plan`` prints."""
 
-    Parameters
-    ----------
-    noise : mapping of str to float
-        Standard deviation of one reading per channel, as assumed or declared.
-    detectable : mapping of str to mapping of str to float
-        Smallest magnitude of each effect's amplitudes that the plan would show nine times in ten.
-    together : tuple of (str, str)
-        Pairs of effects of which the one could be taken for the other even at its largest plausible size.
-    small_together : tuple of (str, str)
-        The same at three times the smallest size that the plan would show.
-    invisible : mapping of str to str
-        Effects that the plan cannot show at their largest plausible size, and why.
-    smallest, direct : mapping of str to str
-        Per effect its smallest visible size in words, and the measurement that would read it directly.
-    """
-
-    noise: dict[str, float]
+    noise: dict[str, float]  # Standard deviation of one reading per channel, as assumed or declared
+    # Smallest magnitude of each effect's amplitudes that the plan would show nine times in ten
     detectable: dict[str, dict[str, float]]
+    # Pairs of effects of which the one could be taken for the other even at its largest plausible size
     together: tuple[tuple[str, str], ...]
-    small_together: tuple[tuple[str, str], ...]
-    invisible: dict[str, str]
+    small_together: tuple[tuple[str, str], ...]  # The same at three times the smallest size that the plan would show
+    invisible: dict[str, str]  # Effects that the plan cannot show at their largest plausible size, and why
+    # Per effect its smallest visible size in words, and the measurement that would read it directly
     smallest: dict[str, str]
     direct: dict[str, str]
 

@@ -27,19 +27,13 @@ from femfit.tables.measurement import CHANNEL_WORDS, CHANNELS, SETTINGS
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """A measurement that could be added.
-
-    Parameters
-    ----------
-    effect : str
-        Whose parameters are read directly; empty for a run.
-    """
+    """A measurement that could be added."""
 
     text: str
     cost: float
     rows: pd.DataFrame | None = None
     channels: tuple[str, ...] = ()
-    effect: str = ""
+    effect: str = ""  # Whose parameters are read directly; empty for a run
     calibration: Calibration | None = None
 
 

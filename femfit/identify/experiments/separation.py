@@ -53,8 +53,6 @@ def separation(
     ----------
     change : array, shape (M,)
         In the readings' units.
-    more_parameters : float
-        How many the explanation has more than its rivals.
     """
     needed = needed_distance(tie + max(more_parameters, 0.0) * parameter_price(change))
     apart = _unexplained(observations.with_values(observations.base + change), whitening, rivals, needed)

@@ -46,22 +46,14 @@ from femfit.tables.measurement_file import read_measurement
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A measurement and what it would separate.
-
-    Parameters
-    ----------
-    separates : tuple of (str, str, float)
-        Pairs of explanations and their distance in standard deviations with it.
-    remains : tuple of (str, str)
-        Pairs that it leaves together.
-    experiment : Experiment or None
-        The settings to be measured, or the direct reading.
-    """
+    """A measurement and what it would separate."""
 
     text: str
     cost: float
+    # Pairs of explanations and their distance in standard deviations with it
     separates: tuple[tuple[str, str, float], ...]
-    remains: tuple[tuple[str, str], ...]
+    remains: tuple[tuple[str, str], ...]  # Pairs that it leaves together
+    # The settings to be measured, or the direct reading
     experiment: Experiment | None = field(default=None, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -71,25 +63,15 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Advice:
-    """What to measure next; printed, it is what ``femfit suggest`` prints.
-
-    Parameters
-    ----------
-    suggestions : tuple of Suggestion
-        The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be.
-    never : tuple of (str, str)
-        Pairs that no measurement that femfit knows would separate.
-    isolating : tuple of (str, str)
-        Per effect the measurement that isolates it, for records, to which no readings can be added on trial.
-    note : str
-        Why nothing is advised; empty where there is nothing to say.
-    """
+    """What to measure next; printed, it is what ``femfit suggest`` prints."""
 
     explanations: tuple[str, ...]
+    # The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be
     suggestions: tuple[Suggestion, ...] = ()
-    never: tuple[tuple[str, str], ...] = ()
+    never: tuple[tuple[str, str], ...] = ()  # Pairs that no measurement that femfit knows would separate
+    # Per effect the measurement that isolates it, for records, to which no readings can be added on trial
     isolating: tuple[tuple[str, str], ...] = ()
-    note: str = ""
+    note: str = ""  # Why nothing is advised; empty where there is nothing to say
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""

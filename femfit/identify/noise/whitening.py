@@ -22,21 +22,12 @@ from femfit.identify.readings.observations import Observations
 
 @dataclass(frozen=True, eq=False)
 class Chains:
-    """Where each reading's predecessor in its run stands.
+    """Where each reading's predecessor in its run stands."""
 
-    Parameters
-    ----------
-    before : array of int, shape (M,)
-        Index of the reading before it in the same channel and run; its own where there is none.
-    first : array of bool, shape (M,)
-        Whether there is none.
-    gap : array, shape (M,)
-        Steps since then, at least 1.
-    """
-
+    # Index of the reading before it in the same channel and run; its own where there is none; shape (M,)
     before: IntArray
-    first: BoolArray
-    gap: FloatArray
+    first: BoolArray  # Whether there is none; shape (M,)
+    gap: FloatArray  # Steps since then, at least 1; shape (M,)
 
 
 def chains_of(observations: Observations) -> Chains:
@@ -55,34 +46,21 @@ def chains_of(observations: Observations) -> Chains:
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Variances of a campaign.
-
-    Parameters
-    ----------
-    sigma : array, shape (channels,)
-        Standard deviation of a reading, in the channel's unit.
-    rho : array, shape (channels,)
-        Correlation of successive readings.
-    run : array, shape (channels,)
-        Standard deviation of a run's offset, in the channel's unit.
-    repeats, degrees_of_freedom : array, shape (channels,)
-        Of ``sigma``, counted in readings and in independent ones; infinite where it was declared.
-    test_mount_m, test_run : float and array
-        The same standard deviations as tests use them: widened for having been estimated from few mounts and runs.
-    mount_assumed : bool
-        Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts.
-    """
+    """Variances of a campaign."""
 
     channels: tuple[str, ...]
-    sigma: FloatArray
-    rho: FloatArray
+    sigma: FloatArray  # Standard deviation of a reading, in the channel's unit; shape (channels,)
+    rho: FloatArray  # Correlation of successive readings; shape (channels,)
     mount_m: float
-    run: FloatArray
+    run: FloatArray  # Standard deviation of a run's offset, in the channel's unit; shape (channels,)
+    # Of ``sigma``, counted in readings and in independent ones; infinite where it was declared; shape (channels,)
     repeats: FloatArray
     degrees_of_freedom: FloatArray
     source: Mapping[str, str]
+    # The same standard deviations as tests use them: widened for having been estimated from few mounts and runs
     test_mount_m: float
     test_run: FloatArray
+    # Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts
     mount_assumed: bool = False
 
     @property

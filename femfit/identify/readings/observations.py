@@ -21,48 +21,31 @@ Predict = Callable[[Iterable[AddedEffect]], FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """Readings of all channels as one vector of length M over a table of N settings.
-
-    Parameters
-    ----------
-    channel, row : array of int, shape (M,)
-        Index into ``channels`` and row of ``covariates`` of each reading.
-    value : array, shape (M,)
-        Readings as recorded, in the channel's unit.
-    covariates : DataFrame
-        N rows: ``run``, ``mount`` (numbered from 0), ``distance_m``, ``current_A``, ``branch``, ``coil_temperature_C``,
-        ``magnet_temperature_C``, ``order`` (within its run), ``elapsed`` (within the campaign).
-    given : tuple of str
-        Columns of the file that hold numbers.
-    predict : callable
-        Further effects -> what the model with them predicts, shape (M,).
-    distance_slope : array, shape (M,)
-        Change of each reading per metre of distance: what a re-mount changes.
-    distance_curvature : array, shape (M,)
-        Change of that per metre: what a re-mount changes where the force grows steeply.
-    tolerance : array, shape (M,)
-        Standard misfit of the model to its own source, below which nothing is said to be missing.
-    setting_columns : array, shape (M, 2)
-        Change of each reading by one standard deviation of its row's distance, and of its current, as declared.
-    noise_source : str
-        What declares the noise: ``declared``, a sidecar; ``samples``, those within each window.
-    """
+    """Readings of all channels as one vector of length M over a table of N settings."""
 
     channels: tuple[str, ...]
+    # Index into ``channels`` and row of ``covariates`` of each reading; shape (M,)
     channel: IntArray
     row: IntArray
-    value: FloatArray
+    value: FloatArray  # Readings as recorded, in the channel's unit; shape (M,)
+    # N rows: ``run``, ``mount`` (numbered from 0), ``distance_m``, ``current_A``, ``branch``, ``coil_temperature_C``,
+    # ``magnet_temperature_C``, ``order`` (within its run), ``elapsed`` (within the campaign)
     covariates: pd.DataFrame
-    given: tuple[str, ...]
-    predict: Predict
-    distance_slope: FloatArray
+    given: tuple[str, ...]  # Columns of the file that hold numbers
+    predict: Predict  # Further effects -> what the model with them predicts, shape (M,)
+    distance_slope: FloatArray  # Change of each reading per metre of distance: what a re-mount changes; shape (M,)
+    # Change of that per metre: what a re-mount changes where the force grows steeply; shape (M,)
     distance_curvature: FloatArray
     nominal: Nominal
     declared_noise: Mapping[str, float]
+    # Standard misfit of the model to its own source, below which nothing is said to be missing; shape (M,)
     tolerance: FloatArray
+    # Change of each reading by one standard deviation of its row's distance, and of its current, as declared; shape
+    # (M, 2)
     setting_columns: FloatArray
     findings: tuple[Finding, ...] = ()
     present: tuple[str, ...] = ()
+    # What declares the noise: ``declared``, a sidecar; ``samples``, those within each window
     noise_source: str = "declared"
 
     @cached_property

@@ -29,32 +29,18 @@ _MOST_EVALUATIONS = 60
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """Effects fitted to the readings.
-
-    Parameters
-    ----------
-    free : tuple of (int, EffectParameter)
-        Fitted parameters: number of the effect, and which.
-    whitened_residual : array, shape (M,)
-        What the fit leaves of the readings, whitened.
-    jacobian : array, shape (M, p)
-        Whitened change of the residual with the free parameters, each over its plausible range.
-    active : array of bool, shape (p,)
-        Whether the parameter stands at a bound.
-    precision : array, shape (p,)
-        Of what is known of the free parameters beforehand, each over its plausible range; zero for nothing.
-    converged : bool
-        Whether no step lowers the sum of squares any more; false where the search was ended.
-    """
+    """Effects fitted to the readings."""
 
     effects: tuple[AddedEffect, ...]
-    free: tuple[tuple[int, EffectParameter], ...]
-    whitened_residual: FloatArray
+    free: tuple[tuple[int, EffectParameter], ...]  # Fitted parameters: number of the effect, and which
+    whitened_residual: FloatArray  # What the fit leaves of the readings, whitened; shape (M,)
+    # Whitened change of the residual with the free parameters, each over its plausible range; shape (M, p)
     jacobian: FloatArray
-    active: BoolArray
+    active: BoolArray  # Whether the parameter stands at a bound; shape (p,)
+    # Of what is known of the free parameters beforehand, each over its plausible range; zero for nothing; shape (p,)
     precision: FloatArray
     start: tuple[Start, ...]
-    converged: bool = True
+    converged: bool = True  # Whether no step lowers the sum of squares any more; false where the search was ended
 
     @cached_property
     def covariance(self) -> FloatArray:

@@ -24,19 +24,13 @@ _LEAST_CHANGE = 1e-6
 
 @dataclass(frozen=True)
 class EffectSize:
-    """What an added effect changes of one channel, where it changes it most within the data.
-
-    Parameters
-    ----------
-    of_largest : float
-        ``change`` over the largest magnitude that the base predicts for this channel.
-    """
+    """What an added effect changes of one channel, where it changes it most within the data."""
 
     effect: str
     channel: str
     change: float
     ci95: tuple[float, float]
-    of_largest: float
+    of_largest: float  # ``change`` over the largest magnitude that the base predicts for this channel
     distance_m: float
     current_A: float
 

@@ -17,24 +17,12 @@ from femfit.identify.signatures.columns import EffectColumns, effect_columns
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """An effect as first-order columns, with amplitudes.
+    """An effect as first-order columns, with amplitudes."""
 
-    Parameters
-    ----------
-    columns : EffectColumns
-        In the readings' units, at given nonlinear parameters.
-    whitened : array, shape (M, k)
-        The same with the noise whitened.
-    amplitude : array, shape (k,)
-        Counted from null.
-    fall : float
-        By how much the amplitudes lower the weighted sum of squares to first order.
-    """
-
-    columns: EffectColumns
-    whitened: FloatArray
-    amplitude: FloatArray
-    fall: float = 0.0
+    columns: EffectColumns  # In the readings' units, at given nonlinear parameters
+    whitened: FloatArray  # The same with the noise whitened; shape (M, k)
+    amplitude: FloatArray  # Counted from null; shape (k,)
+    fall: float = 0.0  # By how much the amplitudes lower the weighted sum of squares to first order
 
     @property
     def name(self) -> str:

@@ -24,21 +24,11 @@ from femfit.identify.refit.start import Start
 
 @dataclass(frozen=True, eq=False)
 class UnseenError:
-    """Error on runs left out, all of them in turn; on quarters of a single run.
+    """Error on runs left out, all of them in turn; on quarters of a single run."""
 
-    Parameters
-    ----------
-    rms : mapping of str to float
-        Root mean square of recorded minus predicted per channel.
-    rms_beside_random : mapping of str to float
-        The same with each run's own re-mount and offset predicted from that run.
-    chi2 : float
-        Weighted sum of squares over all noise, re-mounts and offsets.
-    """
-
-    rms: Mapping[str, float]
-    rms_beside_random: Mapping[str, float]
-    chi2: float
+    rms: Mapping[str, float]  # Root mean square of recorded minus predicted per channel
+    rms_beside_random: Mapping[str, float]  # The same with each run's own re-mount and offset predicted from that run
+    chi2: float  # Weighted sum of squares over all noise, re-mounts and offsets
 
 
 def unseen_error(

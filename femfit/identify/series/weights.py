@@ -50,20 +50,13 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Rows of weights, one a window, over N samples.
+    """Rows of weights, one a window, over N samples."""
 
-    Parameters
-    ----------
-    mean, slope, curvature : sparse array, shape (n, N)
-        Of <x>, <x'> and <x''>.
-    valid : array of bool, shape (n,)
-        Whether the window holds samples enough and no gap; its rows are zero otherwise.
-    """
-
+    # Of <x>, <x'> and <x''>; shape (n, N)
     mean: sparse.csr_array
     slope: sparse.csr_array
     curvature: sparse.csr_array
-    valid: BoolArray
+    valid: BoolArray  # Whether the window holds samples enough and no gap; its rows are zero otherwise; shape (n,)
 
 
 def window_weights(windows: Windows, time: FloatArray, segment: IntArray, known: BoolArray) -> Weights:

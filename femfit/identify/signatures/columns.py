@@ -20,18 +20,12 @@ _NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage,
 
 @dataclass(frozen=True, eq=False)
 class EffectColumns:
-    """First-order change of every reading with an effect's amplitudes, at given shape constants.
-
-    Parameters
-    ----------
-    columns : array, shape (M, k)
-        In the readings' units over the amplitudes'.
-    """
+    """First-order change of every reading with an effect's amplitudes, at given shape constants."""
 
     effect: Effect
     amplitudes: tuple[EffectParameter, ...]
     shape: Mapping[str, float]
-    columns: FloatArray
+    columns: FloatArray  # In the readings' units over the amplitudes'; shape (M, k)
 
     @property
     def bounds(self) -> FloatArray:

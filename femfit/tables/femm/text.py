@@ -27,23 +27,14 @@ _FIELD = re.compile(r'"[^"]*"?|\S+')
 
 @dataclass(frozen=True)
 class FemText:
-    """A file's parts, as text.
-
-    Parameters
-    ----------
-    properties : dict
-        Section to its blocks, each by lower-case keys; the rows after ``bhpoints`` are under ``curve``.
-    rows : dict
-        List to its rows, each a list of fields.
-    problems : list of str
-        What could not be read; appended to by the number readers.
-    """
+    """A file's parts, as text."""
 
     source: str
     header: dict[str, str] = field(default_factory=dict)
+    # Section to its blocks, each by lower-case keys; the rows after ``bhpoints`` are under ``curve``
     properties: dict[str, list[dict[str, str]]] = field(default_factory=dict)
-    rows: dict[str, list[list[str]]] = field(default_factory=dict)
-    problems: list[str] = field(default_factory=list)
+    rows: dict[str, list[list[str]]] = field(default_factory=dict)  # List to its rows, each a list of fields
+    problems: list[str] = field(default_factory=list)  # What could not be read; appended to by the number readers
 
     def number(self, text: str, where: str) -> float:
         """A finite number; a problem and 0 if it is none."""

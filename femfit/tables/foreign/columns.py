@@ -18,19 +18,13 @@ from femfit.tables.units import given_factor
 
 @dataclass(frozen=True)
 class ColumnUse:
-    """One quantity's origin: a column (or where else it came from), its unit there and the factor to SI.
-
-    Parameters
-    ----------
-    assumed : bool
-        True if neither the file nor the user named a unit.
-    """
+    """One quantity's origin: a column (or where else it came from), its unit there and the factor to SI."""
 
     quantity: str
     header: str
     unit: str
     factor: float
-    assumed: bool = False
+    assumed: bool = False  # True if neither the file nor the user named a unit
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of the manifest."""

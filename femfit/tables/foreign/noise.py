@@ -46,32 +46,17 @@ _FLAT = 1.8  # ratio of the last three spreads; most noisy curves of 9 points st
 
 @dataclass(frozen=True)
 class Roughness:
-    """Noise of one curve.
+    """Noise of one curve."""
 
-    Parameters
-    ----------
-    relative : float
-        Robust standard deviation over the envelope of |F|; an upper bound where ``resolved`` is False.
-    resolved : bool
-        False if the spread still changes with the order, so that it is curvature of a coarse grid.
-    sigma_N : ndarray, shape (n,)
-        Estimated standard deviation of the force at each distance.
-    """
-
-    relative: float
-    resolved: bool
-    sigma_N: FloatArray
+    relative: float  # Robust standard deviation over the envelope of |F|; an upper bound where ``resolved`` is False
+    resolved: bool  # False if the spread still changes with the order, so that it is curvature of a coarse grid
+    sigma_N: FloatArray  # Estimated standard deviation of the force at each distance; shape (n,)
 
 
 def check_noise(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     """Warn of noise with its size, and fill ``force_error`` with the estimated noise of each row.
 
     The estimate is a lower bound: an error that changes slowly with the distance leaves no roughness.
-
-    Returns
-    -------
-    findings : list of Finding
-        ``self-force`` (one pattern at every current) or ``noise``; a warning beyond 0.5 %.
     """
     curves: dict[float, Roughness] = {}
     for current in np.unique(points["current"]):

@@ -41,41 +41,29 @@ def quantity_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """Overrides of what the reader finds out by itself.
+    """Overrides of what the reader finds out by itself."""
 
-    Parameters
-    ----------
-    columns, units : mapping of str to str
-        Header to the column of the sweep table that it is; header or column to its unit, or to a factor to SI.
-    column_names : tuple of str
-        Names of the columns of a table without a header line, in order; of a matrix, its first row.
-    form, matrix_rows : str
-        One row a point, or force(distance, current) with axes; and what the first column of such a matrix holds.
-    file_currents_A, file_distances_m : tuple of float
-        Current (distance) of each file, in the order of the files, where no column holds it.
-    distance_step_m, distance_start_m, flip_distance : float or None, bool
-        distance = start + step * column, or start - column for positions that count towards the electromagnet.
-    flip_current : bool
-        Negate current and flux linkage (co-energy and force stay what they are).
-    without, accept : tuple of str
-        Quantities that are left out; codes of error findings that shall not stop the import.
-    """
-
+    # Header to the column of the sweep table that it is; header or column to its unit, or to a factor to SI
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    # Names of the columns of a table without a header line, in order; of a matrix, its first row
     column_names: tuple[str, ...] = ()
+    # One row a point, or force(distance, current) with axes; and what the first column of such a matrix holds
     form: Literal["auto", "long", "matrix"] = "auto"
     matrix_rows: Literal["auto", "distance", "current"] = "auto"
     decimal: str | None = None
     delimiter: str | None = None
     encoding: str | None = None
+    # Current (distance) of each file, in the order of the files, where no column holds it
     file_currents_A: tuple[float, ...] = ()
     file_distances_m: tuple[float, ...] = ()
+    # distance = start + step * column, or start - column for positions that count towards the electromagnet
     distance_step_m: float | None = None
     distance_start_m: float | None = None
     flip_distance: bool = False
-    flip_current: bool = False
+    flip_current: bool = False  # Negate current and flux linkage (co-energy and force stay what they are)
     force_sign: Literal["auto", "keep", "flip"] = "auto"
+    # Quantities that are left out; codes of error findings that shall not stop the import
     without: tuple[str, ...] = ()
     accept: tuple[str, ...] = ()
 

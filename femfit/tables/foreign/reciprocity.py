@@ -64,18 +64,10 @@ def _differential(currents: FloatArray, column: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Loops:
-    """Work of the force against that of the flux linkage over many rectangles.
+    """Work of the force against that of the flux linkage over many rectangles."""
 
-    Parameters
-    ----------
-    factor : float
-        Median of flux side / force side; 1 for a table that is reciprocal.
-    spread : float
-        Robust relative spread of that ratio over the rectangles; large if the two have different shapes.
-    """
-
-    factor: float
-    spread: float
+    factor: float  # Median of flux side / force side; 1 for a table that is reciprocal
+    spread: float  # Robust relative spread of that ratio over the rectangles; large if the two have different shapes
     loops: int
 
     @property
