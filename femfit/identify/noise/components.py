@@ -232,7 +232,7 @@ def _from_differences(columns: FloatArray, y: FloatArray, covariance: FloatArray
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([columns, y]))
     _, length, directions = np.linalg.svd(whitened[:, :-1], full_matrices=False)
     length = length[: columns.shape[1] - 1]  # what all groups share is in the patterns
-    if not len(length) or length[-1] < 1e-6 * length[0]:
+    if not len(length) or length[-1] <= 1e-6 * length[0]:
         return np.inf, np.inf
     shifts = directions[: len(length)] @ (whitened[:, :-1].T @ whitened[:, -1]) / length**2
     read = float(np.mean(length**-2.0))
