@@ -31,7 +31,7 @@ BEYOND_CURVE = "beyond_bh_curve"
 
 @dataclass(frozen=True)
 class DistanceSolution:
-    """The coefficients of one distance: three of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A."""
+    """One distance: three coefficients of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A."""
 
     force: FloatArray
     # That of the force from one polynomial order lower, where that was solved; shape (3,)
