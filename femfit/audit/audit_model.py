@@ -30,7 +30,7 @@ _LARGE_MISFIT = 0.1
 _RMS = {"force": "force_rms_N", "flux linkage": "flux_linkage_rms_Wb", "inductance": "inductance_rms_H"}
 
 _ROUNDING = 1e-9
-"""Of a quantity's rms: what reading a file back may change."""
+"""What reading a file back may change, as a part of a quantity's rms."""
 
 _STATED = 1.1
 """Misfit over the one that the file states from which the file contradicts itself; as in a fit."""
@@ -40,7 +40,8 @@ _SLOW_COIL = 30.0
 turns or inductance are worth a look; chosen, since a coil so slow never sees its current while the body moves."""
 
 _RECIPROCITY = 1e-4
-"""Of the largest dF/di: central differences over a ten-thousandth of the range are better than that; derived."""
+"""Tolerance of k_m, as a part of the largest dF/di; derived: central differences over a ten-thousandth of the range are
+better than that."""
 
 _SINGLE = 1e-4
 """Change of the force, over its largest, that rounding the model's numbers to single precision may make."""

@@ -13,7 +13,7 @@ from femfit.model.actuator_model import ActuatorModel
 COLD_C = REFERENCE_TEMPERATURE
 
 WARM_C = 100.0
-"""Of a warm coil (conventional): 80 K above 20 degC, and just within thermal class 105 of IEC 60085."""
+"""Temperature of a warm coil (conventional): 80 K above 20 degC, and just within thermal class 105 of IEC 60085."""
 
 _DISTANCES = 601
 
@@ -24,7 +24,7 @@ class CarriedRange:
 
     coil_C: float
     voltage_max_V: float
-    # Of the supply, as far as the model goes
+    # What the supply gives, as far as the model goes
     current_min_A: float
     current_max_A: float
     supply_A: float  # The supply's largest current, where the model ends below it; else ``current_max_A``

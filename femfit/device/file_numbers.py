@@ -27,7 +27,7 @@ UNITS = ("A_per_m", "V_per_T", "per_K", "mm", "ms", "ohm", "g", "T", "C", "V", "
 """That numbers of the file may be in; a key ends in ``_`` and its unit, or is a bare number."""
 
 SI_UNITS = {"mm": "m", "ms": "s", "g": "kg"}
-"""Of the units that are not in tables; all are a thousandth."""
+"""SI units of the units that actuator files use; each of these is a thousandth."""
 
 
 def numbers_of(data: Mapping[str, Any]) -> dict[str, Location]:

@@ -19,7 +19,7 @@ from femfit.device.file_numbers import SI_UNITS, Location, unit_of, with_value
 from femfit.device.schema import MAX_AXIS_POINTS, SampledEntry
 
 Value = float | str
-"""Of a parameter: a number, or the name of a material."""
+"""Value of a parameter: a number, or the name of a material."""
 
 Points = tuple[tuple[Value, ...], ...]
 """One tuple a point, one value a parameter."""

@@ -23,7 +23,7 @@ class Layout:
 
     clearance: float  # Smallest distance between the moving part and any other part or sensor over the sweep
     nearest: float  # Smallest distance that the layer has to leave room at
-    # Of the layer's two outlines from the moving part, where the room is smallest
+    # Distances of the layer's two outlines from the moving part, where the room is smallest
     inner_offset: float
     outer_offset: float
     fixed_top: float  # Largest z of all fixed parts and the Hall element

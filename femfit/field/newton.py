@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from femfit.field.nonlinear_system import NonlinearSystem
 
 TOLERANCE = 1e-8
-"""Of the last correction, relative. It is applied, and what is left after it is at most a tenth of it."""
+"""Relative size of the last correction. It is applied, and what is left after it is at most a tenth of it."""
 
 LIMIT = 60
 CONTRACTION = 0.1

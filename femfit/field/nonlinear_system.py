@@ -19,7 +19,7 @@ from femfit.field.newton import Expansion, inner
 from femfit.field.weak_form import AIR, coil_load, materials, stiffness
 
 RESPONSE_TOLERANCE = 1e-3
-"""Of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
+"""Tolerance of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
 
 RESPONSE_LIMIT = 100
 

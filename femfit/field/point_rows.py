@@ -132,7 +132,7 @@ def _least_change(solutions: list[PointSolution], weakest: PointSolution | None)
 
 
 def _disagreement(solution: PointSolution) -> float:
-    """Of reaction and virtual work with the force, in N."""
+    """The disagreement of reaction and virtual work with the force, in N."""
     return max(abs(solution.force - other) for other in (solution.reaction, solution.work))
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Result = Mapping[str, Any]
 SMALL_FORCE = 0.01
-"""Of the largest force at the same distance: a force below it is a passage through zero (conventional)."""
+"""A force below this part of the largest at its distance is a passage through zero (conventional)."""
 
 FIELD_COLUMNS = ("force_N", "flux_linkage_Wb", "inductance_H", "coenergy_J", "hall_T", "force_error_N")
 

@@ -49,7 +49,7 @@ OWN_MESH_LIMIT = 3
 MOST_CHECKED = 4  # currents of a nonlinear actuator
 
 ROUNDING = 1e-10
-"""Of the largest value at a distance: below it, a value is 0."""
+"""A value below this part of the largest at its distance counts as 0."""
 
 
 @dataclass(frozen=True)

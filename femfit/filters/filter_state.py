@@ -48,7 +48,7 @@ class FilterState:
     """Estimates of many runs; never changed, every step returns a new one."""
 
     mean: FloatArray  # Estimated state; NaN from the step at which a run broke down numerically; shape (runs, n)
-    # Of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
+    # Covariance of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
     covariance: FloatArray
     factor: FloatArray
     # Measurement minus its prediction at the last update, and its expected square; NaN before the first; shape

@@ -37,7 +37,7 @@ class FilterProcess:
     # Range of states that the model can still say something about; shape (n,)
     lower: FloatArray | None = None
     upper: FloatArray | None = None
-    start_covariance: FloatArray | None = None  # Of a first estimate's error, where none is given; shape (n, n)
+    start_covariance: FloatArray | None = None  # Covariance of a first estimate's error by default; shape (n, n)
 
     def plausible(self, states: FloatArray) -> BoolArray:
         """Which states of shape (N, n) the model can still say something about; NaN is not."""

@@ -29,10 +29,10 @@ EXCESS_ALLOWED = 1e-6
 _SSE_FLOOR = 1e-22
 _ACTIVE = 1e-8
 _VIOLATION_ALLOWED = 1e-6
-"""Of a row of length one; rows with less slack than that may act."""
+"""Rows of length one with less slack than this may act."""
 
 _DEPENDENT = 1e-10
-"""Of the largest one: a row that acts with less of its own than this repeats others."""
+"""A row that acts with less of its own than this part of the largest repeats others."""
 
 _CONDITION_MAX = 1e12
 
@@ -54,7 +54,7 @@ class QPSolution:
     active: tuple[str, ...]  # For each coefficient ``lower``, ``upper`` or empty: the bound it stands on
     active_inequalities: BoolArray  # Which rows of G x >= h hold with equality; shape (m,)
     residual: FloatArray  # A x - y; shape (n,)
-    condition_scaled: float  # Of A / sigma with columns of length one
+    condition_scaled: float  # Condition of A / sigma with columns of length one
 
 
 @dataclass(frozen=True, eq=False)

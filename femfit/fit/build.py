@@ -31,7 +31,7 @@ from femfit.tables.variant_choice import choose_variant
 COENERGY = "coenergy"
 
 _ROUNDING = 1e-9
-"""Of a quantity's rms: what storing numbers in decimals may change."""
+"""What storing numbers in decimals may change, as a part of a quantity's rms."""
 
 ALL = "all"
 

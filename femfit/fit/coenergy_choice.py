@@ -36,7 +36,7 @@ DISTANCES_PER_FUNCTION = 1.2
 """Beside a bend: with a function of u for each distance, the force between a pot magnet's currents was off by half."""
 
 LEAST_DENSITY = 0.2
-"""Of knots in the current where the flux linkage is straight, as a part of their largest density."""
+"""Density of knots in the current where the flux linkage is straight, as a part of their largest density."""
 
 NEARLY_BEST = 1.1
 """Where none reaches the target (noisy rows), the smallest within this factor of the least held-out error."""

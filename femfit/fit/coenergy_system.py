@@ -77,7 +77,7 @@ SCATTERED_FOLDS = 5
 """With row j + 2 current k modulo 5, no two rows of a fold are neighbours, nor next but one along an axis."""
 
 INDUCTANCE_SIGMA = 3.0
-"""Of the inductance, as a part of the other columns' relative sigma: a difference of flux linkages at neighbouring
+"""Relative sigma of the inductance, over that of the other columns: it is a difference of flux linkages at neighbouring
 currents, which it must not outweigh."""
 
 FREE_SLOPE = 10.0

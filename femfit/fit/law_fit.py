@@ -87,7 +87,7 @@ class Interval:
     # Delete-a-block jackknife over neighbouring distances with all their currents, shape parameters fitted again each
     # time: valid for residuals that are dependent within a block; shape (terms, 2)
     block: FloatArray
-    block_covariance: FloatArray  # Of the same jackknife; shape (terms, terms)
+    block_covariance: FloatArray  # From the same jackknife; shape (terms, terms)
 
 
 @dataclass(frozen=True, eq=False)

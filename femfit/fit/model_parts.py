@@ -14,7 +14,7 @@ from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Motion
 
 Parts = tuple[Circuit | None, Motion | None, HallSensor | None, tuple[str, ...]]
-"""Of a model as far as they are known, and what is missing."""
+"""The parts of a model as far as they are known, and what is missing."""
 
 
 def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> Parts:

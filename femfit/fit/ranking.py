@@ -43,7 +43,7 @@ class Candidate:
 
     fit: LawFit | None  # To all rows; None where the law could not be fitted
     law: ForceLaw
-    misfit: Misfit | None  # Of the law as a model file would hold it, to all rows
+    misfit: Misfit | None  # The law's, as a model file would hold it, to all rows
     # Error on the rows left out, as a part of the weight (or of the rms force)
     held_out_rms: float
     held_out_max: float

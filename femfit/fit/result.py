@@ -15,7 +15,7 @@ from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel, Misfit
 
 _LABELS_SHOWN = 4
-"""Of active constraints; more are counted."""
+"""So many active constraints are listed; more are counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class FitResult:
 
     @property
     def misfit(self) -> Misfit:
-        """Of the model as it is written, to its table."""
+        """The misfit of the model as it is written, to its table."""
         assert self.model.misfit is not None  # noqa: S101  every fit computes it
         return self.model.misfit
 

@@ -55,7 +55,7 @@ OFFSET_SIGMA_V = {"trapezoid": 20e-6, "ffa1": 5e-6, "ffa2": 5e-6}
 for what wanders after it was measured; the filters estimate it."""
 
 FIRST_OFFSET_SIGMA_V = 20e-6
-"""Of the offset voltage at a record's begin, for the filters that estimate it. Chosen: an amplifier's own offset."""
+"""Standard deviation of the offset voltage when a record begins. Chosen: an amplifier's own offset."""
 
 OFFSET_WANDER_V = 1e-6
 """How far the offset voltage walks in a second, V/sqrt(s), for the filters that estimate it. Chosen: a few microvolts
@@ -70,7 +70,7 @@ MODEL_ERROR_TIME_S = 1.0
 it. Chosen: the scale of a ramp."""
 
 SWEPT_SHARE = 0.01
-"""Of its largest field that a swept model is believed to be off by, remanence and eddy currents included. Chosen."""
+"""Error of a swept model over its largest field, remanence and eddy currents included. Chosen."""
 
 SETTLING_S = 1.0
 """After each ramp, before ffa2 takes the mean voltage for the offset. Chosen: eddy currents of a small actuator decay

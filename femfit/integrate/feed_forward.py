@@ -30,10 +30,10 @@ class Window:
 
     samples: int = 0
     voltage_sum: float = 0.0
-    # Of the current's means over :data:`BIN`, A; infinite without a current
+    # Extremes of the current's means over :data:`BIN`, A; infinite without a current
     current_min: float = math.inf
     current_max: float = -math.inf
-    # Of the mean that is not complete yet, A and how many; at the window's end it is left out
+    # Sum (A) and number of the samples of a mean that is not complete yet; at the window's end it is left out
     bin_sum: float = 0.0
     bin_samples: int = 0
 
@@ -55,7 +55,7 @@ class Window:
 
 @dataclass(frozen=True)
 class FeedForwardState:
-    """Of a feed-forward integrator after a sample.
+    """State of a feed-forward integrator after a sample.
 
     Parameters
     ----------

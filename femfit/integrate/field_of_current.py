@@ -40,7 +40,7 @@ class FieldTerms:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coefficients, in the order of the columns."""
+        """Names of the coefficients, in the order of the columns."""
         return (
             *(f"polynomial {n}" for n in range(self.degree + 1)),
             *(f"play {radius:g} A at {place} current" for place in _PLACES for radius in self.play_radii_A),

@@ -50,7 +50,7 @@ class Pending:
 
 @dataclass(frozen=True, eq=False)
 class OffsetState:
-    """Of the filter after a sample."""
+    """State of the filter after a sample."""
 
     last: LastSample
     # Field (T) and offset (V) at the last correction; their columns are the estimate, and the responses to the

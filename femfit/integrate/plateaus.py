@@ -21,7 +21,7 @@ _LEAST = 3
 """Samples of a settled plateau."""
 
 _ROUNDING = 1e-9
-"""Of a clock, s."""
+"""Resolution of a clock, s."""
 
 
 @dataclass(frozen=True)

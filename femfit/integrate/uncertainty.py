@@ -89,7 +89,7 @@ class FieldBlock:
 
     time: FloatArray
     field: FloatArray  # B in T (a flux linkage in Wb where the coil's area is 1)
-    variance: FloatArray  # Of white noise, in T^2
+    variance: FloatArray  # Variance of white noise, in T^2
     offset: FloatArray  # Estimated offset voltage in V
     # Reference minus prediction where a reading was used, NaN elsewhere; T and T^2
     innovation: FloatArray

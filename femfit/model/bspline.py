@@ -29,11 +29,11 @@ class _Plan:
     """What some derivatives need."""
 
     table: FloatArray  # Each row is a polynomial in s, the lowest power first; shape (powers of s, rows, cells)
-    # Of each derivative the rows before the powers of t, the highest power first
+    # For each derivative the rows before the powers of t, the highest power first
     terms: tuple[tuple[tuple[int, float], ...], ...]
 
     def in_lists(self) -> list[list[list[list[float]]]]:
-        """Of each cell and derivative, its rows times their factors, the highest powers first."""
+        """For each cell and derivative, its rows times their factors, the highest powers first."""
         _, _, cells = self.table.shape
         return [
             [[(factor * self.table[::-1, row, cell]).tolist() for row, factor in rows] for rows in self.terms]
@@ -97,7 +97,7 @@ class CellPolynomials:
         x_inner, y_inner, width = x_breaks[1:-1], y_breaks[1:-1], len(y_breaks) - 1
 
         def polynomials(x: float, along: int) -> list[list[float]]:
-            """Of each derivative, the polynomial in t at one x, the highest power first."""
+            """For each derivative, the polynomial in t at one x, the highest power first."""
             across, result = bisect_right(x_inner, x), []
             s = x - x_breaks[across]
             for rows in cells[across * width + along]:

@@ -51,7 +51,7 @@ class EffectDynamics:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of the states z."""
+        """Names of the states z."""
         return tuple(name for _, memory in self.memories for name in memory.names)
 
     @cached_property

@@ -30,7 +30,7 @@ CUT_DEGREES = 90.0
 CUT_PLANES = (0.0, CUT_DEGREES)
 SEGMENTS = 90
 SUBDIVISIONS = 6
-"""Of each triangle of a cut face, four parts each time."""
+"""How often each triangle of a cut face is divided into four."""
 
 
 WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")

@@ -19,7 +19,7 @@ from femfit.report.field_sample import SolvedPoint
 TRIANGLE = 5  # VTK's number of the cell
 
 SUBDIVISIONS = 6
-"""Of each side of an element; one more than the usual order of the field."""
+"""Pieces of each side of an element; one more than the usual order of the field."""
 
 
 @dataclass(frozen=True, eq=False)

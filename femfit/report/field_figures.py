@@ -37,7 +37,7 @@ LIGHT = 0.35
 """Opacity of parts behind a mesh or flux lines."""
 
 _NO_FIELD_T = 1e-6
-"""Of an actuator without a magnet and without current."""
+"""Largest flux density of what counts as an actuator without a magnet and without current."""
 
 
 def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldSample:

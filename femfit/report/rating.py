@@ -17,7 +17,7 @@ from femfit.report.parts import all_regions, is_iron, standing_corners
 from femfit.report.sweep_grid import SweepGrid
 
 HEAT_TRANSFER_W_M2_K = 10.0
-"""Of a small body in still air, convection and radiation together (conventional: about 5 + 5)."""
+"""Heat transfer of a small body in still air, convection and radiation together (conventional: about 5 + 5)."""
 
 KNEE_STEP, KNEE_FIELD = 1.1, 1.5
 """Knee of a B-H curve (conventional): 10 % more flux density take 50 % more field, as IEC 61869-2 defines a knee."""
@@ -70,7 +70,7 @@ class Rating:
     inductance_H: FloatArray
     idle_inductance_H: FloatArray
     motor_constant: FloatArray  # dF/di over the root of the cold resistance at the rated current, N/sqrt(W)
-    # Of the cylinder that encloses the fixed part; None without a drawing, and then no current is rated
+    # Surface of the cylinder that encloses the fixed part; None without a drawing, and then no current is rated
     surface_m2: float | None
     cold_C: float = REFERENCE_TEMPERATURE
     warm_C: float = WARM_C
@@ -113,7 +113,7 @@ def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None
         return np.asarray(model.force(distance, at) + missed(np.column_stack([at, distance])))
 
     ends = (circuit.voltage_max_V, circuit.voltage_min_V)
-    # Of a supply that is the same in both directions, the one that attracts more
+    # Where a supply is the same in both directions, the direction that attracts more
     voltage = max(ends, key=lambda end: (abs(end), float(force(end / warm)[0])))
     other = min(ends) if voltage == max(ends) else max(ends)
     wanted = [("cold", voltage / cold, REFERENCE_TEMPERATURE), ("warm", voltage / warm, WARM_C)]

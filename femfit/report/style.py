@@ -26,7 +26,7 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "
 CATEGORIES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 
 WIDTH = 7.8
-"""Of a picture that fills the page's column, in inches."""
+"""Width of a picture that fills the page's column, in inches."""
 
 SETTINGS: dict[str, Any] = {
     "font.size": 9.0,
@@ -59,7 +59,7 @@ SETTINGS: dict[str, Any] = {
 
 
 DPI = 110
-"""Of what is rasterised inside a figure: fields, and curves of thousands of samples."""
+"""Resolution of what is rasterised inside a figure: fields, and curves of thousands of samples."""
 
 
 @cache

@@ -32,7 +32,7 @@ class Experiment:
     drift_V_per_s: float = 0.0
     stuck_after_s: float = np.inf
     dropout_probability: float = 0.0
-    noise_V: float | None = None  # Of the Hall sensor; None: the design's
+    noise_V: float | None = None  # Noise of the Hall sensor; None: the design's
     # Distance that the observer starts with; None: the true one. The filter is told of so large an error.
     believed_m: float | None = None
     start_error_m: float = 0.0  # How far the body truly starts from the first reference distance

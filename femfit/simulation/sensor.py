@@ -25,7 +25,7 @@ class SensorErrors:
     offset_V: FloatArray | float = 0.0  # Constant offset that the model does not know
     drift_V_per_s: FloatArray | float = 0.0
     stuck_after_s: FloatArray | float = np.inf  # From then on the last reading is repeated; infinite for never
-    dropout_probability: FloatArray | float = 0.0  # Of a sample that reads the lower end of the range
+    dropout_probability: FloatArray | float = 0.0  # Probability that a sample reads the lower end of the range
     # The runs are this many equal blocks in a row that share their random numbers, so that what differs between the
     # blocks is not hidden by the noise (common random numbers)
     blocks: int = 1

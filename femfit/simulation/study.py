@@ -125,7 +125,7 @@ class ClosedLoopStudy:
 
     design: LoopDesign
     seed: int
-    seconds: float  # Of one run over the reference steps
+    seconds: float  # Duration of one run over the reference steps
     steps: tuple[StepRow, ...]
     holds: tuple[HoldRow, ...]
     faults: tuple[FaultRow, ...]

@@ -48,7 +48,7 @@ class FieldTable:
 
     distances: tuple[float, float]  # Range in m
     current: float  # Largest magnitude in A; the polynomials of a linear drawing hold beyond
-    # Of force, flux linkage and Hall field: Chebyshev polynomials in log distance times, for a linear drawing, powers
+    # For force, flux linkage and Hall field: Chebyshev polynomials in log distance times, for a linear drawing, powers
     # of the current, else Chebyshev polynomials in the current; shape (3, N_d, N_i)
     coefficients: FloatArray
     linear: bool

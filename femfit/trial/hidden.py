@@ -26,7 +26,7 @@ COPPER_PER_K = 3.93e-3
 """Temperature coefficient of copper's resistance at 20 degC, IEC 60028."""
 
 MAGNET_PER_K, MAGNET_PER_K2 = -1.15e-3, -2e-6
-"""Of the remanence of sintered NdFeB from 20 to 100 degC, of the order of data sheets: the curve bends downwards."""
+"""Sintered NdFeB's remanence from 20 to 100 degC, of the order of data sheets: the curve bends downwards."""
 
 BEND = 0.1
 """A load cell's or a shunt's gain error is larger by this part at full scale than at zero: no meter is quite linear."""
@@ -36,7 +36,7 @@ _MAGNET, _HALL, _IRON = "magnet", "Hall element", "iron without a curve"
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Of n readings, in the order of measuring: m, A, s since the start of the run, degC."""
+    """Settings of n readings, in the order of measuring: m, A, s since the start of the run, degC."""
 
     distance: FloatArray
     current: FloatArray

@@ -42,7 +42,7 @@ class ChannelMisfit:
 
     channel: str
     readings: int
-    # Of recorded minus predicted, in the channel's unit
+    # Recorded minus predicted, in the channel's unit
     mean: float
     rms: float
     largest: Extreme

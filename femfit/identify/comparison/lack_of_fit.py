@@ -93,7 +93,7 @@ class PatternSpace:
 
     @property
     def degrees_of_freedom(self) -> float:
-        """Of the noise level of all channels."""
+        """Degrees of freedom of the noise level of all channels together."""
         return self.groups[-1].degrees_of_freedom
 
     def excess(self, residual: FloatArray, fitted: FloatArray | None = None) -> float:

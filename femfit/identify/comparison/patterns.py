@@ -32,7 +32,7 @@ class Patterns:
     """Smooth patterns of all channels."""
 
     columns: FloatArray  # Each zero outside of its channel; shape (M, k)
-    channel: IntArray  # Of each column; shape (k,)
+    channel: IntArray  # Channel of each column; shape (k,)
     degree: IntArray  # How fine each column is: its total degree in all covariates; shape (k,)
     along: tuple[frozenset[str], ...]  # Covariates that each column changes with
 

@@ -44,7 +44,7 @@ class ScoredEffect:
     """An effect of the catalogue as these data see it."""
 
     name: str
-    p_value: float  # Of its score test, nuisance removed; 1 where it cannot be tested
+    p_value: float  # From its score test, nuisance removed; 1 where it cannot be tested
     # By how much it lowers the weighted sum of squares: refitted where ``error_left`` is a number, else to first
     # order
     chi2_fall: float

@@ -19,7 +19,7 @@ class ModelTest:
     # to; else ``fails``
     outcome: Literal["fits", "own_misfit", "fails"]
     lack_of_fit: LackOfFit
-    p_value: float  # Of both tests together (Bonferroni)
+    p_value: float  # For both tests together (Bonferroni)
     excess: float  # Squared length of the whitened residual beyond what noise gives
     scores: tuple[ScoredEffect, ...]
     starts: list[Start]

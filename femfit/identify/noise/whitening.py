@@ -53,7 +53,7 @@ class NoiseModel:
     rho: FloatArray  # Correlation of successive readings; shape (channels,)
     mount_m: float
     run: FloatArray  # Standard deviation of a run's offset, in the channel's unit; shape (channels,)
-    # Of ``sigma``, counted in readings and in independent ones; infinite where it was declared; shape (channels,)
+    # Degrees of freedom of ``sigma``, counted in readings and in independent ones; infinite where declared; (channels,)
     repeats: FloatArray
     degrees_of_freedom: FloatArray
     source: Mapping[str, str]
@@ -85,7 +85,7 @@ class Whitening:
 
     @cached_property
     def _settings(self) -> list[tuple[sparse.csr_array, FloatArray]]:
-        """Of each uncertain setting the unit vectors of its rows, shape (N, M), and how far they shrink.
+        """The unit vectors of each uncertain setting's rows, shape (N, M), and how far they shrink.
 
         The readings of a row share its errors g, so that their covariance is I + g g' with the inverse root
         I - (1 - (1 + g'g)^-1/2) g g' / g'g; the second error is first mapped by that of the first.

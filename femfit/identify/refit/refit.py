@@ -37,14 +37,14 @@ class Refit:
     # Whitened change of the residual with the free parameters, each over its plausible range; shape (M, p)
     jacobian: FloatArray
     active: BoolArray  # Whether the parameter stands at a bound; shape (p,)
-    # Of what is known of the free parameters beforehand, each over its plausible range; zero for nothing; shape (p,)
+    # What is known of the free parameters beforehand, each over its plausible range; zero for nothing; shape (p,)
     precision: FloatArray
     start: tuple[Start, ...]
     converged: bool = True  # Whether no step lowers the sum of squares any more; false where the search was ended
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Of the free parameters, each over its plausible range; zero for those at a bound; shape (p, p)."""
+        """Covariance of the free parameters, each over its plausible range; zero for those at a bound; shape (p, p)."""
         moving = np.flatnonzero(~self.active)
         result = np.zeros((len(self.active), len(self.active)))
         columns = self.jacobian[:, moving]

@@ -19,7 +19,7 @@ _STEP = 1e-3
 """Step of a difference over a parameter's plausible range."""
 
 _LEAST_CHANGE = 1e-6
-"""Of the channel's largest value: less is rounding."""
+"""A change below this part of the channel's largest value is rounding."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def _change(observations: Observations, effects: tuple[AddedEffect, ...], k: int
 
 
 def _standard_error(observations: Observations, fit: Refit, k: int, at: int) -> float:
-    """Of the change that effect k makes at one reading, to first order."""
+    """The variance of the change that effect k makes at one reading, to first order."""
     own = [j for j, (number, _) in enumerate(fit.free) if number == k and not fit.active[j]]
     here = observations.select(np.arange(len(observations.value)) == at)
     slopes = []

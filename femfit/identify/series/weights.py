@@ -52,7 +52,7 @@ class Windows:
 class Weights:
     """Rows of weights, one a window, over N samples."""
 
-    # Of <x>, <x'> and <x''>; shape (n, N)
+    # Weights of <x>, <x'> and <x''>; shape (n, N)
     mean: sparse.csr_array
     slope: sparse.csr_array
     curvature: sparse.csr_array
