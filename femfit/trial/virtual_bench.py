@@ -81,7 +81,7 @@ def make_campaign(device: Device, errors: Sequence[str], level: float, rng: np.r
 
 
 def _meters(clean: Mapping[str, FloatArray], errors: Sequence[str], rng: np.random.Generator) -> dict[str, Meter]:
-    """A campaign of all or some channels, with those that the errors need; noise of 0.1 to 0.6 % of a channel's span."""
+    """A campaign of all or some channels, with those the errors need; noise of 0.1 to 0.6 % of a channel's span."""
     complete = rng.random() < _COMPLETE
     channels = {name for name in clean if rng.random() < _RECORDED[name] or complete}
     for error in errors:

@@ -44,7 +44,7 @@ class Campaign:
 
     @property
     def expected_variance(self) -> float:
-        """Variance of a whitened residual along a smooth pattern: noise, and the model's own misfit spread over them all.
+        """Variance of a whitened residual along a smooth pattern: noise, the model's own misfit spread over all.
 
         References
         ----------
