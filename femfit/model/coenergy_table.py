@@ -30,7 +30,7 @@ _GRID = (48, 24)
 """Cells in distance and in current."""
 
 _TOLERANCE = {(1, 0): 1e-6, (0, 1): 1e-6, (2, 0): 1e-5, (1, 1): 1e-5, (0, 2): 1e-5}
-"""Tolerance of derivatives (in d, in i) that the equations of motion and current use over their largest magnitude at the
+"""Tolerance of derivatives (in d, in i) that motion and current use, over their largest magnitude at the
 distance: a thousandth, and for the second ones a hundredth, of what a field solution is good for."""
 
 _HALL_TOLERANCE = {(0, 0): 1e-6, (1, 0): 1e-5, (0, 1): 1e-5}
