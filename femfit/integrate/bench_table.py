@@ -23,7 +23,7 @@ from femfit.model.json_file import read_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_block import CoilBlock
-from femfit.tables.measurement_columns import BENCH_COLUMNS, column_values, recognise
+from femfit.tables.columns import BENCH_COLUMNS, column_values, recognise
 from femfit.tables.measurement_file import read_raw_table
 
 NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]

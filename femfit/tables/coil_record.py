@@ -23,7 +23,7 @@ from femfit.core.errors import OutputError, TableError
 from femfit.core.finding import listing
 from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
-from femfit.tables.measurement_columns import UsedColumn, recognise
+from femfit.tables.columns import UsedColumn, recognise
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
 from femfit.tables.raw_table import check_width, decode, typed_numbers
 from femfit.tables.settings_file import finite_number, read_settings

@@ -10,6 +10,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import listing
 from femfit.core.quoted import quoted
 from femfit.tables.column_names import COLUMN_NAMES, FOREIGN_WORDS, NEEDS_UNIT, STEP_NAMES
+from femfit.tables.number_text import looks_numeric
 from femfit.tables.units import column_unit, is_unit, unit_factor
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
@@ -52,7 +53,7 @@ def parse_header(text: str) -> Header:
             unit, name, known = inner, stripped[: match.start()] + " " + stripped[match.end() :], True
             break
         unknown = " " not in inner and (len(inner) <= 6 or match.group().startswith("["))
-        if inner and unit is None and unknown and inner != "-":
+        if inner and unit is None and unknown and inner != "-" and not looks_numeric(inner):
             unit, name, known = inner, stripped[: match.start()] + " " + stripped[match.end() :], False
     if unit is None:
         trailing = _TRAILING.search(stripped)
@@ -79,37 +80,29 @@ def find_header(key: str, headers: Sequence[str], source: str, option: str) -> s
     return found[0]
 
 
-def names_column(header: Header, column: str) -> bool:
-    """Tell whether a header is a column's name, or another name for it, of a measurement.
-
-    A name of one letter, and one that means several things, counts only beside a unit of the right kind.
-    """
-    stem, si_unit = column_unit(column)
-    if header.name != stem.replace("_", "") and header.name not in COLUMN_NAMES.get(column, ()):
-        return False
-    if len(header.name) > 1 and header.name not in NEEDS_UNIT:
-        return True
-    return header.unit is not None and bool(si_unit) and unit_factor(header.unit, si_unit) is not None
-
-
-def match_score(header: Header, column: str) -> int:
-    """Tell how surely a header of a foreign table names a column.
+def match_score(header: Header, column: str, *, guess: bool = True) -> int:
+    """Tell how surely a header names a column.
 
     Returns
     -------
     int
         0: not; 2: a name stands inside a word; 4: it stands as words; 6: it is the name; one more if the unit fits. A
-        unit of another kind makes it 0.
+        unit of another kind makes it 0. Without guessing 2: it is the name; 1: it may be, and the unit fits. A name of
+        one letter, and one that means several things, then counts only beside a unit of the right kind.
     """
-    _, si_unit = column_unit(column)
-    fits = header.unit is not None and unit_factor(header.unit, si_unit) is not None
-    if header.unit is not None and header.unit_known and not fits:
+    stem, si_unit = column_unit(column)
+    fits = header.unit is not None and bool(si_unit) and unit_factor(header.unit, si_unit) is not None
+    if header.unit is not None and not fits and (header.unit_known or not guess):
         return 0
-    names: Collection[str] = COLUMN_NAMES[column]
+    names: Collection[str] = COLUMN_NAMES.get(column, ())
+    vague = header.name in NEEDS_UNIT
+    if not guess:
+        named = header.name == stem.replace("_", "") or header.name in names
+        return (2 - vague) * (named and (fits or not (vague or len(header.name) == 1)))
     if column == "distance_m":
         names = (*names, *STEP_NAMES)
     score = _name_score(header.words, [name for name in names if name not in NEEDS_UNIT])
-    score = score or int(fits and header.name in NEEDS_UNIT and header.name in names)
+    score = score or int(fits and vague and header.name in names)
     return 2 * score + fits if score else 0
 
 

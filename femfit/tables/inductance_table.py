@@ -9,7 +9,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
-from femfit.tables.measurement_columns import column_values, match_column, recognise
+from femfit.tables.columns import column_values, match_column, recognise
 from femfit.tables.measurement_file import read_raw_table
 
 COLUMNS = ("distance_m", "current_A", "inductance_H")

@@ -8,6 +8,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
+from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, recognise
 from femfit.tables.measurement import (
     CHANNELS,
     SERIES_CHANNELS,
@@ -18,7 +19,6 @@ from femfit.tables.measurement import (
     TimeSeries,
 )
 from femfit.tables.measurement_checks import branch_from_order, checked, in_measuring_order, without_copies
-from femfit.tables.measurement_columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, recognise
 from femfit.tables.measurement_sidecar import read_sidecar
 from femfit.tables.number_text import clock_seconds
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet

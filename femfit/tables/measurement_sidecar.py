@@ -8,8 +8,8 @@ from pathlib import Path
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
+from femfit.tables.columns import UsedColumn, match_column
 from femfit.tables.header import same_header
-from femfit.tables.measurement_columns import UsedColumn, match_column
 from femfit.tables.settings_file import finite_number, read_settings
 
 

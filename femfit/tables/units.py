@@ -87,7 +87,7 @@ def unit_factor(unit: str, si_unit: str) -> float | None:
     return folded.pop() if len(folded) == 1 else None
 
 
-def given_factor(unit: str, si_unit: str, header: str, source: str) -> float:
+def given_factor(unit: str, si_unit: str, header: str, source: str, column: str) -> float:
     """Return the factor to SI of a unit that a user gives by its name, or as the number that multiplies a column."""
     factor = unit_factor(unit, si_unit) if si_unit else None
     if factor is None:
@@ -99,7 +99,7 @@ def given_factor(unit: str, si_unit: str, header: str, source: str) -> float:
         known = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
         raise TableError(
             f"{source}: {quoted(unit)!r} is not a unit of column {quoted(header)!r}. Give {known}a number that "
-            f"multiplies it{' to ' + si_unit if si_unit else ''}."
+            f"multiplies it{' to ' + si_unit if si_unit else ''}, with --unit {column}=UNIT."
         )
     return factor
 

@@ -77,7 +77,7 @@ def test_csv_and_parquet_give_the_same_table(tmp_path):
         ("current_A,Tiefe [mm],force_N\n1,20,2\n", r"Tiefe \[mm\]"),
         ("current_A,distance_m\n1,0.02\n", "one of force_N"),
         ("current_A,distance_m,force_N\n1,0.02,\n", "one of force_N"),
-        ("current_A,distance_m,distance_mm,force_N\n1,0.02,20,3\n", "Remove one"),
+        ("current_A,distance_m,distance_mm,force_N\n1,0.02,20,3\n", "Remove all but one"),
         ("current_A,distance_m,force_N\n1,0.02,3,4,5\n", "as many column names as columns"),
     ],
 )
@@ -109,7 +109,7 @@ def test_columns_are_known_by_what_benches_call_them(tmp_path, names):
 def test_one_letter_is_a_name_only_beside_a_unit_of_its_kind(tmp_path):
     table = read_bench_table(written(tmp_path, "i,d,current_A,distance_m,force_N\n7,8,1,0.02,0.03\n"))
     assert (table.rows["current_A"][0], table.rows["distance_m"][0]) == (1.0, 0.02)
-    assert any("'d' is none that such a file has" in str(said) for said in table.findings)
+    assert any("i, d" in str(said) for said in table.findings)
 
 
 def test_what_a_measuring_program_writes_above_the_table_is_passed_over(tmp_path):

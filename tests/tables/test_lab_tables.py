@@ -108,6 +108,18 @@ def test_symbols_that_are_units_too_are_names_beside_other_names(tmp_path):
     )
 
 
+def test_a_name_of_one_letter_counts_with_the_unit_that_the_user_gives(tmp_path):
+    path = written(tmp_path / "a.csv", "i;d;F [N]", ["500;2;3", "1000;2;3"])
+    rows = read_measurement(path, units={"i": "mA", "d": "mm"}).rows
+    assert rows[["current_A", "distance_m"]].iloc[0].tolist() == [0.5, 0.002]
+
+
+def test_the_number_of_a_channel_in_brackets_is_no_factor(tmp_path):
+    path = written(tmp_path / "a.csv", "Strom [A];Luftspalt [mm];Kraft [2]", ["0.5;2;3", "1;2;4", "0.5;4;1", "1;4;2"])
+    assert sorted(import_table(path).rows["force_N"]) == [1, 2, 3, 4]
+    assert sorted(read_measurement(path, columns={"Kraft [2]": "force_N"}).rows["force_N"]) == [1, 2, 3, 4]
+
+
 def test_an_unknown_unit_is_named_and_not_taken_for_newtons(tmp_path):
     path = written(tmp_path / "a.csv", "Strom;Luftspalt;Kraft\nA;mm;furlong")
     for read in (read_measurement, import_table):

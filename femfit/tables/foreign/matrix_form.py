@@ -10,7 +10,8 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
 from femfit.tables.column_names import COLUMN_NAMES
-from femfit.tables.foreign.columns import ColumnUse, unit_use
+from femfit.tables.columns import UsedColumn, used_column
+from femfit.tables.foreign.long_form import in_steps
 from femfit.tables.foreign.options import QUANTITIES, ImportOptions, si_unit
 from femfit.tables.header import parse_header
 from femfit.tables.number_text import looks_numeric, parse_number
@@ -71,7 +72,7 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
     return bool(values[0, 0] == 0 and not _goes_on(values[:, 0]) and _is_axis(values[0, 1:]))
 
 
-def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[Finding]]:
+def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
     """Read one row a point from a matrix.
 
     Returns
@@ -100,11 +101,15 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
             units[axis] = word
         elif unit_factor(word, si_unit("force")) is not None:
             force_unit = word
+    units["force"] = force_unit
+    places = {rows: "first column", columns: "first row", "force": "matrix"}
     uses = {
-        rows: unit_use(rows, "first column", units[rows], raw.source, options),
-        columns: unit_use(columns, "first row", units[columns], raw.source, options),
-        "force": unit_use("force", "matrix", force_unit, raw.source, options),
+        quantity: used_column(
+            place, QUANTITIES[quantity], units[quantity], raw.source, options.units_said.get(QUANTITIES[quantity])
+        )
+        for quantity, place in places.items()
     }
+    uses["distance"] = in_steps(uses["distance"], raw.source, options)
     grid_down, grid_across = np.meshgrid(down, across, indexing="ij")
     points = pd.DataFrame(
         {

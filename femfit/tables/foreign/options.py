@@ -4,9 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from femfit.core.errors import TableError
-from femfit.core.quoted import quoted
-from femfit.tables.header import same_header
 from femfit.tables.units import column_unit
 
 QUANTITIES: dict[str, str] = {
@@ -29,14 +26,9 @@ def si_unit(quantity: str) -> str:
     return column_unit(QUANTITIES[quantity])[1]
 
 
-def quantity_of(name: str) -> str:
-    """Return the quantity that ``force`` or ``force_N`` means."""
-    for quantity, column in QUANTITIES.items():
-        if name.strip().replace("-", "_") in {quantity, column}:
-            return quantity
-    raise TableError(
-        f"{quoted(name)!r} is not a column of a sweep table; give one of {', '.join(QUANTITIES.values())}."
-    )
+def _by_column(name: str) -> str:
+    """The column that ``flux-linkage`` means; anything else as it is."""
+    return QUANTITIES.get(name.strip().replace("-", "_"), name)
 
 
 @dataclass(frozen=True)
@@ -67,7 +59,12 @@ class ImportOptions:
     without: tuple[str, ...] = ()
     accept: tuple[str, ...] = ()
 
-    def unit_of(self, quantity: str, header: str) -> str | None:
-        """Return the unit that the user gives to a quantity, or to the column that holds it."""
-        names = {quantity, QUANTITIES[quantity], quantity.replace("_", "-")}
-        return next((unit for key, unit in self.units.items() if key in names or same_header(key, header)), None)
+    @property
+    def columns_said(self) -> dict[str, str]:
+        """``columns`` with the names of the sweep table."""
+        return {header: _by_column(name) for header, name in self.columns.items()}
+
+    @property
+    def units_said(self) -> dict[str, str]:
+        """``units`` with the names of the sweep table, or headers."""
+        return {_by_column(key): unit for key, unit in self.units.items()}

@@ -18,8 +18,9 @@ from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
 from femfit.tables.column_names import COLUMN_NAMES, STEP_NAMES
-from femfit.tables.foreign.columns import ColumnUse, long_points
+from femfit.tables.columns import UsedColumn
 from femfit.tables.foreign.grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
+from femfit.tables.foreign.long_form import long_points
 from femfit.tables.foreign.matrix_form import is_matrix, matrix_points
 from femfit.tables.foreign.noise import check_noise, compare_forces
 from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions, si_unit
@@ -44,7 +45,7 @@ class ImportedTable(SweepTable):
     ----------
     findings : tuple of Finding
         In the order in which they were made; no error that was not accepted.
-    mapping : tuple of ColumnUse
+    mapping : tuple of UsedColumn
         Column and unit of each quantity (of the first file that had it).
     dialects : mapping of str to str
         File name to encoding, delimiter and decimal mark.
@@ -53,12 +54,12 @@ class ImportedTable(SweepTable):
     --------
     >>> import femfit as ff
     >>> table = ff.import_table("forces.csv", units={"distance": "mm"})
-    >>> table.mapping[0].quantity, table.mapping[0].unit
-    ('current', 'A')
+    >>> table.mapping[0].name, table.mapping[0].unit
+    ('current_A', 'A')
     """
 
     findings: tuple[Finding, ...] = ()
-    mapping: tuple[ColumnUse, ...] = ()
+    mapping: tuple[UsedColumn, ...] = ()
     dialects: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -68,7 +69,7 @@ class ImportedTable(SweepTable):
             lines.append(f"... and {len(self.dialects) - 3} more files")
         for use in self.mapping:
             unit = f"{quoted(use.unit)}{' (assumed)' if use.assumed else ''}"
-            lines.append(f"  {QUANTITIES[use.quantity]} from {quoted(use.header)}, in {unit}, times {use.factor:g}")
+            lines.append(f"  {use.name} from {quoted(use.header)}, in {unit}, times {use.factor:g}")
         marks = {"info": "", "warning": "warning: ", "error": "error: "}
         return "\n".join([*lines, *(f"- {marks[finding.severity]}{finding}" for finding in self.findings)])
 
@@ -146,10 +147,10 @@ def _files(paths: Sequence[Path]) -> list[Path]:
 
 def _gather(
     contents: Mapping[Path, bytes], options: ImportOptions
-) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[Finding], dict[str, str]]:
+) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding], dict[str, str]]:
     """All files' rows under each other."""
     frames: list[pd.DataFrame] = []
-    mapping: dict[str, ColumnUse] = {}
+    mapping: dict[str, UsedColumn] = {}
     findings: list[Finding] = []
     dialects: dict[str, str] = {}
     for index, (file, content) in enumerate(contents.items()):
@@ -172,7 +173,7 @@ def _parse(content: bytes, name: str, options: ImportOptions) -> RawTable:
 
 def _points(
     raw: RawTable, constants: dict[str, float], options: ImportOptions
-) -> tuple[pd.DataFrame, dict[str, ColumnUse], list[Finding]]:
+) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
     if is_matrix(raw, options):
         return matrix_points(raw, options)
     return long_points(raw, constants, options)
@@ -282,7 +283,7 @@ def _rows(good: pd.DataFrame, bad: pd.DataFrame) -> pd.DataFrame:
 def _manifest(
     files: list[Path],
     contents: Mapping[Path, bytes],
-    mapping: Mapping[str, ColumnUse],
+    mapping: Mapping[str, UsedColumn],
     dialects: Mapping[str, str],
     findings: Sequence[Finding],
     rows: pd.DataFrame,
@@ -294,7 +295,17 @@ def _manifest(
             {"file": file.name, "sha256": hashlib.sha256(contents[file]).hexdigest(), "read_as": dialects[file.name]}
             for file in files
         ],
-        "mapping": [use.as_dict() for use in mapping.values()],
+        "mapping": [
+            {
+                "quantity": quantity,
+                "column": use.name,
+                "header": use.header,
+                "unit": use.unit,
+                "factor_to_SI": use.factor,
+                "unit_assumed": use.assumed,
+            }
+            for quantity, use in mapping.items()
+        ],
         "findings": [finding.as_dict() for finding in findings],
         "rows": len(rows),
         "versions": {"femfit": __version__, "numpy": np.__version__, "pandas": pd.__version__},

@@ -1,0 +1,236 @@
+"""From the headers of any table to columns in SI units.
+
+A header is the column's name (``distance_m``), or its stem or another name for it with any unit of its kind
+(``distance_mm``, ``Distance [mm]``, ``Luftspalt in mm``), or what the caller says it is.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding, listing
+from femfit.core.quoted import quoted
+from femfit.tables.header import find_header, match_score, parse_header, same_header
+from femfit.tables.measurement import CHANNELS, SETTINGS
+from femfit.tables.number_text import EMPTY, clock_seconds
+from femfit.tables.raw_table import RawTable
+from femfit.tables.units import column_unit, given_factor, unit_factor
+
+BENCH_COLUMNS = (*SETTINGS, *CHANNELS)
+"""Of a bench table."""
+
+_BRANCH_WORDS = {
+    **dict.fromkeys(("rising", "rise", "up", "+", "increasing", "ascending", "steigend", "auf", "hin"), 1.0),
+    **dict.fromkeys(("falling", "fall", "down", "-", "decreasing", "descending", "fallend", "ab", "zurück"), -1.0),
+}
+_LABELS = ("run", "mount")
+_MOMENTS = ("time_s", "order")
+
+
+@dataclass(frozen=True)
+class UsedColumn:
+    """How a column of a file (or what stands for one) becomes one of ours: its number times ``factor`` is SI."""
+
+    header: str
+    name: str
+    factor: float
+    unit: str
+    assumed: bool = False  # True if neither the file nor the user named a unit
+
+
+def match_columns(
+    headers: Sequence[str],
+    source: str,
+    names: Sequence[str],
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    *,
+    guess: bool = False,
+    optional: Collection[str] = (),
+) -> tuple[dict[int, UsedColumn], dict[str, list[int]], list[Finding]]:
+    """Find columns among headers.
+
+    Parameters
+    ----------
+    columns : mapping of str to str, optional
+        Header to the column that it is, where its name does not say it.
+    units : mapping of str to str, optional
+        Header (or column) to its unit, or to a number that multiplies it to SI.
+    guess : bool
+        Whether a name may also stand inside a header: ``Fz, total``.
+    optional : collection of str
+        Columns that are left out, and not refused, where several headers may be them.
+
+    Returns
+    -------
+    used : dict of int to UsedColumn
+        By place in the file, in the file's order.
+    rivals : dict of str to list of int
+        Column to the places that it might have as well.
+    findings : list of Finding
+        What was left to the user, and what is not used.
+    """
+    given = {find_header(header, headers, source, "--column"): name for header, name in (columns or {}).items()}
+    for header, wanted in given.items():
+        if wanted not in names:
+            raise TableError(
+                f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
+            )
+    said = _units_by_header(headers, units or {})
+    for_name = {} if guess else units or {}
+    chosen = {name: headers.index(header) for header, name in given.items()}
+    findings: list[Finding] = []
+    rivals: dict[str, list[int]] = {}
+    undecided: set[int] = set()
+    scores = {
+        name: [_score(header, name, said.get(header) or for_name.get(name), guess) for header in headers]
+        for name in names
+    }
+    best = [max(of_header) for of_header in zip(*scores.values(), strict=True)]
+    for name in names:
+        # A column belongs to the quantity that it names best: "flux density" is no flux linkage.
+        free = {k: score for k, score in enumerate(scores[name]) if 0 < score == best[k] and k not in chosen.values()}
+        top = [k for k, score in free.items() if score == max(free.values())]
+        if name not in chosen and top:
+            if len(top) > 1 and name not in optional and free[top[0]] > 1:
+                raise TableError(
+                    f"{source} must have one column for {name}; instead received {listing(headers[k] for k in top)}. "
+                    f"Remove all but one, or say which with --column HEADER={name}."
+                )
+            if len(top) == 1 or name not in optional:
+                chosen[name] = top[0]
+        rivals[name] = [k for k in free if k != chosen.get(name)]
+        if rivals[name] and name not in given.values():
+            taken = f"{quoted(headers[chosen[name]])} was taken" if name in chosen else "none was taken"
+            text = f"{listing(headers[k] for k in rivals[name])} might be {name}; {taken}."
+            findings.append(Finding("choice", "info", text, f"Choose with --column HEADER={name}.", column=name))
+            undecided |= set(rivals[name])
+    used = {}
+    for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
+        unit = (units or {}).get(name, said.get(headers[k]))
+        used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
+    unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
+    return used, rivals, findings + _unused(unused, names)
+
+
+def recognise(
+    headers: Iterable[str],
+    source: str,
+    names: Sequence[str] = BENCH_COLUMNS,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> tuple[list[UsedColumn], list[Finding]]:
+    """Find the columns of a measurement, whose headers are names and nothing else, as :func:`match_columns` does."""
+    headers = list(headers)
+    used, _, findings = match_columns(headers, source, names, columns, units)
+    for key in units or {}:
+        if key not in {column.name for column in used.values()}:
+            find_header(key, headers, source, "--unit")
+    said = []
+    for column in used.values():
+        if column.header.strip() != column.name:
+            how = f"converted to {column.name}, times {column.factor:g}"
+            how = f"read as {column.name}" if column.factor == 1.0 else how
+            said.append(_said("column", f"Column {quoted(column.header)!r} was {how}.", column.name))
+    return list(used.values()), findings + said
+
+
+def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColumn | None:
+    """Return the column that a header means, if its unit is one of the right kind."""
+    parsed = parse_header(header)
+    name = next((name for name in names if match_score(parsed, name, guess=False)), None)
+    return None if name is None else used_column(header, name, parsed.unit, "")
+
+
+def used_column(header: str, name: str, unit: str | None, source: str, given: str | None = None) -> UsedColumn:
+    """Return the use of a column in the unit that the user gives, or else the file."""
+    _, si_unit = column_unit(name)
+    unit = given or (None if header.strip() == name else unit)
+    if unit is None:
+        return UsedColumn(header, name, 1.0, si_unit, assumed=bool(si_unit) and header.strip() != name)
+    return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)
+
+
+def _units_by_header(headers: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
+    said: dict[str, str] = {}
+    for key, unit in units.items():
+        exact = [header for header in headers if header.strip() == key.strip()]
+        said |= dict.fromkeys(exact or [header for header in headers if same_header(key, header)], unit)
+    return said
+
+
+def _score(header: str, name: str, said: str | None, guess: bool) -> int:
+    """How surely a header names a column; the unit that the user says counts in place of one of another kind."""
+    parsed, (_, si_unit) = parse_header(header), column_unit(name)
+    if said is not None and unit_factor(said, si_unit) is not None:
+        parsed = replace(parsed, unit=said)
+    elif said is not None and not guess and unit_factor(parsed.unit or "", si_unit) is None:
+        parsed = replace(parsed, unit=None)
+    return match_score(parsed, name, guess=guess)
+
+
+def _said(code: str, text: str, column: str) -> Finding:
+    return Finding(code, "info", text, column=column)
+
+
+def _unused(headers: Sequence[str], names: Sequence[str]) -> list[Finding]:
+    findings, others = [], []
+    for header in headers:
+        parsed = parse_header(header)
+        bare = replace(parsed, unit=None)
+        meant = next((name for name in names if parsed.unit and match_score(bare, name, guess=False)), None)
+        if meant:
+            text = f"Column {quoted(header)!r} is in {quoted(parsed.unit)}, where {meant} is needed; it was not used."
+            findings.append(_said("unused-column", text, meant))
+        elif near := get_close_matches(header.strip()[:100], names, n=1, cutoff=0.75):
+            text = f"Column {quoted(header)!r} was not used; did you mean {near[0]}?"
+            findings.append(Finding("unused-column", "info", text))
+        else:
+            others.append(header)
+    return findings + ([Finding("unused-column", "info", f"Not used: {listing(others, 20)}.")] if others else [])
+
+
+def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:
+    """Return the used columns as float64 in SI; NaN where a cell is empty or no finite number, which is said."""
+    findings: list[Finding] = []
+    values: dict[str, FloatArray] = {}
+    for column in used:
+        values[column.name], said = _values(raw, column)
+        findings += said
+    if raw.ragged:
+        lines = listing(raw.ragged)
+        text = f"Line{'s' * (len(raw.ragged) > 1)} {lines} of {raw.source} had more or fewer cells than column names."
+        findings.append(Finding("cells", "warning", f"{text} Nothing was read there."))
+    return pd.DataFrame(values), findings
+
+
+def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding]]:
+    values = raw.column(column.header)
+    if np.isfinite(values).all():
+        return np.sign(values) if column.name == "branch" else values * column.factor, []
+    cells = [str(cell).strip() for cell in raw.text(column.header)]
+    moments = clock_seconds(cells, column.header) if column.name in _MOMENTS else None
+    if moments is not None:
+        return moments, []
+    empty = np.array([cell.casefold() in EMPTY for cell in cells])
+    if column.name == "branch":
+        words = np.array([_BRANCH_WORDS.get(cell.casefold(), np.nan) for cell in cells])
+        values = np.sign(np.where(np.isfinite(words), words, values))
+        empty &= np.isnan(values)
+    if column.name in _LABELS and np.isnan(values[~empty]).any():
+        labels = list(dict.fromkeys(cell for cell, missing in zip(cells, empty, strict=True) if not missing))
+        number = {label: k + 1.0 for k, label in enumerate(labels)}
+        text = f"{column.name} was numbered: {listing(f'{k + 1} = {label}' for k, label in enumerate(labels))}."
+        numbers = [np.nan if missing else number[cell] for cell, missing in zip(cells, empty, strict=True)]
+        return np.array(numbers), [_said("labels", text, column.name)]
+    bad = np.flatnonzero(np.isnan(values) & ~empty)
+    if not len(bad):
+        return values * column.factor, []
+    count = "1 cell holds" if len(bad) == 1 else f"{len(bad)} cells hold"
+    text = f"In {quoted(column.header)} {count} no number ({quoted(cells[bad[0]])!r}); these readings count as missing."
+    return values * column.factor, [Finding("cells", "info", text, size=float(len(bad)), column=column.name)]
