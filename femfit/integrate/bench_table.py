@@ -23,8 +23,8 @@ from femfit.model.json_file import read_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_block import CoilBlock
-from femfit.tables.columns import BENCH_COLUMNS, column_values, recognise
-from femfit.tables.measurement_file import read_raw_table
+from femfit.tables.columns import BENCH_COLUMNS
+from femfit.tables.measurement_file import read_columns, read_raw_table
 
 NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]
 
@@ -139,8 +139,7 @@ def _read(record: Path) -> pd.DataFrame:
     """Columns of a bench record in SI."""
     names = ("time_s", "coil_voltage_V", *(name for name in BENCH_COLUMNS if name != "flux_linkage_Wb"))
     raw = read_raw_table(record, "bench record")
-    used, _ = recognise(raw.headers, str(record), names)
-    rows, _ = column_values(raw, used)
+    rows, _, _ = read_columns(raw, names)
     missing = [name for name in NEEDED if name not in rows]
     if missing:
         raise TableError(f"A bench record needs {', '.join(missing)}; {record} has {listing(raw.headers)}.")

@@ -9,8 +9,8 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
-from femfit.tables.columns import column_values, match_column, recognise
-from femfit.tables.measurement_file import read_raw_table
+from femfit.tables.columns import match_column
+from femfit.tables.measurement_file import read_columns, read_raw_table
 
 COLUMNS = ("distance_m", "current_A", "inductance_H")
 """Of the table; ``inductance_H`` is flux linkage over current, as a step from zero to ``current_A`` shows it."""
@@ -46,8 +46,7 @@ def read_inductance_table(
 ) -> InductanceTable:
     """Read measured inductances; columns as in :data:`COLUMNS` or in other units (``distance_mm, inductance_mH``)."""
     raw = read_raw_table(path)
-    used, findings = recognise(raw.headers, str(path), COLUMNS, columns, units)
-    rows, said = column_values(raw, used)
+    rows, _, findings = read_columns(raw, COLUMNS, columns, units)
     missing = [name for name in COLUMNS if name not in rows]
     if missing:
         raise TableError(
@@ -61,4 +60,4 @@ def read_inductance_table(
     if not usable.all():
         text = f"{int((~usable).sum())} rows without distance >= 0, current and inductance > 0 were left out."
         findings.append(Finding("cells", "info", text, size=float((~usable).sum())))
-    return InductanceTable(d[usable], i[usable], inductance[usable], (*findings, *said), path.name)
+    return InductanceTable(d[usable], i[usable], inductance[usable], tuple(findings), path.name)

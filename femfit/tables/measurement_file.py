@@ -21,9 +21,9 @@ from femfit.tables.measurement import (
 from femfit.tables.measurement_checks import branch_from_order, checked, in_measuring_order, without_copies
 from femfit.tables.measurement_sidecar import read_sidecar
 from femfit.tables.number_text import clock_seconds
-from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
+from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.suspected_units import suspected_by_size
-from femfit.tables.text_table import parse_text
+from femfit.tables.text_table import parse_table
 from femfit.tables.time_series_checks import check_clock, check_readings
 
 _PROTOCOL_STEP_S = 1.0
@@ -102,11 +102,7 @@ def read_bench_table(
 
 def read_raw_table(path: Path, what: str = "measurement") -> RawTable:
     """Read the cells of a measured file under their headers."""
-    content = file_content(path, what)
-    if content.startswith(PARQUET_MAGIC) or path.suffix == ".parquet":
-        raw = parse_parquet(content, str(path))
-    else:
-        raw = parse_text(content, str(path), open_decimal=",")
+    raw = parse_table(file_content(path, what), str(path), open_decimal=",")
     if not raw.headers:
         raise TableError(
             f"{path} must have as many column names as columns; there is no line of {raw.numbers.shape[1]} names above "
@@ -120,17 +116,17 @@ def read_raw_table(path: Path, what: str = "measurement") -> RawTable:
     return raw
 
 
-def _read_columns(
+def read_columns(
     raw: RawTable,
-    path: Path,
     names: Sequence[str],
-    columns: Mapping[str, str] | None,
-    units: Mapping[str, str] | None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> tuple[pd.DataFrame, list[UsedColumn], list[Finding]]:
+    """Read what a file has of some columns, in SI."""
     filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts[k])]
-    used, findings = recognise(filled, str(path), names, columns, units)
+    used, findings = recognise(filled, raw.source, names, columns, units)
     if not len(raw.lines):
-        raise TableError(f"{path} has column names and no row below them; it needs one row a reading.")
+        raise TableError(f"{raw.source} has column names and no row below them; it needs one row a reading.")
     values, said = column_values(raw, used)
     notes = [Finding("reading", "info", f"{note[0].upper()}{note[1:]}.") for note in raw.notes]
     return values, used, notes + findings + said
@@ -143,7 +139,7 @@ def _bench_table(
     units: Mapping[str, str] | None,
     planned: bool = False,
 ) -> BenchTable:
-    rows, used, findings = _read_columns(raw, path, BENCH_COLUMNS, columns, units)
+    rows, used, findings = read_columns(raw, BENCH_COLUMNS, columns, units)
     unknown = [str(one) for one in findings if one.code == "unused-column"]
     _require_bench([column.name for column in used], path, unknown)
     sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A"), used)
@@ -202,7 +198,7 @@ def _complete_bench(rows: pd.DataFrame) -> pd.DataFrame:
 def _time_series(
     raw: RawTable, path: Path, columns: Mapping[str, str] | None, units: Mapping[str, str] | None
 ) -> TimeSeries:
-    values, used, findings = _read_columns(raw, path, SERIES_COLUMNS, columns, units)
+    values, used, findings = read_columns(raw, SERIES_COLUMNS, columns, units)
     given = tuple(name for name in SERIES_COLUMNS if name in values and bool(values[name].notna().any()))
     missing = [] if "time_s" in given else ["time_s"]
     if not any(name in SERIES_CHANNELS for name in given):

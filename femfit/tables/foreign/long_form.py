@@ -15,6 +15,13 @@ from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions, s
 from femfit.tables.header import parse_header
 from femfit.tables.raw_table import RawTable
 
+_REMEDIES = {
+    "current": "--column HEADER=current, or --file-current-A where a file holds one current (or write it in the file "
+    "names as in force_0.4A.csv)",
+    "distance": "--column HEADER=distance, or --file-distance-mm where a file holds one distance",
+    "force": "--column HEADER=force",
+}
+
 
 def long_points(
     raw: RawTable, constants: dict[str, float], options: ImportOptions
@@ -47,7 +54,7 @@ def long_points(
     quantities = {column: quantity for quantity, column in QUANTITIES.items()}
     optional = [column for column, quantity in quantities.items() if quantity not in REQUIRED]
     matched, rivals, findings = match_columns(
-        headers, raw.source, tuple(quantities), options.columns_said, options.units_said, guess=True, optional=optional
+        headers, raw.source, tuple(quantities), options.columns, options.units, guess=True, optional=optional
     )
     findings = [finding for finding in findings if quantities.get(finding.column) not in options.without]
     uses: dict[str, UsedColumn] = {}
@@ -64,7 +71,9 @@ def long_points(
             uses[quantity] = UsedColumn(said, QUANTITIES[quantity], 1.0, si_unit(quantity))
     missing = [quantity for quantity in REQUIRED if quantity not in data]
     if missing:
-        raise TableError(_missing_message(raw.source, headers, missing))
+        remedies = [f"  - {quantity}: give {_REMEDIES[quantity]}" for quantity in missing]
+        text = f"{raw.source} has no column that is known as {' or '.join(missing)}; it has {listing(headers, 20)}."
+        raise TableError("\n".join([text, *remedies]))
     points = pd.DataFrame(data)
     for k in rivals["force_N"]:
         points[f"other:{headers[k]}"] = raw.numbers[:, k] * uses["force"].factor
@@ -86,18 +95,3 @@ def in_steps(column: UsedColumn, source: str, options: ImportOptions) -> UsedCol
             "first distance with --distance-start-mm."
         )
     return column
-
-
-def _missing_message(source: str, headers: tuple[str, ...], missing: list[str]) -> str:
-    remedies = {
-        "current": "--column HEADER=current, or --file-current-A where a file holds one current (or write it in the "
-        "file names as in force_0.4A.csv)",
-        "distance": "--column HEADER=distance, or --file-distance-mm where a file holds one distance",
-        "force": "--column HEADER=force",
-    }
-    return "\n".join(
-        [
-            f"{source} has no column that is known as {' or '.join(missing)}; it has {listing(headers, 20)}.",
-            *(f"  - {quantity}: give {remedies[quantity]}" for quantity in missing),
-        ]
-    )

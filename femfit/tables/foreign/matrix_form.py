@@ -105,7 +105,7 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
     places = {rows: "first column", columns: "first row", "force": "matrix"}
     uses = {
         quantity: used_column(
-            place, QUANTITIES[quantity], units[quantity], raw.source, options.units_said.get(QUANTITIES[quantity])
+            place, QUANTITIES[quantity], units[quantity], raw.source, options.units.get(QUANTITIES[quantity])
         )
         for quantity, place in places.items()
     }

@@ -26,11 +26,6 @@ def si_unit(quantity: str) -> str:
     return column_unit(QUANTITIES[quantity])[1]
 
 
-def _by_column(name: str) -> str:
-    """The column that ``flux-linkage`` means; anything else as it is."""
-    return QUANTITIES.get(name.strip().replace("-", "_"), name)
-
-
 @dataclass(frozen=True)
 class ImportOptions:
     """Overrides of what the reader finds out by itself."""
@@ -59,12 +54,9 @@ class ImportOptions:
     without: tuple[str, ...] = ()
     accept: tuple[str, ...] = ()
 
-    @property
-    def columns_said(self) -> dict[str, str]:
-        """``columns`` with the names of the sweep table."""
-        return {header: _by_column(name) for header, name in self.columns.items()}
-
-    @property
-    def units_said(self) -> dict[str, str]:
-        """``units`` with the names of the sweep table, or headers."""
-        return {_by_column(key): unit for key, unit in self.units.items()}
+    def __post_init__(self) -> None:
+        """Turn ``flux-linkage`` into ``flux_linkage_Wb``; a header stays what it is."""
+        columns = {header: QUANTITIES.get(name.replace("-", "_"), name) for header, name in self.columns.items()}
+        units = {QUANTITIES.get(key.replace("-", "_"), key): unit for key, unit in self.units.items()}
+        object.__setattr__(self, "columns", columns)
+        object.__setattr__(self, "units", units)

@@ -25,9 +25,9 @@ from femfit.tables.foreign.matrix_form import is_matrix, matrix_points
 from femfit.tables.foreign.noise import check_noise, compare_forces
 from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions, si_unit
 from femfit.tables.foreign.reciprocity import check_reciprocity, flux_from_inductance
-from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, file_content, parse_parquet
+from femfit.tables.raw_table import file_content
 from femfit.tables.sweep_table import SweepTable
-from femfit.tables.text_table import parse_text
+from femfit.tables.text_table import parse_table
 from femfit.tables.units import unit_factor
 
 _SUFFIXES = frozenset((".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet"))
@@ -154,29 +154,18 @@ def _gather(
     findings: list[Finding] = []
     dialects: dict[str, str] = {}
     for index, (file, content) in enumerate(contents.items()):
-        raw = _parse(content, file.name, options)
+        dialect = {"encoding": options.encoding, "delimiter": options.delimiter, "decimal": options.decimal}
+        raw = parse_table(content, file.name, **dialect)
         dialects[file.name] = raw.dialect
         findings += [Finding("reading", "info", f"{file.name}: {note}.") for note in raw.notes]
-        frame, uses, found = _points(raw, _constants(file, index, len(contents), options), options)
+        constants = _constants(file, index, len(contents), options)
+        matrix = is_matrix(raw, options)
+        frame, uses, found = matrix_points(raw, options) if matrix else long_points(raw, constants, options)
         frames.append(frame)
         findings += [finding for finding in found if finding not in findings]
         for quantity, use in uses.items():
             mapping.setdefault(quantity, use)
     return pd.concat(frames, ignore_index=True), mapping, findings, dialects
-
-
-def _parse(content: bytes, name: str, options: ImportOptions) -> RawTable:
-    if content.startswith(PARQUET_MAGIC):
-        return parse_parquet(content, name)
-    return parse_text(content, name, encoding=options.encoding, delimiter=options.delimiter, decimal=options.decimal)
-
-
-def _points(
-    raw: RawTable, constants: dict[str, float], options: ImportOptions
-) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
-    if is_matrix(raw, options):
-        return matrix_points(raw, options)
-    return long_points(raw, constants, options)
 
 
 def _constants(file: Path, index: int, count: int, options: ImportOptions) -> dict[str, float]:
