@@ -32,7 +32,7 @@ class CarriedRange:
     # None where the weight is carried nowhere
     low_m: float | None
     high_m: float | None
-    step_m: float  # Resolution of both
+    step_m: float  # Step of the distances at which the two were found
 
     def __str__(self) -> str:
         if self.supply_A > self.current_max_A:

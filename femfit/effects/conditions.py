@@ -71,9 +71,9 @@ class Conditions:
     # NaN where it was not recorded
     coil_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
-    # Since the start of the run; where a table has only ``order``, that, in readings
+    # Time since the start of the run; where a table has only ``order``, that, in readings
     time_s: FloatArray | float = 0.0
-    # Since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
+    # Time since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
     # anew with a run
     elapsed: FloatArray | float = 0.0
     velocity_m_s: FloatArray | float = 0.0

@@ -51,7 +51,7 @@ class Expansion:
 
     energy: float  # E in J
     gradient: FloatArray  # dE/dw; shape (unknowns,)
-    square: float  # w . K w of the state itself in J, the scale of corrections.
+    square: float  # w . K w of the state itself, J: the scale of corrections
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,9 @@ class DistanceSolution:
     """One distance: three coefficients of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A."""
 
     force: FloatArray
-    # That of the force from one polynomial order lower, where that was solved; shape (3,)
+    # Change of the force from one polynomial order lower, where that was solved; shape (3,)
     force_change: FloatArray | None
-    # The force by :class:`femfit.field.stress.OtherForces`; shape (3,)
+    # The force by reaction and by virtual work (:class:`femfit.field.stress.OtherForces`); shape (3,)
     reaction: FloatArray
     work: FloatArray
     flux_linkage: FloatArray

@@ -27,7 +27,7 @@ class MeshGroup:
     actuator: Actuator
     layout: Layout
     settings: SolverSettings
-    distances: tuple[float, ...]  # That share the mesh, in m, ascending
+    distances: tuple[float, ...]  # Distances that share the mesh, m, ascending
     # The level that meets the tolerance, where it is known. It follows from all others, so that it does not tell
     # groups apart: whoever chose the level goes on with its mesh.
     choice: LevelChoice | None = field(default=None, compare=False)

@@ -51,8 +51,8 @@ class FilterState:
     # Covariance of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
     covariance: FloatArray
     factor: FloatArray
-    # Measurement minus its prediction at the last update, and its expected square; NaN before the first; shape
-    # (runs,)
+    # Measurement minus its prediction at the last update, and its expected square; NaN before the first
+    # shape (runs,)
     innovation: FloatArray
     innovation_variance: FloatArray
     out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)

@@ -40,7 +40,7 @@ class FilterNoise:
     acceleration_density: float  # q in m^2/s^3
     voltage_V: float
     hall_V: float
-    bias_density: float = BIAS_DENSITY  # Hall bias in V / sqrt(s)
+    bias_density: float = BIAS_DENSITY  # Random walk of the Hall bias, V / sqrt(s)
 
 
 def hall_noise(sensor: HallSensor, noise_V: float | None = None) -> float:

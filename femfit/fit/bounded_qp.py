@@ -54,7 +54,7 @@ class QPSolution:
     active: tuple[str, ...]  # For each coefficient ``lower``, ``upper`` or empty: the bound it stands on
     active_inequalities: BoolArray  # Which rows of G x >= h hold with equality; shape (m,)
     residual: FloatArray  # A x - y; shape (n,)
-    condition_scaled: float  # Condition of A / sigma with columns of length one
+    condition_scaled: float  # Condition number of A / sigma with columns of length one
 
 
 @dataclass(frozen=True, eq=False)

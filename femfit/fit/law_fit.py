@@ -87,7 +87,7 @@ class Interval:
     # Delete-a-block jackknife over neighbouring distances with all their currents, shape parameters fitted again each
     # time: valid for residuals that are dependent within a block; shape (terms, 2)
     block: FloatArray
-    block_covariance: FloatArray  # From the same jackknife; shape (terms, terms)
+    block_covariance: FloatArray  # Covariance of the terms by the same jackknife; shape (terms, terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class LawFit:
 
     law: ForceLaw
     shape: Mapping[str, float]
-    shape_interval: Mapping[str, tuple[float, float]]  # Their 95 % block-jackknife intervals
+    shape_interval: Mapping[str, tuple[float, float]]  # 95 % block-jackknife interval of each of these
     functions: tuple[str, ...]
     terms: tuple[tuple[str, int], ...]  # Column and power of current of each term
     stage_one: StageOne

@@ -48,7 +48,7 @@ class Candidate:
     held_out_rms: float
     held_out_max: float
     held_out_of_force: float  # Rms of error over force (its scale, where it passes through zero) on the rows left out
-    rms: float  # The force's part of ``misfit``, as a part of the same
+    rms: float  # Rms force error as written, on all rows, over the same scale
     parameters: int
     failure: str = ""  # Why it could not be fitted, or empty
 

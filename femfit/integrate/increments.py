@@ -25,7 +25,7 @@ class Increments:
 
     dt: FloatArray  # Since the sample before, s; 0 at a record's first sample; shape (n,)
     field: FloatArray  # Increment in T; shape (n,)
-    variance: FloatArray  # Its noise in T^2, and across a gap also what the gap may hide; shape (n,)
+    variance: FloatArray  # Noise variance of the increment, T^2, with what a gap may hide; shape (n,)
 
 
 def increments(

@@ -56,7 +56,7 @@ class OffsetState:
     # Field (T) and offset (V) at the last correction; their columns are the estimate, and the responses to the
     # reference, to a unit of it, and to a volt of unmodelled offset; shape (2, 4)
     mean: FloatArray
-    covariance: FloatArray  # At the last correction; shape (2, 2)
+    covariance: FloatArray  # Covariance of field and offset at the last correction; shape (2, 2)
     pending: Pending
     magnet: MagnetState | None = None
 

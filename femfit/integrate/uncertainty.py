@@ -66,8 +66,8 @@ class Systematics:
 class Responses:
     """How the estimate answers to what is systematic; a linear filter answers to each as to a signal of its own."""
 
-    # The part of the field, in T, that came from the coil and from the reference: dB per relative gain error; shape
-    # (n,)
+    # The part of the field, in T, that came from the coil and from the reference: dB per relative gain error
+    # shape (n,)
     coil: FloatArray
     reference: FloatArray
     reference_unit: FloatArray  # dB per tesla of reference offset, between 0 and 1; shape (n,)

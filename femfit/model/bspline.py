@@ -198,7 +198,7 @@ class TensorSpline:
     y_knots: FloatArray
     x_degree: int
     y_degree: int
-    coefficients: FloatArray  # C; shape (len(x_knots)
+    coefficients: FloatArray  # C; shape (len(x_knots) - x_degree - 1, len(y_knots) - y_degree - 1)
 
     @cached_property
     def _cells(self) -> CellPolynomials:

@@ -86,7 +86,7 @@ class EffectHallField(HallField):
     """The field that a Hall element at rest seems to show, as effects on field and reading change it."""
 
     dynamics: EffectDynamics
-    # The two numbers of the sensor by which its reading is converted to a field
+    # Quiescent voltage and sensitivity, by which a reading is converted to a field
     quiescent_V: float
     sensitivity_V_per_T: float
 

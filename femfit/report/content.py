@@ -21,7 +21,7 @@ from femfit.tables.sweep_table import SweepTable
 class ReportContent:
     """Results on one actuator; every part but the model may be absent, and its chapter is then left out."""
 
-    # That the report describes; with a fit to all laws, the co-energy rather than the recommended law
+    # The model that the report describes; with a fit to all laws, the co-energy rather than the recommended law
     model: ActuatorModel
     actuator: Actuator | None = None
     sweep: SweepTable | None = None

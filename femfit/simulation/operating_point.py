@@ -35,7 +35,7 @@ class OperatingPoint:
     unstable_pole_rad_s: float  # sqrt(-F_d/m) where the point is unstable, 0 where it is stable
     coil_pole_rad_s: float
     inductance_H: float
-    # In (m, m/s, A) and V; shape (3, 3)
+    # x' = A x + B u with x in (m, m/s, A) and u in V; shapes (3, 3) and (3,)
     A: FloatArray
     B: FloatArray
 

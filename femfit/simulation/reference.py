@@ -36,7 +36,7 @@ class Reference:
     distance: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
-    # That holds a body which moves so, in A and of the same shape; worked out by the controller where None
+    # Current that holds a body which moves so, A, of the same shape; worked out by the controller where None
     current: FloatArray | None = None
 
     def at(self, k: int | IntArray) -> "Reference":

@@ -42,7 +42,7 @@ class ChannelMisfit:
 
     channel: str
     readings: int
-    # Recorded minus predicted, in the channel's unit
+    # Mean and rms of recorded minus predicted, in the channel's unit
     mean: float
     rms: float
     largest: Extreme

@@ -29,8 +29,8 @@ class MeasuredCurves:
     over: str  # The other setting; each of its levels has a curve
     levels: FloatArray  # Settings ``over`` of the curves; shape (L,)
     axis: FloatArray  # Settings ``along`` of the curves; shape (K,)
-    # The model's curves, in the channel's unit; no rows for a record over time, whose balances have no curve; shape
-    # (L, K)
+    # The model's curves, in the channel's unit; no rows for a record over time, whose balances have no curve
+    # shape (L, K)
     before: FloatArray
     after: FloatArray
     x: FloatArray  # Setting ``along`` of each reading; shape (n,)

@@ -25,7 +25,7 @@ class MapCell:
     """One cell of a map."""
 
     at: tuple[float, ...]
-    # Recorded minus predicted, in the channel's unit
+    # Mean and rms of recorded minus predicted, in the channel's unit
     mean: float
     rms: float
     readings: int

@@ -24,7 +24,7 @@ class Candidate:
     excess: float  # Squared length of the whitened residual in the smooth patterns beyond what noise gives
     lack_of_fit: LackOfFit
     beyond_own_misfit: float  # P-value of the same test where the model's own misfit to its table is allowed for
-    further: float  # Smallest p-value of a further effect beside it, with that allowance, times the number of effects
+    further: float  # Smallest p-value of a further effect beside it, with that allowance, times the amplitudes tried
     beside: tuple[Start, ...]  # The other effects as they would go on from here, best first
 
     def passes(self, level: float = LEVEL_AFTER) -> bool:

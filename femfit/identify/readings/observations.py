@@ -40,8 +40,8 @@ class Observations:
     declared_noise: Mapping[str, float]
     # Standard misfit of the model to its own source, below which nothing is said to be missing; shape (M,)
     tolerance: FloatArray
-    # Change of each reading by one standard deviation of its row's distance, and of its current, as declared; shape
-    # (M, 2)
+    # Change of each reading by one standard deviation of its row's distance, and of its current, as declared
+    # shape (M, 2)
     setting_columns: FloatArray
     findings: tuple[Finding, ...] = ()
     present: tuple[str, ...] = ()
