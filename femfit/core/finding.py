@@ -24,6 +24,11 @@ class Finding:
     def __str__(self) -> str:
         return f"{self.text} {self.remedy}".rstrip()
 
+    @property
+    def marked(self) -> str:
+        """The sentence, behind the severity where there is something to do."""
+        return str(self) if self.severity == "info" else f"{self.severity}: {self}"
+
     def accepted(self) -> "Finding":
         """Return the same finding as a warning, for a user who accepts it."""
         return replace(self, severity="warning", text=f"{self.text} (accepted)")

@@ -114,6 +114,14 @@ def test_a_name_of_one_letter_counts_with_the_unit_that_the_user_gives(tmp_path)
     assert rows[["current_A", "distance_m"]].iloc[0].tolist() == [0.5, 0.002]
 
 
+def test_a_matrix_without_units_says_that_they_were_assumed(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("d;0.5;1;1.5\n0.002;1;2;3\n0.004;0.5;1;1.5\n0.006;0.2;0.4;0.6\n", encoding="utf-8")
+    said = [one.text for one in import_table(path).findings if one.code == "assumed-units"]
+    assert len(said) == 1
+    assert all(name in said[0] for name in ("first column in m", "first row in A", "matrix in N"))
+
+
 def test_the_number_of_a_channel_in_brackets_is_no_factor(tmp_path):
     path = written(tmp_path / "a.csv", "Strom [A];Luftspalt [mm];Kraft [2]", ["0.5;2;3", "1;2;4", "0.5;4;1", "1;4;2"])
     assert sorted(import_table(path).rows["force_N"]) == [1, 2, 3, 4]

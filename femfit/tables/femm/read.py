@@ -41,10 +41,7 @@ class ImportedFem:
 
     def __str__(self) -> str:
         lines = [f"{self.source}: {self.current_A:g} A at {1e3 * self.distance_m:g} mm"]
-        for finding in self.findings:
-            mark = "" if finding.severity == "info" else f"{finding.severity}: "
-            lines.append(f"- {mark}{finding}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"- {finding.marked}" for finding in self.findings)])
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -77,10 +77,6 @@ def long_points(
     points = pd.DataFrame(data)
     for k in rivals["force_N"]:
         points[f"other:{headers[k]}"] = raw.numbers[:, k] * uses["force"].factor
-    assumed = [f"{quoted(use.header)} in {use.unit}" for use in uses.values() if use.assumed]
-    if assumed:
-        text = f"No unit given, SI assumed: {', '.join(assumed)}."
-        findings.append(Finding("assumed-units", "info", text, "Name it with --unit HEADER=UNIT."))
     return points.assign(source=raw.source, line=raw.lines), uses, findings
 
 

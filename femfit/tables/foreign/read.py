@@ -70,8 +70,7 @@ class ImportedTable(SweepTable):
         for use in self.mapping:
             unit = f"{quoted(use.unit)}{' (assumed)' if use.assumed else ''}"
             lines.append(f"  {use.name} from {quoted(use.header)}, in {unit}, times {use.factor:g}")
-        marks = {"info": "", "warning": "warning: ", "error": "error: "}
-        return "\n".join([*lines, *(f"- {marks[finding.severity]}{finding}" for finding in self.findings)])
+        return "\n".join([*lines, *(f"- {finding.marked}" for finding in self.findings)])
 
 
 def import_table(
@@ -165,6 +164,10 @@ def _gather(
         findings += [finding for finding in found if finding not in findings]
         for quantity, use in uses.items():
             mapping.setdefault(quantity, use)
+    assumed = [f"{quoted(use.header)} in {use.unit}" for use in mapping.values() if use.assumed]
+    if assumed:
+        text = f"No unit given, SI assumed: {', '.join(assumed)}."
+        findings.append(Finding("assumed-units", "info", text, "Name it with --unit COLUMN=UNIT, as in force=mN."))
     return pd.concat(frames, ignore_index=True), mapping, findings, dialects
 
 
