@@ -58,7 +58,8 @@ def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange
     highest = float(np.clip(circuit.voltage_max_V / ohm, box.current_min_A, box.current_max_A))
     weight = motion.mass_kg * motion.gravity_m_s2
     d = np.linspace(box.distance_min_m, box.distance_max_m, _DISTANCES)
-    forces = [model.magnetics.force(d, np.full_like(d, i)) for i in (lowest, np.clip(0.0, lowest, highest), highest)]
+    ends = (lowest, *model.attracting_range(lowest, highest))  # steel is attracted by either sign of the current
+    forces = [model.magnetics.force(d, np.full_like(d, i)) for i in ends]
     held: FloatArray = d[(np.min(forces, axis=0) <= weight) & (np.max(forces, axis=0) >= weight)]
     low, high = (float(held[0]), float(held[-1])) if len(held) else (None, None)
     supply = max(circuit.voltage_max_V / ohm, highest)

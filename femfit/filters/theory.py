@@ -30,12 +30,12 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
     weight = motion.mass_kg * motion.gravity_m_s2
 
     force = partial(_force, model, distance)
-    lower, upper = box.current_min_A, box.current_max_A
+    lower, upper = model.attracting_range(box.current_min_A, box.current_max_A)
     if force(lower) > weight or force(upper) < weight:
         raise DomainError(
             f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
-            f"{lower:g}..{upper:g} A, where the model was fitted; its forces there are {force(lower):g} to "
-            f"{force(upper):g} N against a weight of {weight:g} N. Choose another distance or sweep wider."
+            f"{box.current_min_A:g}..{box.current_max_A:g} A, where the model was fitted; its forces there are "
+            f"{force(lower):g} to {force(upper):g} N against a weight of {weight:g} N. Choose another distance or sweep wider."
         )
     while True:
         middle = 0.5 * (lower + upper)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from dataclasses import field as limited
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -262,6 +263,23 @@ class ActuatorModel:
         errors = (misfit.force_max_N, 3.0 * (misfit.flux_linkage_rms_Wb or 0.0)) if misfit is not None else (0.0, 0.0)
         remaining = [float(np.abs(values).max()) for values in idle]
         return max((r / most for r, most, e in zip(remaining, largest, errors, strict=True) if r > e), default=0.0)
+
+    @cached_property
+    def weakest_current_A(self) -> float:  # noqa: N802  the unit
+        """Current of the validity domain that attracts least, by the force's mean over the distances.
+
+        Zero for steel alone, which a current of either sign attracts; the lowest current where a magnet gives the force
+        its sign.
+        """
+        domain = self.validity
+        currents = np.unique(np.append(np.linspace(domain.current_min_A, domain.current_max_A, 41), 0.0))
+        currents = currents[(currents >= domain.current_min_A) & (currents <= domain.current_max_A)]
+        d, i = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 41), currents)
+        return float(currents[np.argmin(self.magnetics.force(d, i).mean(axis=1))])
+
+    def attracting_range(self, low: float, high: float) -> tuple[float, float]:
+        """The part of a range of currents in A over which the force grows with the current."""
+        return (self.weakest_current_A, high) if low < self.weakest_current_A < high else (low, high)
 
     @property
     def memory_names(self) -> tuple[str, ...]:

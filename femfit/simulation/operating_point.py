@@ -88,11 +88,14 @@ def usable_coil_pole(point: OperatingPoint, step: float) -> float:
 
 
 def current_range(model: ActuatorModel) -> tuple[float, float]:
-    """The smallest and the largest current in A that the driver's clamp can hold and the model covers."""
+    """The currents in A that the driver's clamp can hold and the model covers, from the weakest force to the largest.
+
+    Steel alone is attracted by either sign of the current: its range begins at zero.
+    """
     circuit, box = model.require_circuit(), model.validity
     low = max(circuit.voltage_min_V / circuit.resistance_ohm, box.current_min_A)
     high = min(circuit.voltage_max_V / circuit.resistance_ohm, box.current_max_A)
-    return low, high
+    return model.attracting_range(low, high)
 
 
 def current_for_force(

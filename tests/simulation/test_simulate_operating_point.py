@@ -9,6 +9,7 @@ import scipy.linalg
 from femfit.core.errors import DomainError, FilterError, MissingPartError
 from femfit.model.actuator_model import ValidityBox
 from femfit.model.dynamics import state_derivative
+from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.operating_point import current_for_force, operating_point, zero_order_hold
@@ -197,3 +198,20 @@ def test_a_coil_that_a_step_cannot_follow_is_refused_with_the_step_that_could(le
     circuit = replace(levitation_model.circuit, resistance_ohm=100.0, voltage_max_V=110.0, voltage_min_V=20.0)
     with pytest.raises(FilterError, match=r"steps of at most 0\.3\d* ms.*sample_time_ms"):
         design_loop(replace(levitation_model, circuit=circuit)).observer("ukf")
+
+
+def test_steel_alone_is_held_by_a_driver_of_both_signs_as_by_one_of_positive_voltages(levitation_model):
+    steel = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
+    designs = []
+    for low in (-1.0, 0.0):
+        model = replace(
+            levitation_model,
+            magnetics=steel,
+            validity=replace(levitation_model.validity, current_min_A=1.2 * low, current_max_A=1.2),
+            circuit=replace(levitation_model.circuit, voltage_min_V=3.0 * low, voltage_max_V=3.0),
+            reference_distances_m=(),
+        )
+        designs.append(design_loop(model))
+    both, positive = ([point.current_A for point in design.points] for design in designs)
+    assert min(both) > 0.0
+    np.testing.assert_allclose(both, positive, rtol=1e-6)
