@@ -71,7 +71,8 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
         if len(known) < 2:
             continue
         run = pd.factorize(rows["run"].to_numpy()[known])[0]
-        lone = known[isolated_outliers(residual[known], _places(rows)[known], run, _step(values[known]))]
+        places, expected = _places(rows)[known], predicted[name][known]
+        lone = known[isolated_outliers(residual[known], places, run, expected, _step(values[known]))]
         if not len(lone):
             continue
         shown = "; ".join(_row(rows, int(k), name) for k in lone[:3]) + ("; and so on" if len(lone) > 3 else "")

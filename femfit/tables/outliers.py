@@ -2,9 +2,9 @@
 
 Each reading is predicted by a robust local plane through its nearest readings of the same run, in distance, current,
 branch and time, without itself. What is set aside is alone: its neighbours agree with each other, and no repeat of its
-setting deviates in the same sense. A physical effect is seen by more than one reading and is kept. At the end of a
-range the plane extrapolates, and a steep smooth curve leaves it: such a reading is kept if the next one, predicted
-without it, leaves its plane in the same sense.
+setting deviates in the same sense. A physical effect is seen by more than one reading and is kept. At the border of
+the range the plane extrapolates, and a smooth curve may leave it by any amount: there a reading is set aside only if a
+repeat of its setting does not deviate with it, or if it slipped against the prediction by a sign or a factor of two.
 
 References
 ----------
@@ -13,6 +13,7 @@ median absolute deviation as a scale that outliers do not move.
 """
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
@@ -32,34 +33,47 @@ _MOST = 0.02
 
 _ROUNDS = 20
 
+_RANGES = 2
+"""The settings that a reading can lie between: distance and current, not the branch."""
 
-def isolated_outliers(value: FloatArray, place: FloatArray, run: IntArray, floor: float = 0.0) -> BoolArray:
+_SLIP = 2.0
+"""Conventional: a slipped digit or decimal point changes a reading at least so much, seen against all neighbours."""
+
+_ROUNDING = 1e-9
+
+
+def isolated_outliers(
+    value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatArray, floor: float = 0.0
+) -> BoolArray:
     """Find the readings that contradict all of their neighbours: at most 2 %, else none.
 
     Parameters
     ----------
-    value : array, shape (n,)
-        Readings of one channel minus a prediction.
-    place : array, shape (n, k)
-        Settings of each reading, scaled so that neighbours in each are about equally far.
+    value, predicted : array, shape (n,)
+        Readings of one channel minus a prediction, and that prediction.
+    place : array, shape (n, 3)
+        Distance, current and branch of each reading, scaled so that neighbours in each are about equally far.
     run : array of int, shape (n,)
         Only readings of one run are neighbours.
     floor : float
         Least standard deviation of a reading, in the channel's unit: its quantisation.
     """
+    # Equally near neighbours are taken in this order, so that the order of the rows does not matter
+    order = np.lexsort((value, *place.T[::-1], run))
+    value, place, run, predicted = value[order], place[order], run[order], predicted[order]
     outlier = np.zeros(len(value), dtype=bool)
     for _ in range(_ROUNDS):
         left = np.flatnonzero(~outlier)
-        found = left[_lone(value[left], place[left], run[left], floor)]
+        found = left[_lone(value[left], place[left], run[left], predicted[left], floor)]
         if not len(found):
             break
         outlier[found] = True
         if outlier.sum() > max(1.0, _MOST * len(value)):
             return np.zeros(len(value), dtype=bool)
-    return outlier
+    return np.asarray(outlier[np.argsort(order)])
 
 
-def _lone(value: FloatArray, place: FloatArray, run: IntArray, floor: float) -> IntArray:
+def _lone(value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatArray, floor: float) -> IntArray:
     """Lone readings of one round: the most deviating among their neighbours, whose neighbours agree without them."""
     near = _nearest(place, run)
     judged = np.flatnonzero(near[:, 0] >= 0)
@@ -74,40 +88,56 @@ def _lone(value: FloatArray, place: FloatArray, run: IntArray, floor: float) -> 
     scale[judged] = np.sqrt(local**2 + (0.5 * usual) ** 2 + floor**2)
     score = deviation / np.maximum(scale, 1e-300)
     largest = np.abs(score[judged]) >= np.maximum(np.abs(score[near[judged]]).max(axis=1), _SIGMA)
-    found = [k for k in judged[largest] if _is_alone(k, value, place, run, near, score, scale)]
+    found = [k for k in judged[largest] if _is_alone(k, value, place, run, predicted, near, score, scale)]
     return np.array(found, dtype=np.intp)
 
 
 def _is_alone(
-    k: int, value: FloatArray, place: FloatArray, run: IntArray, near: IntArray, score: FloatArray, scale: FloatArray
+    k: int,
+    value: FloatArray,
+    place: FloatArray,
+    run: IntArray,
+    predicted: FloatArray,
+    near: IntArray,
+    score: FloatArray,
+    scale: FloatArray,
 ) -> bool:
-    """Whether the neighbours agree once the reading is left out, and its repeats do not deviate with it."""
+    """Whether the neighbours agree once the reading is left out, and can judge it, and no repeat deviates with it."""
     neighbours = near[k]
     plane = _planes(value[neighbours][None], (place[neighbours] - place[k])[None])[0]
     rest = value[neighbours] - plane[0] - (place[neighbours] - place[k]) @ plane[1:]
     if abs(value[k] - plane[0]) < _SIGMA * max(float(1.4826 * np.median(np.abs(rest))), float(scale[k])):
         return False
     distance = np.abs(place - place[k]).max(axis=1)
-    repeats = np.flatnonzero((distance < 1e-3) & (run != run[k]))
+    repeats = np.flatnonzero((distance < 1e-3) & (np.arange(len(run)) != k))
     if np.any(np.sign(score[k]) * score[repeats] > _COMPANY):
         return False
-    return not _continues(k, value, place, run, np.sign(score[k]) / scale[k])
+    between = (place[neighbours] - place[k])[:, :_RANGES]
+    return _surrounded(between) or len(repeats) > 0 or _slipped(k, neighbours, value, predicted)
 
 
-def _continues(k: int, value: FloatArray, place: FloatArray, run: IntArray, weight: float) -> bool:
-    """Whether a reading at the end of a coordinate goes on as the readings before it begin to."""
-    others = np.flatnonzero((run == run[k]) & (np.arange(len(run)) != k))
-    for axis in range(place.shape[1]):
-        x = place[others, axis]
-        if place[k, axis] >= x.min() and place[k, axis] <= x.max():
-            continue
-        order = others[np.argsort(np.abs(x - place[k, axis]), kind="stable")]
-        for j, rest in ((order[0], order[1:]), (order[1], order[2:])):
-            near = rest[np.argsort(np.linalg.norm(place[rest] - place[j], axis=1), kind="stable")[:_LEAST]]
-            predicted = _planes(value[near][None], (place[near] - place[j])[None])[0, 0]
-            if weight * (value[j] - predicted) > _COMPANY:
-                return True
-    return False
+def _surrounded(offset: FloatArray) -> bool:
+    """Whether a reading lies between its neighbours in every direction they lie in, so that they interpolate it.
+
+    Zero is inside the hull of the offsets x_j, and not on its border, if sum_j w_j x_j = 0 with every w_j > 0.
+    """
+    total = -offset.sum(axis=0)
+    return bool(nnls(offset.T, total)[1] <= _ROUNDING * max(float(np.abs(offset).sum()), 1e-300))
+
+
+def _slipped(k: int, neighbours: IntArray, value: FloatArray, predicted: FloatArray) -> bool:
+    """Whether a reading over its prediction is of the other sign than all neighbours, or off by a factor of two."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        ratio = 1.0 + value / predicted
+    around, here = ratio[neighbours], ratio[k]
+    if not np.isfinite(around).all() or np.isnan(here):
+        return False
+    low, high = float(around.min()), float(around.max())
+    if low < 0.0 < high or low * high == 0.0:
+        return False
+    if high < 0.0:
+        low, high, here = -high, -low, -here
+    return bool(here < low / _SLIP or here > _SLIP * high)
 
 
 def _nearest(place: FloatArray, run: IntArray) -> IntArray:

@@ -106,12 +106,26 @@ def test_the_steep_end_of_a_smooth_curve_is_no_outlier(tmp_path, share, runs, fa
     assert read_back.rows["force_N"].notna().all()
 
 
-def test_a_spike_at_the_end_of_a_range_is_an_outlier(tmp_path):
+@pytest.mark.parametrize("slip", [-1.0, 0.1, 0.4, 2.5, 10.0])
+def test_a_slip_of_sign_or_digit_at_the_end_of_a_range_is_an_outlier(tmp_path, slip):
     d = 0.012 * 1.06 ** np.arange(20)
     rows = pd.DataFrame({"current_A": 0.5, "distance_m": d, "force_N": curve(d, 0.5)})
     rows["force_N"] += 1e-5 * np.random.default_rng(1).standard_normal(len(rows))
-    rows.loc[0, "force_N"] *= 1.3
+    rows.loc[0, "force_N"] *= slip
     assert np.flatnonzero(judged(read(tmp_path, rows)).rows["force_N"].isna()).tolist() == [0]
+
+
+@pytest.mark.parametrize("shuffled", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_right_reading_at_the_corner_of_the_range_is_no_outlier(tmp_path, seed, shuffled):
+    """A gap 0.1 mm wider than drawn shows most where the force is steepest: at the corner, in a single reading."""
+    generator = np.random.default_rng(seed)
+    d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.003, 0.011, 6), [-1.2, -0.4, 0.4, 1.2, 2.0]))
+    force = 2.5e-6 * i**2 / (d + 1e-4) ** 2 + 3e-4 * generator.standard_normal(len(d))
+    rows = pd.DataFrame({"current_A": i, "distance_m": d, "force_N": force})
+    table = read(tmp_path, rows.sample(frac=1.0, random_state=seed) if shuffled else rows)
+    model = 2.5e-6 * table.rows["current_A"].to_numpy() ** 2 / table.rows["distance_m"].to_numpy() ** 2
+    assert without_outliers(table, {"force_N": model}).rows["force_N"].notna().all()
 
 
 @pytest.mark.parametrize("weights", [[0.35], [0.35, 0.42], [0.35, 0.42, 0.35]])
