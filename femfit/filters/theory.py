@@ -35,7 +35,8 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
         raise DomainError(
             f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
             f"{box.current_min_A:g}..{box.current_max_A:g} A, where the model was fitted; its forces there are "
-            f"{force(lower):g} to {force(upper):g} N against a weight of {weight:g} N. Choose another distance or sweep wider."
+            f"{force(lower):g} to {force(upper):g} N against a weight of {weight:g} N. Choose another distance or "
+            "sweep wider."
         )
     while True:
         middle = 0.5 * (lower + upper)

@@ -26,7 +26,7 @@ rate, and at 204.8 kS/s it would hide every plateau."""
 
 @dataclass(frozen=True)
 class Window:
-    """Sums over the samples of a window that is not complete yet."""
+    """Sums over the samples of a window that is not complete yet, or of the zero reading."""
 
     samples: int = 0
     voltage_sum: float = 0.0
@@ -62,7 +62,7 @@ class FeedForwardState:
     field, variance, elapsed : float
         B in T, its accumulated noise variance, and the integrated time in s.
     offset, still, level : float
-        v_o in V; seconds since the last ramp, or of the zero reading; the last window's current, A.
+        v_o in V; seconds since the last ramp, or since the record's begin; the last window's current, A.
     """
 
     last: LastSample
@@ -72,7 +72,6 @@ class FeedForwardState:
     elapsed: float = 0.0
     offset: float = 0.0
     level: float = math.nan
-    zero_samples: int = 0
     window: Window = Window()  # frozen
 
 
@@ -98,19 +97,10 @@ class FeedForwardIntegrator:
     def advance(self, state: FeedForwardState, block: CoilBlock) -> tuple[FeedForwardState, FieldBlock]:
         """Integrate a block."""
         last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
-        size = max(1, round(self.window / self.sample_time))
-        bin_size = min(max(1, round(BIN / self.sample_time)), size)
-        offset, live = np.zeros(len(block)), np.ones(len(block))
-        now, begin = state, 0
-        while begin < len(block):
-            part = slice(begin, min(len(block), begin + size - now.window.samples))
-            offset[part] = now.offset
-            live[part] = not self._reads_zero(now)
-            current = None if block.current is None else block.current[part]
-            now = replace(now, window=now.window.extended(block.voltage[part], current, bin_size))
-            if now.window.samples == size:
-                now = replace(self._updated(now), window=Window())
-            begin = part.stop
+        now, offset, reading = (self._plateau_offsets if self.on_plateaus else self._zero_offsets)(
+            state, block, steps.dt
+        )
+        live = 1.0 - reading
         field = state.field + np.cumsum(live * (steps.field - offset * steps.dt / self.coil.area_m2))
         variance = state.variance + np.cumsum(live * steps.variance)
         elapsed = state.elapsed + np.cumsum(live * steps.dt)
@@ -119,18 +109,39 @@ class FeedForwardIntegrator:
         now = replace(now, last=last, field=float(field[-1]), variance=float(variance[-1]), elapsed=float(elapsed[-1]))
         return now, FieldBlock(block.time, field, variance, offset, nothing, nothing, responses)
 
-    def _reads_zero(self, state: FeedForwardState) -> bool:
-        return not self.on_plateaus and state.still < self.zero_reading - 1e-9
+    def _zero_offsets(
+        self, state: FeedForwardState, block: CoilBlock, dt: FloatArray
+    ) -> tuple[FeedForwardState, FloatArray, FloatArray]:
+        """The state, the mean of the zero reading up to each sample, and 1 for the samples that belong to it."""
+        since = state.still + np.cumsum(dt)
+        reading = (since < self.zero_reading - 1e-3 * self.sample_time).astype(np.float64)
+        total = state.window.voltage_sum + np.cumsum(reading * block.voltage)
+        samples = state.window.samples + np.cumsum(reading)
+        offset = total / np.maximum(samples, 1.0)
+        seen = Window(int(samples[-1]), float(total[-1]))
+        return replace(state, still=float(since[-1]), offset=float(offset[-1]), window=seen), offset, reading
+
+    def _plateau_offsets(
+        self, state: FeedForwardState, block: CoilBlock, dt: FloatArray
+    ) -> tuple[FeedForwardState, FloatArray, FloatArray]:
+        """The state, the last settled plateau's mean at each sample, and zeros: no sample is left out."""
+        size = max(1, round(self.window / self.sample_time))
+        bin_size = min(max(1, round(BIN / self.sample_time)), size)
+        offset = np.zeros(len(block))
+        now, begin = state, 0
+        while begin < len(block):
+            part = slice(begin, min(len(block), begin + size - now.window.samples))
+            offset[part] = now.offset
+            current = None if block.current is None else block.current[part]
+            now = replace(now, window=now.window.extended(block.voltage[part], current, bin_size))
+            if now.window.samples == size:
+                now = replace(self._updated(now), window=Window())
+            begin = part.stop
+        return now, offset, np.zeros(len(dt))
 
     def _updated(self, state: FeedForwardState) -> FeedForwardState:
         """After a complete window, whose offset holds from the next sample on."""
         seen, still = state.window, state.still + self.window
-        if self._reads_zero(state):
-            total = state.zero_samples + seen.samples
-            offset = (state.offset * state.zero_samples + seen.voltage_sum) / total
-            return replace(state, offset=offset, zero_samples=total, still=still)
-        if not self.on_plateaus:
-            return state
         mean, level = seen.voltage_sum / seen.samples, 0.5 * (seen.current_min + seen.current_max)
         if math.isinf(seen.current_min):
             moves = abs(mean) > STILL_V

@@ -314,6 +314,12 @@ def _stream(
             corrected |= bool(np.any(out.offset != 0.0))
             if progress is not None and total:
                 progress(samples, total)
+        length = float(out.time[-1] - first.time[0])
+        if options.method == "ffa1" and options.zero_reading is not None and length <= options.zero_reading:
+            raise TableError(
+                f"The zero reading must end before the record does; instead it lasts {options.zero_reading:g} s, and "
+                f"the record {length:.3g} s. Give a smaller --zero-reading-s."
+            )
     findings = watch.findings()
     if options.method == "ffa2" and not corrected:
         text = (

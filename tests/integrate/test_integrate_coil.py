@@ -85,6 +85,22 @@ def test_an_option_that_would_do_nothing_is_refused(method, options, named):
         integrate_coil(GOOD, method=method, **AREA | options)
 
 
+@pytest.mark.parametrize("zero_s", [0.2, 0.5, 1.0, 1.5])
+def test_the_zero_reading_lasts_as_long_as_it_is_said_to(zero_s):
+    time = np.arange(0.0, 3.0, 1e-3)
+    voltage = np.where(time < zero_s, 0.0, 1.0) + 1e-5
+    rows = pd.DataFrame({"time_s": time, "coil_voltage_V": voltage})
+    result = integrate_coil(rows, method="ffa1", zero_reading_s=zero_s)
+    # The trapezoid up to the step holds half a sample of it.
+    assert result.value == pytest.approx(time[-1] - zero_s + 0.5e-3, abs=1e-9)
+    assert result.offset_V == pytest.approx(1e-5)
+
+
+def test_a_record_that_ends_within_its_zero_reading_is_refused():
+    with pytest.raises(TableError, match="--zero-reading-s"):
+        integrate_coil(GOOD, method="ffa1", zero_reading_s=1e3)
+
+
 @pytest.mark.parametrize("ratio", [10.0, 10.3])
 def test_the_current_over_a_ratio_ends_the_drift(ratio):
     late = np.arange(0.0, 60.0, 5e-3)
