@@ -26,6 +26,10 @@ def test_a_strong_trace_is_sure_and_its_withheld_cause_gets_no_other_name(levita
     found = diagnose(levitation_model, table, **QUICK)
     assert (found.missing[0].name, found.look_alikes, found.confident) == (effect.effect.name, (), True)
     assert certainty_sentence(found).startswith("Certain")
+    beside = diagnose(levitation_model, table, **QUICK, exclude=("hall_offset",))
+    assert beside.missing[0].name == effect.effect.name
+    assert certainty_sentence(beside).startswith("Not certain")
+    assert "hall_offset" in certainty_sentence(beside)
     withheld = diagnose(levitation_model, table, **QUICK, exclude=(effect.effect.name,))
     assert (withheld.verdict, withheld.confident) == ("unexplained", False)
 

@@ -92,7 +92,7 @@ def diagnose_observations(
     if bootstrap:
         say("Simulating clean campaigns")
         clean = clean_campaigns(campaign, bootstrap, np.random.default_rng(0 if rng is None else rng))
-    return _diagnosis(model, campaign, decision, clean)
+    return replace(_diagnosis(model, campaign, decision, clean), excluded=tuple(dict.fromkeys(exclude)))
 
 
 def clean_campaigns(campaign: Campaign, count: int, rng: np.random.Generator) -> CleanCampaigns:

@@ -101,7 +101,10 @@ class Diagnosis:
         Effects, or constant errors of a channel, that would bear the same name on these data, had they been the cause
         and not been listed.
     confident : bool
-        Whether the verdict is ``named``, without look-alikes and with every parameter in its plausible range.
+        Whether the verdict is ``named``, without look-alikes among the effects considered and with every parameter in
+        its plausible range.
+    excluded : tuple of str
+        Effects that were not considered: nothing is certain beside them.
     campaign, decision : Campaign and Decision, or None
         What the result rests on; None for ``compare_only``.
 
@@ -129,6 +132,7 @@ class Diagnosis:
     lack_of_fit_after: LackOfFit | None = None
     look_alikes: tuple[str, ...] = ()
     confident: bool = False
+    excluded: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     campaign: "Campaign | None" = None
     decision: "Decision | None" = None
@@ -156,6 +160,7 @@ class Diagnosis:
             del one["members"]
         return {
             **{name: getattr(self, name) for name in names},
+            "excluded": list(self.excluded),
             "missing": missing,
             "ranking": [vars(one) for one in self.ranking],
             "where": vars(self.where),

@@ -53,6 +53,12 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:
     """How far what is named can be trusted against other causes."""
+    if diagnosis.confident and diagnosis.excluded:
+        was = "was" if len(diagnosis.excluded) == 1 else "were"
+        return (
+            "Not certain: no other effect of those considered would give these readings, but "
+            f"{' and '.join(diagnosis.excluded)} {was} excluded."
+        )
     if diagnosis.confident:
         return "Certain: no other effect of the catalogue would give these readings."
     members = [name for one in diagnosis.missing for name in one.members[1:]]
