@@ -74,8 +74,18 @@ def fit(
     mass = None if mass_g is None else 1e-3 * mass_g
     result: FitResult | InductanceFit
     if is_inductance_table(table):
+        _require_of_inductances(
+            {
+                "--where": where,
+                "--bound": bound,
+                "--functions": functions,
+                "--constraints": constraints,
+                "--inductance-H": inductance_H,
+            }
+        )
         result = fit_inductance(
             read_inductance_table(table),
+            actuator=actuator,
             law=model,
             mass_kg=mass,
             resistance_ohm=resistance_ohm,
@@ -97,8 +107,29 @@ def fit(
         )
     write_model(result.model, target)
     write_json(json, {**result.to_dict(), "model_file": str(target)})
-    print(f"written: {target}")
     print(result)
+    print(f"written: {target}")
+
+
+_FOR_SWEEPS = {
+    "--where": "chooses a variant of a parameter sweep",
+    "--bound": "bounds a coefficient of a force law",
+    "--functions": "sets how a force law depends on the current, which is by its square here",
+    "--constraints": "shapes a co-energy",
+    "--inductance-H": "stands in for inductances that the table does not have",
+}
+
+
+def _require_of_inductances(given: dict[str, object]) -> None:
+    """Refuse options that do nothing for a table of inductances."""
+    from femfit.core.errors import FitError
+
+    for option, value in given.items():
+        if value not in (None, ()):
+            raise FitError(
+                f"{option} {_FOR_SWEEPS[option]}; a fit to measured inductances has no use for it. Leave it out, or "
+                "fit a sweep table with forces."
+            )
 
 
 def _range(text: str | None) -> tuple[float, float] | None:

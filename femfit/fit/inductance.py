@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from html import escape
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from scipy.optimize import nnls
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
+from femfit.device.load import read_actuator
 from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
 from femfit.fit.model_parts import sample_time
@@ -83,6 +85,7 @@ def fit_inductance(
     mass_kg: float | None = None,
     resistance_ohm: float | None = None,
     supply_V: tuple[float, float] | None = None,
+    actuator: str | Path | None = None,
 ) -> InductanceFit:
     """Fit a force law to measured inductances.
 
@@ -90,12 +93,19 @@ def fit_inductance(
     ----------
     supply_V : (float, float) or None
         The driver's lowest and highest voltage, for the circuit.
+    actuator : str, Path or None
+        Actuator file, for the mass, resistance and supply that are not given themselves.
     """
     if law in {"coenergy", "all"}:
         raise FitError(
             f"Inductances without forces give a law; --model must name one, for example two-exponentials, "
             f"instead of {law}."
         )
+    if actuator is not None:
+        drawn = read_actuator(actuator)
+        mass_kg = drawn.moving.mass_kg if mass_kg is None else mass_kg
+        resistance_ohm = drawn.coil.resistance_ohm if resistance_ohm is None else resistance_ohm
+        supply_V = (drawn.supply.voltage_min_V, drawn.supply.voltage_max_V) if supply_V is None else supply_V
     chosen = law_by_name(law)
     distances = np.unique(table.distance)
     numbers = 1 + len(chosen.basis) + len(chosen.shape)
@@ -177,9 +187,11 @@ def _parts(
     if resistance_ohm is not None and supply_V is not None:
         circuit = Circuit(resistance_ohm, *supply_V)
     else:
-        notes.append("No circuit in the model: give --resistance-ohm and --supply-V LOW:HIGH.")
+        notes.append(
+            "No circuit in the model: give --actuator ACTUATOR.toml, or --resistance-ohm and --supply-V LOW:HIGH."
+        )
     if mass_kg is not None:
         motion = Motion(mass_kg)
     else:
-        notes.append("No motion in the model: give --mass-g.")
+        notes.append("No motion in the model: give --actuator ACTUATOR.toml or --mass-g.")
     return circuit, motion, tuple(notes)

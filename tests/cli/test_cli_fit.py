@@ -25,7 +25,9 @@ def test_a_law_is_written_where_asked_with_its_report_as_text_and_json(sweep, tm
     result = fit(sweep, "--model", "F1e", "-o", tmp_path / "deep" / "m.json", "--json", tmp_path / "r.json")
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
-    assert result.stdout.startswith(f"written: {tmp_path / 'deep' / 'm.json'}")
+    first, *_, last = result.stdout.splitlines()
+    assert "law F1e" in first
+    assert last == f"written: {tmp_path / 'deep' / 'm.json'}"
     assert read_model(tmp_path / "deep" / "m.json").magnetics.law_name == "F1e"
     data = json.loads((tmp_path / "r.json").read_text())
     assert data["model"] == "F1e"

@@ -7,9 +7,11 @@ import pytest
 
 from femfit.core.errors import FitError, TableError
 from femfit.core.finding import Finding
+from femfit.device.load import read_actuator
 from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model
 from femfit.tables.inductance_table import InductanceTable, is_inductance_table, read_inductance_table
+from support.actuators import GEOMETRY
 from support.command import femfit
 
 D = np.linspace(1e-3, 20e-3, 14)
@@ -65,11 +67,41 @@ def test_too_few_distances_are_refused():
         fit_inductance(short, **OPTIONS)
 
 
-def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
+def written_table(directory):
     rows = table()
     lines = [f"{1e3 * d},{i},{1e3 * h}" for d, i, h in zip(rows.distance, rows.current, rows.inductance, strict=True)]
-    path = tmp_path / "steps.csv"
+    path = directory / "steps.csv"
     path.write_text("\n".join(["distance_mm,current_A,inductance_mH", *lines]) + "\n")
+    return path
+
+
+def test_circuit_and_mass_come_from_an_actuator_file_unless_they_are_given(tmp_path):
+    actuator = GEOMETRY / "plunger-solenoid.toml"
+    drawn = read_actuator(actuator)
+    done = femfit(
+        "fit", written_table(tmp_path), "--model", "two-exponentials", "--actuator", actuator, "--mass-g", 60,
+        "-o", tmp_path / "model.json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    model = read_model(tmp_path / "model.json")
+    assert model.circuit.resistance_ohm == drawn.coil.resistance_ohm
+    assert model.circuit.voltage_max_V == drawn.supply.voltage_max_V
+    assert model.motion.mass_kg == 0.06
+
+
+@pytest.mark.parametrize(
+    "option",
+    [("--where", "variant=3"), ("--bound", "d^-4=0:1"), ("--functions", "constant"), ("--constraints", "none"),
+     ("--inductance-H", "0.1")],
+)  # fmt: skip
+def test_an_option_that_inductances_do_not_use_is_refused(option, tmp_path):
+    done = femfit("fit", written_table(tmp_path), "--model", "two-exponentials", *option)
+    assert done.returncode == 1
+    assert option[0] in done.stderr
+
+
+def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
+    path = written_table(tmp_path)
     assert is_inductance_table(path)
     done = femfit(
         "fit", path, "--model", "two-exponentials", "--mass-g", 60, "--resistance-ohm", 4, "--supply-V", "0:12",
