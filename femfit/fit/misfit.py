@@ -95,10 +95,13 @@ def misfit_notes(model: ActuatorModel, rows: FitRows) -> tuple[str, ...]:
         if share is not None and share > POOR_CIRCUIT
     ]
     if poor:
-        notes.append(
-            f"The model misses the table's {' and '.join(poor)}: do not simulate its circuit. "
-            "A co-energy (femfit fit without --model) holds both."
-        )
+        remedy = "A co-energy (femfit fit without --model) holds both."
+        if isinstance(model.magnetics, CoenergySpline) and rows.flux_linkage is not None:
+            off = model.magnetics.flux_linkage(rows.distance, rows.current) - rows.flux_linkage
+            more = _middles(rows.currents, rows.current[np.argmax(np.abs(off))])
+            finer = " and ".join(f"{x:.4g}" for x in more)
+            remedy = f"Add to [sweep] the currents {finer} A, then sweep and fit again."
+        notes.append(f"The model misses the table's {' and '.join(poor)}: do not simulate its circuit. {remedy}")
     return tuple(notes)
 
 

@@ -159,7 +159,16 @@ def test_a_circuit_that_a_law_does_not_hold_is_said():
     table = voice_coil()
     table.rows["flux_linkage_Wb"] = 3e-3 * np.tanh(table.rows["current_A"])
     result = fit_model(table, law="shifted-multipoles")
-    assert any("do not simulate its circuit" in note for note in result.notes)
+    (note,) = (note for note in result.notes if "do not simulate its circuit" in note)
+    assert "without --model" in note
+
+
+def test_a_coenergy_that_misses_the_flux_linkage_asks_for_finer_currents_and_not_for_itself():
+    table = voice_coil()
+    table.rows["flux_linkage_Wb"] = 3e-3 * np.tanh(30.0 * table.rows["current_A"])
+    (note,) = (note for note in fit_model(table).notes if "do not simulate its circuit" in note)
+    assert "without --model" not in note
+    assert "currents" in note
 
 
 def test_a_laws_constant_inductance_comes_from_the_flux_linkage():
