@@ -19,8 +19,8 @@ from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
 from femfit.tables.sweep_table import TABLE_STEM, read_sweep_table
 
-Severity = Literal["holds", "note", "wrong"]
-_SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds")
+Severity = Literal["holds", "stated", "note", "wrong"]
+_SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")
 
 _GRID = (41, 15)
 
@@ -58,7 +58,8 @@ class AuditFinding:
     """One conclusion of an audit."""
 
     code: str
-    # ``holds``: recomputed and right; ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic
+    # ``holds``: recomputed and right; ``stated``: the file says it and nothing was at hand to recompute it from;
+    # ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic
     severity: Severity
     about: str
     sentence: str
@@ -82,6 +83,8 @@ class Audit:
         total = (
             f"{self.count('wrong')} wrong, {self.count('note')} to look at, {self.count('holds')} recomputed and right"
         )
+        if self.count("stated"):
+            total += f", {self.count('stated')} only as the file states"
         ordered = [one for severity in _SEVERITIES for one in self.findings if one.severity == severity]
         return "\n".join([total, *(f"{one.severity}: {one.about}: {one.sentence}" for one in ordered)])
 
@@ -102,14 +105,18 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
         The sweep table that it was fitted to. None takes the one in the model file's directory, if its distances and
         currents are the model's.
     """
-    rows = None
+    rows, findings = None, []
     if not isinstance(model, ActuatorModel):
         path = Path(model)
         if path.suffix != ".json":
             raise ModelFileError(f"An audit needs a model file (.json); instead received {path}.")
         model = read_model(path)
         if table is None:
-            rows = _table_beside(path.parent, model)
+            try:
+                rows = _table_beside(path.parent, model)
+            except TableError as error:
+                text = f"the model is not compared with the table beside it: {error}"
+                findings.append(AuditFinding("table", "note", "table", text))
     if table is not None:
         rows = _rows_of(Path(table), model)
     domain = model.validity
@@ -120,7 +127,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
             np.linspace(domain.current_min_A, domain.current_max_A, _GRID[1]),
         )
     )
-    findings = [*_misfit(model, rows, d, i), *_signs(model, d, i), *_circuit(model, d, i)]
+    findings += [*_misfit(model, rows, d, i), *_signs(model, d, i), *_circuit(model, d, i)]
     findings += [_reciprocity(model.magnetics, d, i), *_bounds(model)]
     findings += _single_precision(model.without_effects.magnetics, d, i)
     if model.circuit is not None and model.motion is not None and not any(one.code == "positive" for one in findings):
@@ -140,10 +147,7 @@ def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
 def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | None:
     if not any((directory / f"{TABLE_STEM}{suffix}").is_file() for suffix in (".parquet", ".csv")):
         return None
-    try:
-        rows = _rows_of(directory, model)
-    except TableError:
-        return None
+    rows = _rows_of(directory, model)
     domain = model.validity
     own = (domain.distance_min_m, domain.distance_max_m, domain.current_min_A, domain.current_max_A)
     ends = (rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
@@ -161,9 +165,9 @@ def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatA
     findings = []
     shares = _shares(misfit, base.magnetics, d, i)
     for about, share in shares.items():
-        wrong = share > _LARGE_MISFIT
+        right: Severity = "holds" if rows is not None else "stated"
         text = f"it misses {source} by {100 * share:.3g} % rms."
-        findings.append(AuditFinding("misfit", "wrong" if wrong else "holds", about, text, None, share))
+        findings.append(AuditFinding("misfit", "wrong" if share > _LARGE_MISFIT else right, about, text, None, share))
     if rows is None or stated is None:
         return findings
     for about, name in _RMS.items():

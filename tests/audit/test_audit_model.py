@@ -29,8 +29,8 @@ def law(model, **change):
 def test_a_consistent_rig_passes_clean(levitation_model):
     assert codes(levitation_model, "wrong", "note") == set()
     checked = codes(levitation_model, "holds")
+    assert codes(levitation_model, "stated") == {"misfit"}  # no table is at hand
     assert {
-        "misfit",
         "reciprocity",
         "inductance",
         "time_constant",
@@ -138,8 +138,17 @@ def test_a_model_is_compared_with_the_table_beside_it(fitted):
         f"stated misfit of the {q}" for q in ("force", "flux linkage", "inductance")
     }
     assert all(one.stated < one.recomputed for one in stated)
-    assert "misfit" in codes(replace(model, magnetics=weaker), "holds")  # without its table: as the file states
+    assert "misfit" in codes(replace(model, magnetics=weaker), "stated")  # without its table: as the file states
     assert "wrong" in {one.severity for one in audit_model(replace(model, magnetics=weaker), directory).findings}
+
+
+def test_a_damaged_table_beside_a_model_is_said(fitted, tmp_path):
+    _, model = fitted
+    write_model(model, tmp_path / "model.json")
+    (tmp_path / "sweep.csv").write_text("distance_m,current_A\n0.01,oops\n")
+    audit = audit_model(tmp_path / "model.json")
+    assert [one.code for one in audit.findings if one.severity == "note" and one.about == "table"] == ["table"]
+    assert {one.severity for one in audit.findings if one.code == "misfit"} == {"stated"}
 
 
 def test_a_table_of_another_range_beside_a_model_is_not_its_own(fitted, levitation_model):
