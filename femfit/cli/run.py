@@ -178,14 +178,14 @@ def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | N
 
 
 def _export(model: "ActuatorModel", directory: Path) -> str:
-    from femfit.core.errors import FilterError
+    from femfit.core.errors import DomainError, FilterError, MissingPartError
     from femfit.targets.estimator import export_estimator
 
     if model.sensor is None:
         return f"none: {NO_HALL} Describe one by [hall] in the actuator file."
     try:
         files = export_estimator(model, directory)
-    except FilterError as error:
+    except (DomainError, FilterError, MissingPartError) as error:
         return f"none: {error}"
     return f"{directory}, {len(files)} files that need numpy alone"
 

@@ -177,7 +177,7 @@ def solve_least_distance(triangle: FloatArray, q: FloatArray, G: FloatArray, h: 
     system = np.vstack([moved.T, shifted])
     goal = np.zeros(len(system))
     goal[-1] = 1.0
-    multipliers, _ = nnls(system, goal, maxiter=30 * system.shape[1])
+    multipliers, _ = non_negative(system, goal, 30 * system.shape[1])
     if abs((system @ multipliers - goal)[-1]) < 1e-13:
         raise InfeasibleFitError(
             f"The fit is infeasible, because no coefficients satisfy all {len(h)} bounds and inequalities at once. "
@@ -191,6 +191,18 @@ def solve_least_distance(triangle: FloatArray, q: FloatArray, G: FloatArray, h: 
     rank = int(np.sum(size > _DEPENDENT * size[0]))
     values = solve_triangular(corner[:rank, :rank], shifted[acting[order[:rank]]], trans="T")
     return np.asarray(solve_triangular(triangle, q + q_factor[:, :rank] @ values))
+
+
+def non_negative(matrix: FloatArray, right: FloatArray, steps: int | None = None) -> tuple[FloatArray, float]:
+    """The least ||A x - b|| with x >= 0: (x, that norm); FitError where so many steps do not do."""
+    try:
+        x, norm = nnls(matrix, right, maxiter=steps)
+    except RuntimeError as error:
+        raise FitError(
+            f"Least squares for {matrix.shape[1]} coefficients that must not be negative do not converge. Use fewer "
+            "coefficients, drop bounds or constraints, or sweep more points."
+        ) from error
+    return x, float(norm)
 
 
 def _is_optimal(problem: _ScaledQP, z: FloatArray) -> bool:
@@ -208,7 +220,7 @@ def _is_optimal(problem: _ScaledQP, z: FloatArray) -> bool:
     rows = solve_triangular(problem.triangle, G[acting].T, trans="T")
     multipliers, unexplained = np.zeros(0), float(np.linalg.norm(gradient))
     if np.any(acting):
-        multipliers, unexplained = nnls(rows, gradient, maxiter=30 * max(rows.shape))
+        multipliers, unexplained = non_negative(rows, gradient, 30 * max(rows.shape))
     better = unexplained**2 + 2.0 * multipliers @ np.fmax(slack[acting], 0.0)
     return bool(better <= EXCESS_ALLOWED * max(problem.outside + problem.excess(z), _SSE_FLOOR))
 

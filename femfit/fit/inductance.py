@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import nnls
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.device.load import read_actuator
+from femfit.fit.bounded_qp import non_negative
 from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
 from femfit.fit.model_parts import sample_time
@@ -176,7 +176,7 @@ def _linear(law: ForceLaw, shape: Mapping[str, float], table: InductanceTable) -
     phi = law.potential_columns(table.distance, shape)
     matrix = np.column_stack([np.ones(len(phi)), 2.0 * phi]) * table.current[:, None]
     scale = np.linalg.norm(matrix, axis=0)
-    solution = nnls(matrix / scale, table.inductance * table.current)[0] / scale
+    solution = non_negative(matrix / scale, table.inductance * table.current)[0] / scale
     return solution, matrix @ solution - table.inductance * table.current
 
 

@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
+from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
 from femfit.fit.law_columns import (
     FUNCTIONS,
     CoefficientBounds,
@@ -255,7 +255,7 @@ def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None)
     remaining = rows.flux_linkage - law.flux_linkage(rows.distance, rows.current)
     # Columns for an inductance >= 0 and a flux linkage of either sign.
     one, i = np.ones_like(rows.current), rows.current / (np.max(np.abs(rows.current)) or 1.0)
-    inductance, plus, minus = nnls(np.stack([i, one, -one], axis=1), remaining)[0]
+    inductance, plus, minus = non_negative(np.stack([i, one, -one], axis=1), remaining)[0]
     return replace(
         law,
         constant_inductance_H=float(inductance / (np.max(np.abs(rows.current)) or 1.0)),

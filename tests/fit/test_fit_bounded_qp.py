@@ -161,6 +161,12 @@ def test_data_that_determine_no_solution_are_refused_with_the_reason(matrix, y, 
         solve_bounded_qp(matrix, y, sigma)
 
 
+def test_least_squares_that_do_not_converge_are_a_fit_error_with_a_remedy():
+    rng = np.random.default_rng(1)
+    with pytest.raises(FitError, match="Use fewer coefficients"):
+        bounded_qp.non_negative(rng.random((30, 20)), rng.random(30), steps=1)
+
+
 def test_rows_weigh_by_their_standard_deviation():
     y = np.array([0.0, 1.0])
     solution = solve_bounded_qp(np.ones((2, 1)), y, np.array([1.0, 0.5]))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError
+from femfit.fit import bounded_qp
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import fit_law, law_sigma
 from femfit.fit.ranking import TARGET, rank_laws, ranking_folds
@@ -32,6 +33,21 @@ def noisy_rows(noise):
     table = force_table(paper_force)
     table.rows["force_N"] += noise(table.rows)
     return rows_of_table(table, MASS, G)
+
+
+def test_a_law_that_does_not_converge_leaves_the_ranking_to_the_others(paper_rows, monkeypatch):
+    right = bounded_qp.nnls
+
+    def only_for_f1e(matrix, values, maxiter=None):
+        if matrix.shape[1] > 7:  # F2E's bounds and inequalities are eight
+            raise RuntimeError("Maximum number of iterations reached.")
+        return right(matrix, values, maxiter=maxiter)
+
+    monkeypatch.setattr(bounded_qp, "nnls", only_for_f1e)
+    ranking = rank_laws((F1E, F2E), paper_rows)
+    assert ranking.recommended.law is F1E
+    (failed,) = (one for one in ranking.candidates if one.fit is None)
+    assert failed.law is F2E
 
 
 def test_two_stages_and_joint_fit_agree_on_exact_data(paper_rows):
