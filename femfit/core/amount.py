@@ -11,6 +11,7 @@ from femfit.core.arrays import FloatArray
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 _PREFIXED = {"m", "s", "A", "N", "Wb", "V", "T", "H", "W", "J", "ohm", "g", "V s", "T/A", "V/A", "V/T", "N/A"}
+_MOST_DIGITS = 5  # Of the larger end of an interval
 _SHARES = {"", "1/K", "1/K^2"}
 
 
@@ -33,6 +34,42 @@ def amount(value: float | None, unit: str, digits: int = 2) -> str:
         return f"{value:.{max(digits, 3)}g} °C"
     factor, prefixed = _scale(abs(float(f"{value:.{digits - 1}e}")), unit)
     return f"{rounded(factor * value, digits)} {prefixed}"
+
+
+def amount_range(low: float, high: float, unit: str, digits: int = 2) -> str:
+    """An interval in one unit, ``0.098 to 0.104 mm``, with the digits that tell its ends apart; equal ends once.
+
+    Parameters
+    ----------
+    digits : int
+        Of the end that is larger in magnitude.
+    """
+    largest, width = max(abs(low), abs(high)), abs(high - low)
+    if not math.isfinite(low) or not math.isfinite(high) or largest == 0.0:
+        ends = [amount(end, unit, digits) for end in (low, high)]
+        return ends[0] if low == high else " to ".join(ends)
+    if width <= 1e-9 * largest:
+        return amount(largest if low > 0.0 else -largest, unit, digits)
+    shown = unit.rpartition("_")[2]
+    if shown == "C":
+        factor, prefixed = 1.0, "°C"
+    elif shown in _SHARES:
+        factor, prefixed = 100.0, amount(0.0, unit).partition(" ")[2]
+    else:
+        factor, prefixed = _scale(float(f"{largest:.{digits - 1}e}"), shown)
+    # A digit of the width where the ends are near each other, and one of an end that is far smaller
+    scaled = [factor * value for value in (low, high)]
+    wanted = [(factor * largest, digits), (factor * width, 1), *((abs(end), 1) for end in scaled if end)]
+    places = max(0, -max(min(_place(*one) for one in wanted), _place(factor * largest, _MOST_DIGITS)))
+    if not 1e-5 <= factor * largest < 1e6:
+        return f"{amount(low, unit, digits)} to {amount(high, unit, digits)}"
+    texts = [f"{end:.{places}f}" for end in scaled]
+    return f"{' to '.join(dict.fromkeys(texts))} {prefixed}"
+
+
+def _place(value: float, digits: int) -> int:
+    """Power of ten of the last of so many digits."""
+    return math.floor(math.log10(value) + 1e-12) - digits + 1
 
 
 def axis_scale(values: FloatArray, unit: str) -> tuple[float, str]:

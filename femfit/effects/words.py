@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, amount_range
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 
@@ -64,4 +64,5 @@ def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | No
     low, high = interval
     if "{signed}" not in p.words and value < 0.0:
         low, high = -high, -low
-    return f"{clause} (95 %: {size_of(p, low, nominal)} to {size_of(p, high, nominal)})"
+    scale = getattr(nominal, p.scale) if p.scale else 1.0
+    return f"{clause} (95 %: {amount_range(low * scale, high * scale, p.scale or p.unit)})"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from femfit.core.amount import amount, probability, rounded
+from femfit.core.amount import amount, amount_range, probability, rounded
 
 
 @pytest.mark.parametrize(
@@ -23,6 +23,18 @@ def test_amounts_have_a_prefix_and_two_digits(value, unit, said):
 )  # fmt: skip
 def test_a_column_is_said_in_the_unit_that_its_name_ends_in(value, column, said):
     assert amount(value, column, 3) == said
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "unit", "said"),
+    [(0.0248, 0.0252, "", "2.48 to 2.52 %"), (98e-6, 104e-6, "m", "0.098 to 0.104 mm"),
+     (0.0, 0.0131, "N", "0 to 13 mN"), (-3e-6, 1.2e-4, "mount_m", "-0.003 to 0.120 mm"),
+     (20.1, 20.4, "coil_temperature_C", "20.1 to 20.4 °C"),
+     (2.5, 2.5, "A", "2.5 A"), (-0.05, -0.048, "1/K", "-5.0 to -4.8 % per K"),
+     (-1.0, float("inf"), "N", "-1.0 N to unknown")],
+)  # fmt: skip
+def test_an_interval_has_one_unit_and_the_digits_that_tell_its_ends_apart(low, high, unit, said):
+    assert amount_range(low, high, unit) == said
 
 
 def test_numbers_very_large_or_small_are_powers_of_ten():

@@ -47,10 +47,10 @@ def test_a_weak_magnet_a_larger_gap_and_a_saturating_core_are_said_as_an_enginee
     assert said("remanence", nominal, remanence_error=-0.042) == ["the magnet is 4.2 % weaker than drawn"]
     interval = {"offset_m": (1.8e-4, 2.2e-4)}
     assert said("distance_offset", nominal, interval, offset_m=2.04e-4) == [
-        "the gap is 0.20 mm larger than recorded (95 %: 0.18 mm to 0.22 mm)"
+        "the gap is 0.20 mm larger than recorded (95 %: 0.18 to 0.22 mm)"
     ]
     assert said("turns", nominal, {"turns_error": (-0.05, -0.03)}, turns_error=-0.04) == [
-        "the winding has 4.0 % fewer turns than drawn (95 %: 3.0 % to 5.0 %)"
+        "the winding has 4.0 % fewer turns than drawn (95 %: 3.0 to 5.0 %)"
     ]
     (core,) = said("core_saturation", nominal, mmf_loss_3=0.01, mmf_loss_32=0.015)
     share = float(re.search(r"loses ([\d.]+) %", core).group(1))
