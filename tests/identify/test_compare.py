@@ -10,6 +10,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
 from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.refit.add_effects import add_effects
@@ -61,6 +62,15 @@ def test_a_pure_error_test_accuses_the_channel_that_is_wrong_and_no_other(levita
     assert by_channel(comparison)["hall_V"].mean == pytest.approx(0.02, abs=1e-3)
 
 
+def test_a_test_against_a_declared_noise_is_not_called_one_against_repeats(levitation_model):
+    table = campaign(levitation_model, 16, runs=1, noise={"force_N": NOISE["force_N"]})
+    once = table.rows[table.rows["branch"] > 0].drop_duplicates(["distance_m", "current_A"]).reset_index(drop=True)
+    declared = replace(table, rows=once, declared_noise={"force_N": NOISE["force_N"]})
+    said = str(by_channel(compare(levitation_model, declared))["force_N"])
+    assert "repeats" not in said
+    assert "against the declared noise" in said
+
+
 def test_rms_and_maximum_are_those_of_recorded_minus_predicted(levitation_model):
     table = campaign(levitation_model, 13)
     rows = table.rows.copy()
@@ -77,6 +87,8 @@ def test_a_law_is_blamed_for_its_own_shape_before_any_measurement(levitation_mod
     law, rms = law_model
     comparison = compare(law, campaign(levitation_model, 14))
     assert comparison.verdict == "wrong_shape"
+    said = verdict_sentence(diagnose(law, campaign(levitation_model, 14), bootstrap=0))
+    assert str(comparison).startswith(said)
     assert comparison.shape.wrong
     assert comparison.shape.force_rms_N == rms
     assert "wrong shape before any measurement" in comparison.shape.sentence

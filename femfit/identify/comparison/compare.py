@@ -15,7 +15,7 @@ from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.diagnosis_text import beyond_noise, mount_words
+from femfit.identify.decision.diagnosis_text import OWN_MISFIT_WORDS, beyond_noise, mount_words
 from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
@@ -64,13 +64,14 @@ class ChannelMisfit:
             f"; largest {amount(worst.value, self.channel)} at {amount(worst.distance_m, 'distance_m', 3)} and "
             f"{amount(worst.current_A, 'current_A')}"
         )
-        return text + (f"; against repeats {probability(self.lack_of_fit.p_value)}" if self.lack_of_fit else "")
+        against = {"repeats": "the repeats", "declared": "the declared noise"}.get(self.noise_source, "that noise")
+        return text + (f"; against {against} {probability(self.lack_of_fit.p_value)}" if self.lack_of_fit else "")
 
 
 _VERDICTS = {
     "agrees": "The model agrees with these data within their noise{scatter}.",
     "fails": "The model fails: {where}",
-    "wrong_shape": "The model fails, but no more than it misses the table that it was fitted to: {where}",
+    "wrong_shape": OWN_MISFIT_WORDS + " {where}",
     "compare_only": "No verdict. {why} The misfit: {where}",
 }
 

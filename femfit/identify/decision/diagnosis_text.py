@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
 _SHOWN, _ALIKE = 8, 4
 
+OWN_MISFIT_WORDS = "Nothing is missing beyond the model's own misfit to the table that it was fitted to."
+
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}.",
-    "own_misfit": "Nothing is missing beyond the model's own misfit to the table that it was fitted to.",
+    "own_misfit": OWN_MISFIT_WORDS,
     "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}{own}.",
     "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
     "unexplained": "Something is missing that no effect of the catalogue explains, nor any two of them.",
@@ -53,14 +55,10 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:
     """How far what is named can be trusted against other causes."""
-    if diagnosis.confident and diagnosis.excluded:
-        was = "was" if len(diagnosis.excluded) == 1 else "were"
-        return (
-            "Not certain: no other effect of those considered would give these readings, but "
-            f"{' and '.join(diagnosis.excluded)} {was} excluded."
-        )
     if diagnosis.confident:
-        return "Certain: no other effect of the catalogue would give these readings."
+        certain = "Certain: no other effect of the catalogue would give these readings."
+        considered = "Not certain: no other effect of those considered would give these readings; excluded: "
+        return f"{considered}{', '.join(diagnosis.excluded)}." if diagnosis.excluded else certain
     members = [name for one in diagnosis.missing for name in one.members[1:]]
     if members:
         return f"Not certain: {_any_of(members)} would give the same readings. femfit suggest says what to measure."
