@@ -28,7 +28,7 @@ from femfit.field.layout import Layout
 from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.newton import TOLERANCE, NewtonResult, inner, minimise
-from femfit.field.nonlinear_system import NonlinearSystem
+from femfit.field.nonlinear_system import RESPONSE_LIMIT, NonlinearSystem
 from femfit.field.point_rows import NonlinearPoint, PointSolution, table_rows
 from femfit.field.settings import SolverSettings
 from femfit.field.stress import AROUND_FIXED, LayerForce, weight
@@ -69,15 +69,18 @@ class NonlinearActuator:
             bases = {i: self._raise_order @ result.state for i, result in coarse.items() if result.converged}
             fine = _along_currents(self.fine, tuple(i for i in currents if i in bases), bases)
             evaluate = self._evaluation()
-            response, points = np.zeros(self.fine.space.ndof), []
+            start, points = np.zeros(self.fine.space.ndof), []
             for i in currents:
                 last = fine.get(i, coarse[i])
-                solution = None
+                status, solution = _status(last), None
                 if i in fine and last.converged:
-                    response = self.fine.response(last.state, response)
-                    solution = evaluate(i, last.state, coarse[i].state, response)
+                    response, found = self.fine.response(last.state, start)
+                    if found:
+                        start, solution = response, evaluate(i, last.state, coarse[i].state, response)
+                    else:
+                        status = _NO_INDUCTANCE
                 iterations = last.iterations + (coarse[i].iterations if i in fine else 0)
-                points.append(NonlinearPoint(iterations, last.residual, _status(last), solution))
+                points.append(NonlinearPoint(iterations, last.residual, status, solution))
         return points
 
     def field(self, distance: float, current: float) -> PointField:
@@ -158,6 +161,12 @@ def _outwards(currents: tuple[float, ...]) -> list[tuple[float, list[float]]]:
     up = [(i, list(currents[middle:k][::-1])) for k, i in enumerate(currents) if k > middle]
     down = [(i, list(currents[k + 1 : middle + 1])) for k, i in enumerate(currents) if k < middle]
     return [(currents[middle], []), *up, *down[::-1]]
+
+
+_NO_INDUCTANCE = (
+    f"failed: the inductance did not converge in {RESPONSE_LIMIT} iterations. Check the B-H curve for kinks, or sweep "
+    "the current in smaller steps"
+)
 
 
 def _status(result: NewtonResult) -> str:

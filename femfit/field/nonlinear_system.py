@@ -68,8 +68,8 @@ class NonlinearSystem:
         """Solve with the second derivative as last factorised."""
         return self._inverse.solve(load)
 
-    def response(self, state: FloatArray, guess: FloatArray) -> FloatArray:
-        """dw/di in 1/A at a converged state, to RESPONSE_TOLERANCE: conjugate gradients from a guess.
+    def response(self, state: FloatArray, guess: FloatArray) -> tuple[FloatArray, bool]:
+        """dw/di in 1/A at a converged state, and whether to RESPONSE_TOLERANCE: conjugate gradients from a guess.
 
         They use the second derivative at the state, preconditioned by the kept one.
         """
@@ -80,7 +80,7 @@ class NonlinearSystem:
         direction, product = preconditioned, inner(residual, preconditioned)
         limit = RESPONSE_TOLERANCE**2 * inner(self.coil, self.solve(self.coil))
         for _ in range(RESPONSE_LIMIT):
-            if product <= limit:
+            if not product > limit:  # nor where a number is lost
                 break
             image = self._second_derivative(tensor, direction)
             step = product / inner(direction, image)
@@ -89,7 +89,7 @@ class NonlinearSystem:
             preconditioned = self.solve(residual)
             before, product = product, inner(residual, preconditioned)
             direction = preconditioned + (product / before) * direction
-        return x
+        return x, product <= limit
 
     def inductance(self, state: FloatArray, response: FloatArray) -> float:
         """d(flux linkage)/d(current) in H: coil . x for the exact response x, stationary at it."""

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from femfit.core.sweep_columns import COLUMNS
-from femfit.field import nonlinear_point, sweep_task
+from femfit.field import nonlinear_point, nonlinear_system, sweep_task
 from femfit.field import sweep as sweep_module
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
@@ -84,6 +84,15 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(whole, act
     monkeypatch.setattr(sweep_module, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
     again = run_sweep(few, tmp_path, workers=1, settings=QUICK)  # its journal is read, missing fields and all
     pd.testing.assert_frame_equal(again.rows, table.rows, check_exact=True)
+
+
+def test_a_point_whose_inductance_does_not_converge_is_not_passed_as_solved(actuator, tmp_path, monkeypatch):
+    monkeypatch.setattr(nonlinear_system, "RESPONSE_LIMIT", 0)
+    sweep_task.MESHES.clear()
+    near = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=(0.008,)))
+    rows = run_sweep(near, tmp_path, workers=1, settings=QUICK).rows
+    assert rows["status"].str.contains("inductance did not converge").all()
+    assert rows["inductance_H"].isna().all()
 
 
 def test_currents_of_both_signs_start_from_the_weakest_and_do_not_change_the_result(actuator):
