@@ -7,8 +7,10 @@ import pytest
 
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import AddedEffect
+from femfit.identify.experiments.possible import possible_experiments
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.plausible import plausible_table, suspect_units
+from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.with_effects import with_effects
 from support.campaign import NOISE, campaign
 
@@ -120,3 +122,22 @@ def test_currents_beyond_a_linear_models_sweep_are_counted(levitation_model):
     (finding,) = [f for f in bench_observations(narrow, table).findings if f.code == "extrapolated"]
     beyond = int((table.rows["current_A"] > 0.51 * box.current_max_A).sum())
     assert str(beyond) in str(finding)
+
+
+def test_iron_that_saturates_is_not_carried_on_beyond_the_models_currents(levitation_model):
+    box, kind = levitation_model.validity, ActuatorKind(False, True, True, False, True, True)
+    narrow = replace(levitation_model, validity=replace(box, current_max_A=0.5 * box.current_max_A), kind=kind)
+    observations = bench_observations(narrow, campaign(levitation_model, 23))
+    assert {"outside-domain"} <= {one.code for one in observations.findings}
+    assert "extrapolated" not in {one.code for one in observations.findings}
+    assert observations.covariates["current_A"].max() <= 0.52 * box.current_max_A
+
+
+def test_every_proposed_setting_lies_in_the_models_validity_domain(levitation_model):
+    box = levitation_model.validity
+    narrow = replace(levitation_model, validity=replace(box, current_max_A=0.5 * box.current_max_A))
+    observations = bench_observations(narrow, campaign(levitation_model, 23))
+    assert observations.covariates["current_A"].max() > narrow.validity.current_max_A
+    proposed = [one.rows for one in possible_experiments(observations, ("force_N",), []) if one.rows is not None]
+    for rows in proposed:
+        assert narrow.validity.contains(rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()).all()

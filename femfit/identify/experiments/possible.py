@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, amount_range
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.identify.experiments.constants import (
@@ -43,12 +43,14 @@ def possible_experiments(
     """Measurements that would add something to a campaign, the cheapest first; equally dear ones as they stand here."""
     nominal, measured = observations.nominal, observations.channels
     current, branch = observations.covariates["current_A"], observations.covariates["branch"]
-    low, high = float(current.min()), float(current.max())
+    low, high = np.clip([current.min(), current.max()], nominal.current_min_A, nominal.current_max_A).tolist()
+    held = low > current.min() or high < current.max()
+    part = f" from {amount_range(low, high, 'A')}, where the model holds," if held else ""
     usual = _grid(nominal, low, high)
     near = usual[usual["distance_m"] <= nominal.distance_min_m + NEAR_SHARE * nominal.travel_m]
     result = [
-        _run("Measure the same range once more, on a new mount", usual, measured),
-        _run(f"Add {len(near)} points at {_range(near)} over the same currents", near, measured),
+        _run(f"Measure the same range{part} once more, on a new mount", usual, measured),
+        _run(f"Add {len(near)} points at {_range(near)} over the same currents{part.rstrip(',')}", near, measured),
     ]
     if not ((branch > 0).any() and (branch < 0).any()):
         result.append(_run("Measure with falling current as well", usual.assign(branch=-1.0), measured))

@@ -38,10 +38,12 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
     if beyond.any():
+        drawn = model.without_effects.kind is not None
+        why = "the drawn iron is linear" if drawn else "the model's co-energy is quadratic in the current"
         text = (
             f"{int(beyond.sum())} of {int(inside.sum())} rows have currents outside of the model's range, "
             f"{amount(box.current_min_A, 'A')} to {amount(box.current_max_A, 'A')}. They are compared all the same: "
-            "the model's iron is linear, and was carried on to them. Iron that saturates there shows as a misfit."
+            f"{why}, and was carried on to them. Iron that saturates there shows as a misfit."
         )
         findings.append(Finding("extrapolated", "warning", text, "Sweep and fit a wider range."))
     if not inside.any():

@@ -162,8 +162,8 @@ def at_ends_of_range(sensor: HallSensor, volts: FloatArray) -> BoolArray:
 def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
     """Where a model may be compared with a bench: its validity domain, a little beyond, and what is exact beyond.
 
-    The co-energy of linear iron is a polynomial of second degree in the current, which holds at any current; there only
-    the distances are limited.
+    A co-energy of second degree in the current can be carried on to any current, unless the drawing's iron saturates;
+    there only the distances are limited.
 
     It is false where either setting is not a number.
     """
@@ -171,10 +171,10 @@ def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArra
     box, magnetics = base.validity, base.magnetics
     slack = _SLACK * (box.distance_max_m - box.distance_min_m)
     inside = (distance >= box.distance_min_m - slack) & (distance <= box.distance_max_m + slack)
-    linear = isinstance(magnetics, CoenergySpline) and (
+    quadratic = isinstance(magnetics, CoenergySpline) and (
         magnetics.spline.y_degree <= 2 and len(np.unique(magnetics.spline.y_knots)) == 2
     )
-    if linear:
+    if quadratic and not (base.kind and base.kind.saturates):
         return np.asarray(inside & np.isfinite(current))
     return np.asarray(inside & within_currents(box, current))
 
