@@ -82,6 +82,14 @@ class FilterProcess:
         bounded = np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper))
         return [(int(k), float(self.lower[k]), float(self.upper[k])) for k in bounded]
 
+    @cached_property
+    def _deviations(self) -> FloatArray | None:
+        """Standard deviations of a first estimate: over these the functions are linear enough for a filter."""
+        if self.start_covariance is None:
+            return None
+        deviations = np.sqrt(np.diag(self.start_covariance))
+        return deviations if np.all(deviations > 0.0) else None
+
     def require_start_covariance(self) -> FloatArray:
         """The covariance of a first estimate."""
         if self.start_covariance is None:
@@ -97,10 +105,12 @@ class FilterProcess:
         """df/dx of shape (N, n, n), analytic where the process has it."""
         if self.transition_jacobian is not None:
             return self.transition_jacobian(states, inputs)
-        return central_differences(lambda points: self.transition(points, np.tile(inputs, 2 * self.order)), states)
+        return central_differences(
+            lambda points: self.transition(points, np.tile(inputs, 2 * self.order)), states, self._deviations
+        )
 
     def output_jacobian(self, states: FloatArray) -> FloatArray:
         """dh/dx of shape (N, n), analytic where the process has it."""
         if self.measurement_jacobian is not None:
             return self.measurement_jacobian(states)
-        return central_differences(lambda points: self.measure(points)[:, None], states)[:, 0, :]
+        return central_differences(lambda points: self.measure(points)[:, None], states, self._deviations)[:, 0, :]

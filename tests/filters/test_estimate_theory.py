@@ -199,6 +199,20 @@ def test_central_differences_of_a_vector_function_have_its_shape():
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+@pytest.mark.parametrize("size", [0.0, 1e-13, 1e-9, 1e-3])
+def test_central_differences_do_not_lose_their_digits_near_zero(size):
+    found = central_differences(lambda x: 9.80665 - 5.0 * x, np.array([[size]]), np.array([0.02]))
+    np.testing.assert_allclose(found, [[[-5.0]]], rtol=1e-7)
+
+
+def test_a_filters_jacobian_does_not_lose_its_digits_near_rest(levitation_model):
+    process = levitation_process(levitation_model)
+    plain = replace(process, transition_jacobian=None)
+    near = np.array([[0.025, 1e-12, 0.5]])
+    exact = process.state_jacobian(near, np.array([1.0]))
+    np.testing.assert_allclose(plain.state_jacobian(near, np.array([1.0])), exact, rtol=1e-5, atol=1e-6)
+
+
 def test_a_reading_outside_of_its_range_does_not_disturb_the_others(levitation_model):
     # A diverging observer's current moves the range of voltages: such a reading is clipped, its neighbours are solved.
     inverse = hall_inverse(levitation_model)
