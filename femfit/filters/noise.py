@@ -59,8 +59,10 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
     """
     circuit, motion = model.require_circuit(), model.require_motion()
     pole = unstable_pole(model, operating_distance(model) if distance is None else distance)
-    misfit = model.misfit.force_rms_of_weight if model.misfit is not None else None
-    relative = UNKNOWN_FORCE_ERROR if misfit is None else misfit
+    relative = UNKNOWN_FORCE_ERROR
+    if model.misfit is not None:  # which states no part of the weight where the forces are far above it
+        share, weight = model.misfit.force_rms_of_weight, motion.mass_kg * motion.gravity_m_s2
+        relative = model.misfit.force_rms_N / weight if share is None else share
     return FilterNoise(
         acceleration_density=2.0 * (relative * motion.gravity_m_s2) ** 2 / pole,
         voltage_V=DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V)),

@@ -9,7 +9,9 @@ DESIGN_POINTS = 9
 
 DERIVATIVE_FILTER_RATIO = 3.0
 """Calibrated on the magnet of geometry/emaws-rig.toml at 30 mm: pole of the PID's derivative filter over the coil's.
-With 6 the noise on the voltage reaches the clamp so often that runs are lost; with 3 the loop is a tenth slower."""
+With 6 the noise on the voltage reaches the clamp so often that runs are lost; with 3 the loop is a tenth slower. A
+ratio of two poles of one loop does not change with size or time scale; how much noise it lets through does depend on
+the driver's voltage and the sensor, so that a quieter sensor would bear a larger one."""
 
 USABLE_PART = 0.3
 """Conventional: fastest pole that a loop is designed with, times the sample time; a third of it turns by 0.1 rad a

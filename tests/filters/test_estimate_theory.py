@@ -92,6 +92,16 @@ def test_hall_noise_adds_the_converters_rounding(levitation_model):
     assert hall_noise(replace(sensor, adc_bits=0)) == sensor.noise_V
 
 
+def test_a_misfit_that_is_no_part_of_the_weight_is_not_taken_for_an_unknown_one(levitation_model):
+    weight = levitation_model.motion.mass_kg * levitation_model.motion.gravity_m_s2
+    known = replace(levitation_model.misfit, force_rms_N=0.02 * weight, force_rms_of_weight=0.02)
+    strong = replace(known, force_rms_of_weight=None)
+    densities = [
+        default_noise(replace(levitation_model, misfit=misfit)).acceleration_density for misfit in (known, strong)
+    ]
+    assert densities[1] == pytest.approx(densities[0])
+
+
 def test_default_noise_scales_as_its_derivation_says(levitation_model):
     base = default_noise(levitation_model)
     pole = unstable_pole(levitation_model, 0.022)
