@@ -27,6 +27,7 @@ class Nominal:
     magnet_share: float
     # Whether a drawing says if there is a magnet; otherwise force and flux linkage without current decide
     magnet_drawn: bool
+    magnet_known: bool  # False without a drawing and without currents of zero in the model's table
     # NaN where the model has no circuit or no motion
     resistance_ohm: float
     mass_kg: float

@@ -238,11 +238,17 @@ class ActuatorModel:
         """Whether the drawing has a magnet; without a drawing, whether force or flux remain without current.
 
         Less than a thousandth of the largest force and flux linkage, or than the model misses its table by, counts as
-        the fit's own error.
+        the fit's own error. False where :attr:`magnet_known` is false.
         """
         if self.kind is not None:
             return self.kind.has_magnet
-        return self.without_effects.share_without_current() >= NO_MAGNET
+        return self.magnet_known and self.without_effects.share_without_current() >= NO_MAGNET
+
+    @property
+    def magnet_known(self) -> bool:
+        """Whether a drawing, or a validity domain with a current of zero, can tell if there is a magnet."""
+        domain = self.validity
+        return self.kind is not None or domain.current_min_A <= 0.0 <= domain.current_max_A
 
     def share_without_current(self) -> float:
         """Larger of force and flux linkage without current, each over its largest in the validity domain.

@@ -44,6 +44,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         flux_linkage_Wb=largest[1],
         magnet_share=max(base.share_without_current(), NO_MAGNET) if base.has_magnet else 0.0,
         magnet_drawn=base.kind is not None,
+        magnet_known=base.magnet_known,
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else nan,
         mass_kg=base.motion.mass_kg if base.motion else nan,
         gravity_m_s2=base.motion.gravity_m_s2 if base.motion else nan,

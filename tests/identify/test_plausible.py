@@ -10,6 +10,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.experiments.possible import possible_experiments
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.plausible import plausible_table, suspect_units
+from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.with_effects import with_effects
 from support.campaign import NOISE, campaign
@@ -131,6 +132,13 @@ def test_iron_that_saturates_is_not_carried_on_beyond_the_models_currents(levita
     assert {"outside-domain"} <= {one.code for one in observations.findings}
     assert "extrapolated" not in {one.code for one in observations.findings}
     assert observations.covariates["current_A"].max() <= 0.52 * box.current_max_A
+
+
+def test_no_magnet_is_heated_or_blamed_where_none_is_known(levitation_model):
+    energised = replace(levitation_model, validity=replace(levitation_model.validity, current_min_A=0.25))
+    observations = bench_observations(energised, campaign(levitation_model, 23))
+    assert not [one.text for one in possible_experiments(observations, (), []) if "magnet" in one.text]
+    assert "unknown" in why_untestable(all_effects()["magnet_temperature"], observations)
 
 
 def test_every_proposed_setting_lies_in_the_models_validity_domain(levitation_model):

@@ -54,6 +54,15 @@ def test_the_drawing_decides_whether_there_is_a_magnet(levitation_model):
     assert nominal_of(replace(steel, kind=KIND)).has_magnet
 
 
+def test_whether_there_is_a_magnet_is_unknown_without_a_drawing_and_without_zero_current(levitation_model):
+    energised = replace(levitation_model, validity=replace(levitation_model.validity, current_min_A=0.25))
+    assert not energised.magnet_known
+    assert not nominal_of(energised).has_magnet
+    assert replace(energised, kind=KIND).magnet_known
+    assert nominal_of(replace(energised, kind=KIND)).has_magnet
+    assert levitation_model.magnet_known
+
+
 def test_the_kind_of_actuator_survives_the_file(levitation_model):
     again = model_from_dict(model_to_dict(replace(levitation_model, kind=KIND)))
     assert again.kind == KIND

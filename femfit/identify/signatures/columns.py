@@ -15,6 +15,10 @@ _STEP = 1e-3
 
 
 _NO_MAGNET = "the drawing has no magnet"
+_MAGNET_UNKNOWN = (
+    "whether there is a magnet is unknown: the model has no drawing and was fitted to no current of zero (fit it with "
+    "--actuator)"
+)
 _NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage, so it has no magnet"
 
 
@@ -44,6 +48,8 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
         return "the model has it already"
     for need in effect.needs:
         if need == "magnet":
+            if not observations.nominal.magnet_known:
+                return _MAGNET_UNKNOWN
             if not observations.nominal.has_magnet:
                 return _NO_MAGNET if observations.nominal.magnet_drawn else _NO_MAGNET_SEEN
         elif not any(_given(name, observations) for name in need.split("|")):
