@@ -64,11 +64,14 @@ def renamed_imports(text: str, package: str) -> str:
 
 def without_imports(text: str, names: frozenset[str]) -> str:
     """A catalogue without some of its members: their import lines, and the lines that list them, are left out."""
+    lines: list[str | None] = list(text.splitlines(keepends=True))
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.ImportFrom) and any(one.name in names for one in node.names):
+            kept = [one.name for one in node.names if one.name not in names]
+            lines[node.lineno - 1 : node.end_lineno] = [None] * ((node.end_lineno or node.lineno) - node.lineno + 1)
+            lines[node.lineno - 1] = f"from {node.module} import {', '.join(kept)}\n" if kept else None
     gone = {f"    {name},\n" for name in names}
-    kept = [line for line in text.splitlines(keepends=True) if line not in gone]
-    return "".join(
-        line for line in kept if not (line.startswith("from ") and line.strip().rpartition(" import ")[2] in names)
-    )
+    return "".join(line for line in lines if line is not None and line not in gone)
 
 
 def _own_modules(text: str) -> list[str]:

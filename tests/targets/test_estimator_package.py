@@ -194,8 +194,8 @@ def test_the_package_holds_the_laws_and_effects_of_its_model_and_no_others(expor
     model = with_effects(levitation_model, [AddedEffect(HALL_OFFSET, {"offset_V": 0.1})])
     export_estimator(model, tmp_path)
     effects = {file.stem for file in (tmp_path / RUNTIME / "effects").iterdir()}
-    assert "hall_offset" in effects
-    assert effects.isdisjoint({"hysteresis", "hall_drift", "core_saturation"})
+    assert "zeros_and_scales" in effects
+    assert effects.isdisjoint({"hysteresis", "hall_element", "core_saturation"})
 
 
 def test_the_package_holds_no_study_and_nothing_of_the_bench(exported):

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
@@ -11,9 +12,10 @@ from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
+from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.constants import LEAST_REPEATS_AGAINST_DECLARED
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start
 from femfit.identify.signatures.columns import effect_columns, why_untestable
@@ -63,6 +65,38 @@ class Campaign:
         put_back = observations.distance_slope * self.noise.mount_m / sigma
         freedom = len(sigma) + float(np.sum(put_back**2))
         return max(float(np.sum((observations.residual / sigma) ** 2)) - freedom, 0.0)
+
+    def chance_as_recorded(self, residual: FloatArray) -> float:
+        """Probability of so large a residual as recorded if noise, mounts, runs and the model's own misfit are all.
+
+        The whitened residual cannot say it: an error that all mounts share is weak there, since each of them might
+        have been put back so. The sum of squares is taken as gamma distributed with the mean and the variance that
+        its independent parts give (Satterthwaite).
+
+        Parameters
+        ----------
+        residual : array, shape (M,)
+            Recorded minus predicted, in the channels' units.
+
+        References
+        ----------
+        F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: sums of independent chi-squares.
+        """
+        observations, noise = self.observations, self.noise
+        sigma = noise.sigma[observations.channel]
+        columns, deviations = random_columns(observations, noise.test_mount_m, noise.test_run)
+        settings = np.concatenate(
+            [np.bincount(observations.row, error**2) for error in (observations.setting_columns / sigma[:, None]).T]
+            or [np.zeros(0)]
+        )
+        shared = np.concatenate([np.sum((columns / sigma[:, None]) ** 2, axis=0) * deviations**2, settings])
+        rho = noise.rho[observations.channel] ** 2
+        own = np.bincount(observations.channel, (1.0 + rho) / (1.0 - rho), minlength=len(noise.sigma))
+        readings = np.bincount(observations.channel, minlength=len(noise.sigma))
+        mean = len(sigma) + float(np.sum(shared))
+        variance = 2.0 * float(np.sum(own) + np.sum(shared**2) + np.sum(readings**2 / noise.degrees_of_freedom))
+        square = float(np.sum((residual / sigma) ** 2)) - OWN_MISFIT * self.known_misfit
+        return float(stats.gamma.sf(square, mean**2 / variance, scale=variance / mean)) if square > 0.0 else 1.0
 
     @property
     def whitened_residual(self) -> FloatArray:

@@ -24,12 +24,14 @@ class Candidate:
     excess: float  # Squared length of the whitened residual in the smooth patterns beyond what noise gives
     lack_of_fit: LackOfFit
     beyond_own_misfit: float  # P-value of the same test where the model's own misfit to its table is allowed for
+    # Probability of so large a residual, as recorded, where noise, mounts, runs and that misfit are all that is left
+    as_recorded: float
     further: float  # Smallest p-value of a further effect beside it, with that allowance, times the amplitudes tried
     beside: tuple[Start, ...]  # The other effects as they would go on from here, best first
 
     def passes(self, level: float = LEVEL_AFTER) -> bool:
         """Whether it leaves neither structure beyond the model's own misfit nor anything for a further effect."""
-        return min(self.beyond_own_misfit, self.further) > level
+        return min(self.beyond_own_misfit, self.as_recorded, self.further) > level
 
 
 def refitted_candidates(campaign: Campaign, starts: Sequence[Sequence[Start]]) -> list[Candidate]:
@@ -81,6 +83,9 @@ def _refitted(campaign: Campaign, start: Sequence[Start]) -> Candidate:
         excess=campaign.patterns.excess(fit.whitened_residual, fitted),
         lack_of_fit=campaign.patterns.test(fit.whitened_residual, fitted),
         beyond_own_misfit=campaign.patterns.test(fit.whitened_residual, fitted, campaign.expected_variance).p_value,
+        as_recorded=campaign.chance_as_recorded(
+            campaign.observations.value - campaign.observations.predict(fit.effects)
+        ),
         further=further,
         beside=tuple(beside),
     )
