@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError
-from femfit.device.parts import Actuator, NonlinearMaterial, Region
+from femfit.device.parts import Actuator, HallElement, NonlinearMaterial, Region
 from femfit.device.schema import NAME_PATTERN
 
 IRON_FROM = 1.5
@@ -43,13 +43,21 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
 
 
 def remarks(actuator: Actuator) -> list[str]:
-    """What was left out of the drawing's materials, a sentence each."""
+    """What was left out of the drawing's materials, and a Hall element of which only the place is known."""
     materials = {region.material for region in (*actuator.fixed, *actuator.moving.regions)}
-    return sorted(
+    said = sorted(
         f"Material {material.name}: {material.remark}."
         for material in materials
         if isinstance(material, NonlinearMaterial) and material.remark
     )
+    hall = actuator.hall
+    if hall is not None and hall == HallElement(hall.radius_m, hall.height_m):
+        said.append(
+            f"Hall element: taken with {hall.sensitivity_V_per_T:g} V/T, {hall.quiescent_V:g} V without field, an "
+            f"output of {hall.output_min_V:g} to {hall.output_max_V:g} V, {hall.adc_bits} bits and no noise. Give "
+            "[hall] your own sensor's values."
+        )
+    return said
 
 
 def is_magnet(region: Region) -> bool:

@@ -13,7 +13,7 @@ from femfit.device.load import actuator_from_toml, read_actuator
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import HallElement
 from femfit.device.schema import HallEntry
-from femfit.device.summary import sweep_manifest_entry
+from femfit.device.summary import remarks, sweep_manifest_entry
 from femfit.device.winding import smallest_winding_area, wire_resistance
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
@@ -163,6 +163,16 @@ def test_the_defaults_of_the_file_are_those_of_the_element():
     assert defaults
     for name, value in defaults.items():
         assert HallEntry.model_fields[name].default == value
+
+
+def test_a_hall_element_of_which_the_file_gives_the_place_alone_is_said():
+    text = (GEOMETRY / "emaws-rig.toml").read_text()
+    begin = text.index("sensitivity_V_per_T")
+    bare = text[:begin] + text[text.index("\n[", begin) :]
+    (remark,) = remarks(actuator_from_toml(bare))
+    assert "50 V/T" in remark
+    assert "12 bits" in remark
+    assert remarks(read_actuator(GEOMETRY / "emaws-rig.toml")) == []
 
 
 def test_the_manifest_entry_is_json_and_rebuilds_the_sensor():
