@@ -3,14 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from femfit.identify.comparison.compare import compare
 from femfit.identify.comparison.where import where_it_fails
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.actuator_model import ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from support.campaign import NOISE, campaign
 
 
@@ -54,6 +57,29 @@ def test_a_misfit_that_is_the_same_everywhere_has_no_covariate(levitation_model)
     where = located(levitation_model, 3, changed("hall_V", lambda hall, rows: 0.02))
     assert (where.channel, where.covariates) == ("hall_V", ())
     assert where.sentence == "Measured Hall output is 20 mV high everywhere, in both branches."
+
+
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_a_share_of_the_force_is_everywhere_in_any_order_of_the_rows_and_without_a_time(ball_model, seed):
+    """A force sensor that reads 5 % too much, on a body of steel: without current there is nothing to read."""
+    generator = np.random.default_rng(4)
+    d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.016, 0.044, 8), np.linspace(-1.2, 1.4, 14).round(2)))
+    force = 1.05 * ball_model.magnetics.force(d, i) + 2e-4 * generator.standard_normal(len(d))
+    rows = pd.DataFrame({"distance_m": d, "current_A": i, "force_N": force})
+    rows = rows if seed is None else rows.sample(frac=1.0, random_state=seed, ignore_index=True)
+    rows = rows.assign(run=1.0, order=np.arange(len(rows), dtype=float), branch=0.0, mount=np.nan)
+    rows = rows.assign(**dict.fromkeys([name for name in (*SETTINGS, *CHANNELS) if name not in rows], np.nan))
+    table = BenchTable(rows, ("distance_m", "current_A", "force_N"), declared_noise={"force_N": 2e-4})
+    sentence = compare(ball_model, table).where.sentence
+    assert " 5 % high everywhere" in sentence
+    assert "time" not in sentence
+
+
+@pytest.fixture
+def ball_model(levitation_model):
+    """F = c i^2 / d^2: no magnet."""
+    law = LawMagnetics("F1e", (Coefficient("d^-2", 2, 5e-5, ""),), {}, 0.016, 0.0)
+    return replace(levitation_model, magnetics=law, validity=ValidityBox(0.015, 0.045, -1.4, 1.4))
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,9 @@ _SAME_SHARE = 0.25
 _NOTHING = 1e-9
 """Numerical: a misfit over the prediction that is rounding."""
 
+_NEXT_TO_NOTHING = 1e-3
+"""Assumed: part of the largest prediction below which its sign is the fit's own error; as for a magnet that is none."""
+
 _SECOND_WORTH = 0.06
 """What a second threshold must add to that."""
 
@@ -121,10 +124,11 @@ def misfit_sentence(
     s, everything = smooth if smooth.any() else misfit, np.ones(len(smooth), dtype=bool)
     scope = everything if branch is None else _stronger_branch(branch, s)
     sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
-    halves = [] if _is_share(misfit, base, scope) else _region(values, s, scope, sign)
+    share = _is_share(misfit, base, scope)
+    halves = [] if share else _region(values, s, scope, sign)
 
     def described(halves: Sequence[_Half], sign: float) -> str:
-        rows = scope & _inside(halves, len(s)) & (sign * s > 0.0)
+        rows = scope if share else scope & _inside(halves, len(s)) & (sign * s > 0.0)
         place = " and ".join(half.words() for half in halves) if halves else "everywhere"
         return f"{_size(misfit[rows], base[rows], channel)} {place}"
 
@@ -134,10 +138,10 @@ def misfit_sentence(
     elif both:
         text += ", in both branches"
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
-    if opposite > _OTHER_SIGN * np.sum(s[scope] ** 2):
+    if not share and opposite > _OTHER_SIGN * np.sum(s[scope] ** 2):
         text += f", and {described(_region(values, s, scope, -sign), -sign)}"
     named = {half.name for half in halves}
-    changing = [words for name, words in _CHANGES.items() if name in values and name not in named]
+    changing = [words for name, words in _CHANGES.items() if name in values and name not in named and not share]
     return text + (f", changing with {' and '.join(changing)}" if changing else "") + "."
 
 
@@ -210,7 +214,13 @@ def _is_share(misfit: FloatArray, base: FloatArray, scope: BoolArray) -> bool:
     shares = [float(s[k] @ b[k]) / max(float(b[k] @ b[k]), 1e-300) for k in (np.ones(len(s), dtype=bool), small)]
     left = float(np.sum((s - shares[0] * b) ** 2))
     same = abs(shares[1] - shares[0]) < _SAME_SHARE * abs(shares[0])
-    return bool((np.all(b > 0.0) or np.all(b < 0.0)) and same and left < _LEFT_BY_SHARE * np.sum(s**2))
+    return bool(_has_one_sign(b) and same and left < _LEFT_BY_SHARE * np.sum(s**2))
+
+
+def _has_one_sign(base: FloatArray) -> bool:
+    """Whether a prediction never changes its sign, but for readings where it is next to nothing (without current)."""
+    counts = np.abs(base) > _NEXT_TO_NOTHING * np.abs(base).max(initial=0.0)
+    return bool(np.all(base[counts] > 0.0) or np.all(base[counts] < 0.0))
 
 
 def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
@@ -220,8 +230,7 @@ def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
     """
     share = float(s @ base) / max(float(base @ base), 1e-300)
     constant = float(np.mean(s))
-    one_sign = bool(np.all(base > 0.0) or np.all(base < 0.0))
-    if one_sign and abs(share) < 1.0 and np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2):
+    if _has_one_sign(base) and abs(share) < 1.0 and np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2):
         return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}"
     return f"{amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
 

@@ -44,7 +44,11 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     excess = np.array([_excess(columns[:, patterns.channel == c], residual) for c in range(len(counts))])
     worst = first_best((excess / counts).tolist())
     channel = observations.channels[worst]
-    covariates = _covariates(columns, patterns, worst, residual, smooth)
+    clocked = {"order", "time_s"} & set(observations.given)
+    without: frozenset[str] = frozenset(
+        () if clocked else ("order", "elapsed")
+    )  # the order of a file's rows is no time
+    covariates = _covariates(columns, patterns, worst, residual, smooth, without)
     here, read = observations.of(channel), observations.residual
     if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
         # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
@@ -73,7 +77,12 @@ def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatAr
 
 
 def _covariates(
-    columns: FloatArray, patterns: Patterns, channel: int, residual: FloatArray, smooth: FloatArray
+    columns: FloatArray,
+    patterns: Patterns,
+    channel: int,
+    residual: FloatArray,
+    smooth: FloatArray,
+    without: frozenset[str],
 ) -> tuple[str, ...]:
     """Covariates in the order in which each adds most to what the ones before explain with their products.
 
@@ -82,7 +91,7 @@ def _covariates(
     """
     here = np.flatnonzero(patterns.channel == channel)
     rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
-    names = sorted(set().union(*(patterns.along[k] for k in here)))
+    names = sorted(set().union(*(patterns.along[k] for k in here)) - without)
     chosen: list[str] = []
 
     def explained(among: list[str]) -> FloatArray:
