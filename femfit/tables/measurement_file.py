@@ -213,7 +213,7 @@ def _time_series(
     rows, lost = _complete_series(values)
     if lost:
         findings.append(Finding("cells", "info", f"{lost} rows without a time were left out.", size=float(lost)))
-    rows["segment"], clock = check_clock(rows)
+    rows["segment"], clock = check_clock(rows, str(path))
     rows, readings = check_readings(rows)
     return TimeSeries(
         rows=rows,

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 
 _PAUSE = 5.0
@@ -19,12 +20,17 @@ _LEAST_CLIPPED, _PILED = 20, 5
 """Samples at the end of a range, and how many times those of the next hundredth of the range that must be."""
 
 
-def check_clock(rows: pd.DataFrame) -> tuple[IntArray, list[Finding]]:
+def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArray, list[Finding]]:
     """Find where a clock jumps back, stands still or pauses, and number the segments between."""
     time, run = rows["time_s"].to_numpy(), rows["run"].to_numpy()
     step, same = np.diff(time), np.diff(run) == 0.0
     forward = step[same & (step > 0.0)]
-    usual = float(np.quantile(forward, 0.95)) if len(forward) else np.inf
+    if not len(forward):
+        raise TableError(
+            f"The time_s of {source} rises nowhere within a run: {len(rows)} samples from {time.min():.6g} s to "
+            f"{time.max():.6g} s. Repair the clock, or leave out the column time_s if the rows are readings at rest."
+        )
+    usual = float(np.quantile(forward, 0.95))
     back, pause = same & (step <= 0.0), same & (step > _PAUSE * usual)
     findings = []
     for where, said in ((back, "does not run on"), (pause, "pauses")):

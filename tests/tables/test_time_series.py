@@ -55,6 +55,15 @@ def test_other_units_are_converted_and_said(tmp_path):
     assert sum("converted" in str(said) for said in result.findings) == 2
 
 
+@pytest.mark.parametrize("step", [0.0, -1e-3], ids=["stands", "falls"])
+def test_a_clock_that_never_rises_is_refused_with_a_remedy(tmp_path, step):
+    table = record(200)
+    table["time_s"] = step * np.arange(200)
+    with pytest.raises(TableError, match="time_s") as refused:
+        series(tmp_path, table)
+    assert "Repair" in str(refused.value)
+
+
 def test_a_clock_that_jumps_back_and_one_that_pauses_begin_new_segments(tmp_path):
     table = record()
     table.loc[700:, "time_s"] -= 0.3

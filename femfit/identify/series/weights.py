@@ -202,7 +202,11 @@ def lay_windows(
     usual = float(np.median(spacing)) if len(spacing) else 0.0
     wanted = min(_TIME_CONSTANTS / _pole(model, distance[usable], current[usable]), total / _LEAST_WINDOWS)
     length = max(wanted, _SAMPLES * usual, total / _MOST_WINDOWS)
-    counts = np.floor((ends - starts) / length * (1.0 + 1e-9)).astype(int) if length > 0.0 else np.zeros(0, dtype=int)
+    counts = (
+        np.floor((ends - starts) / length * (1.0 + 1e-9)).astype(int)
+        if length > 0.0
+        else np.zeros(len(numbers), dtype=int)
+    )
     centre = [start + length * (0.5 + np.arange(n)) for start, n in zip(starts, counts, strict=True)]
     return Windows(np.concatenate(centre), np.repeat(numbers, counts), length)
 
