@@ -139,6 +139,7 @@ def _with_serial(noise: NoiseModel, observations: Observations, chains: Chains, 
         best = optimize.minimize_scalar(
             cost, bounds=(0.0, LARGEST_CORRELATION), method="bounded", options={"xatol": 0.01}
         )
+        # Only what beats no correlation counts, so that a search that ended early claims nothing that is not so
         rho[c] = best.x if cost(float(best.x)) < cost(0.0) - CORRELATION_PRICE else 0.0
     repeats = np.array([noise.source.get(name) == "repeats" for name in noise.channels])
     independent = np.where(repeats, noise.repeats * (1.0 - rho**2) / (1.0 + rho**2), noise.degrees_of_freedom)
@@ -189,10 +190,15 @@ def _with_random(noise: NoiseModel, observations: Observations, chains: Chains, 
         fit = log_determinant + seen @ np.linalg.solve(total, seen)
         return float(fit + np.sum(weight * (2.0 * log_scale + np.exp(-2.0 * log_scale))))
 
-    best = optimize.minimize(cost, np.zeros(len(prior)), method="L-BFGS-B", bounds=[(-4.0, 6.0)] * len(prior)).x
-    scale = prior * np.exp(best)
+    bounds = [(-4.0, 6.0)] * len(prior)
+    best = optimize.minimize(cost, np.zeros(len(prior)), method="L-BFGS-B", bounds=bounds)
+    if not best.success:  # rounding can end its line search; Powell's method needs no slope
+        best = optimize.minimize(cost, best.x, method="Powell", bounds=bounds)
+    scale = prior * np.exp(best.x)
+    if not best.success:  # no scatter is taken for smaller than what is assumed before any reading
+        scale = np.fmax(scale, prior)
     wide = scale * _student(np.concatenate([[mounts], runs]) - 1.0 + weight)
-    assumed = np.concatenate([[mounts], runs]) - 1.0 < weight
+    assumed = (np.concatenate([[mounts], runs]) - 1.0 < weight) | (not best.success)
     for k in range(len(scale)):
         own, others = (group == k) & ~second, (group != k) & ~second
         beside = (root[:, others] * (scale**2)[group[others]]) @ root[:, others].T + np.eye(len(root))
