@@ -45,9 +45,7 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     worst = first_best((excess / counts).tolist())
     channel = observations.channels[worst]
     clocked = {"order", "time_s"} & set(observations.given)
-    without: frozenset[str] = frozenset(
-        () if clocked else ("order", "elapsed")
-    )  # the order of a file's rows is no time
+    without = set[str]() if clocked else {"order", "elapsed"}  # The order of a file's rows is no time
     covariates = _covariates(columns, patterns, worst, residual, smooth, without)
     here, read = observations.of(channel), observations.residual
     if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
@@ -82,7 +80,7 @@ def _covariates(
     channel: int,
     residual: FloatArray,
     smooth: FloatArray,
-    without: frozenset[str],
+    without: set[str],
 ) -> tuple[str, ...]:
     """Covariates in the order in which each adds most to what the ones before explain with their products.
 
