@@ -13,11 +13,12 @@ from femfit.core import atomic
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
+from femfit.core.errors import DomainError
 from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
-from femfit.simulation.design import ControllerName, LoopDesign, ObserverName, design_loop
+from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.loop import LoopOutcome, LoopResult
 from femfit.simulation.loop_text import design_data, design_lines, verdict
@@ -33,6 +34,9 @@ SERIES_COLUMNS = (
     "estimated_velocity_m_s",
     "estimated_current_A",
 )
+
+_MOST_STEPS = 2**48
+"""Numbers in more than which no machine's addresses reach."""
 
 
 @dataclass(frozen=True)
@@ -204,7 +208,7 @@ def close_loop(
     MissingPartError
         If the model has no circuit, motion or sensor.
     DomainError
-        If the body cannot be held at the reference distances.
+        If the body cannot be held at the reference distances, or there is no such controller, estimator or time.
 
     Examples
     --------
@@ -215,6 +219,13 @@ def close_loop(
     >>> loop.estimate_rms_m.median < 50e-6
     True
     """
+    for given, value, known in (("controller", controller, CONTROLLERS), ("estimator", estimator, OBSERVERS)):
+        if value not in known:
+            raise DomainError(f"There is no {given} {value!r}. Give one of {', '.join(known)}.")
+    if runs < 1:
+        raise DomainError(f"A closed loop must be run at least once; instead received runs={runs}. Give 1 or more.")
+    if seconds is not None and not 0.0 < seconds < np.inf:
+        raise DomainError(f"A closed loop must last a time > 0 s; instead received seconds={seconds:g}. Give 1, say.")
     believed, truth = _model(model), None if plant is None else _model(plant)
     if targets_m is not None:
         believed = replace(believed, reference_distances_m=tuple(float(d) for d in targets_m))
@@ -249,17 +260,26 @@ def run_loops(
     steps = max(1, round(duration_s / design.model.sample_time_s))
     supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT_TIME_CONSTANTS)
     before = deepcopy(random)
-    (result,) = run_experiments(
-        design,
-        [experiment],
-        random,
-        runs=runs,
-        steps=steps,
-        windows=(slice(0, steps),),
-        supported_steps=supported,
-        recorded=recorded,
-        plant=plant,
+    too_long = DomainError(
+        f"The memory does not suffice for {runs} runs of {duration_s:g} s, {float(steps):.3g} samples each. Simulate "
+        "fewer seconds, or fewer runs."
     )
+    if steps > _MOST_STEPS:
+        raise too_long
+    try:
+        (result,) = run_experiments(
+            design,
+            [experiment],
+            random,
+            runs=runs,
+            steps=steps,
+            windows=(slice(0, steps),),
+            supported_steps=supported,
+            recorded=recorded,
+            plant=plant,
+        )
+    except MemoryError as error:
+        raise too_long from error
     held, statistics = result.held, result.windows[0]
     quality = statistics.normalised_innovation_squared[held]
     return LoopSummary(

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ValidityBox
 from femfit.model.json_file import write_model
 from femfit.simulation.close_loop import SERIES_COLUMNS, close_loop, run_loops
@@ -196,3 +197,22 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
     assert str(loop).startswith("Held: 3 of 3 runs")
     assert loop.advice == ""
     assert "Held: 3 of 3" in loop._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"controller": "x"}, "backstepping, pid"),
+        ({"estimator": "x"}, "ukf4"),
+        ({"runs": 0}, "runs=0"),
+        ({"runs": -3}, "runs=-3"),
+        ({"seconds": -1.0}, "seconds=-1"),
+        ({"seconds": 0.0}, "seconds=0"),
+        ({"seconds": float("nan")}, "seconds=nan"),
+        ({"seconds": 1e12}, "fewer seconds"),
+        ({"seconds": 1e300}, "fewer seconds"),
+    ],
+)
+def test_a_loop_that_cannot_be_run_is_refused_with_what_can(levitation_model, wrong, named):
+    with pytest.raises(DomainError, match=named):
+        close_loop(levitation_model, **{"targets_m": (0.022,), "runs": 1, "seconds": 0.01, **wrong})
