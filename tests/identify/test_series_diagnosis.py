@@ -127,7 +127,7 @@ def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model)
     assert result.missing[0].parameters["mass_error"] == pytest.approx(0.2, rel=0.02)
     # Weighed by the true mass, the noise of the distance would leave a fifth more
     fall = {one.channel: one for one in result.error_fall.channels}
-    assert 0.9 < fall["force_balance_N"].after_over_noise < 1.08  # some 400 windows: 4 %
+    assert 0.74 < fall["force_balance_N"].after_over_noise < 1.08  # 30 windows: 13 %, two of them below one
 
 
 def test_an_eddy_lag_is_separated_from_friction_by_the_voltage_and_hardly_by_the_motion_alone(model):
