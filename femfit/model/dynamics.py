@@ -90,7 +90,7 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
 def _difference_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
     order = state.shape[-1]
     flat, volts = state.reshape(-1, order), np.broadcast_to(voltage, state.shape[:-1]).ravel()
-    box, memory = model.validity, model.dynamics.spreads if model.dynamics is not None else []
+    box, memory = model.validity, model.dynamics.spreads if model.dynamics is not None else np.zeros(0)
     stroke = box.distance_max_m - box.distance_min_m
     # A body takes some hundred samples through its stroke
     scale = np.array([stroke, 0.01 * stroke / model.sample_time_s, box.current_max_A - box.current_min_A, *memory])
