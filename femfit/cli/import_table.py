@@ -79,12 +79,12 @@ def import_table(
     """
     from femfit.cli.output import write_json
     from femfit.core.errors import TableError
-    from femfit.core.outputs import MANIFEST, PARQUET, RESULT, TABLE, require_outputs
+    from femfit.core.outputs import MANIFEST, RESULT, SWEEP, require_outputs
     from femfit.tables.foreign import read
     from femfit.tables.sweep_table import write_sweep_table
 
     written = (output / name for name in ("sweep.parquet", "sweep.csv", "manifest.json"))
-    require_outputs([*tables, actuator], *zip(written, (PARQUET, TABLE, MANIFEST), strict=True), (json, RESULT))
+    require_outputs([*tables, actuator], *zip(written, (SWEEP, SWEEP, MANIFEST), strict=True), (json, RESULT))
     if flip_force and keep_force:
         raise TableError("--flip-force and --keep-force exclude each other; give one of them.")
     imported = read.import_table(

@@ -68,10 +68,10 @@ def simulate(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.core.outputs import RESULT, TABLE, require_outputs
+    from femfit.core.outputs import LOOP, RESULT, require_outputs
     from femfit.model.json_file import read_model
 
-    require_outputs([model, plant], (csv, TABLE), (json, RESULT))
+    require_outputs([model, plant], (csv, LOOP), (json, RESULT))
     actuator = read_model(model)
     noise = None if noise_mV is None else 1e-3 * noise_mV
     chosen = (controller, observer, runs, seconds, plant, csv, stuck_after_s)

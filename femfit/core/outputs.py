@@ -17,6 +17,8 @@ from femfit.core.errors import OutputError
 MODEL, FIELD_MODEL, RESULT, MANIFEST = "a model file", "a field model", "a JSON result", "the manifest of a sweep"
 RAW_SIDECAR, NOTES, DRAWING, FEMM = "a raw record's sidecar", "a table's sidecar", "an actuator file", "a FEMM model"
 TABLE, PARQUET, RAW = "a table", "a Parquet table", "a binary record"
+SWEEP, BENCH = "a sweep table of femfit", "a bench table of femfit"
+INTEGRATED, LOOP = "an integrated record of femfit", "a simulated loop's record"
 PAGE, PICTURE, PARAVIEW, TEXT = "an HTML page", "a picture", "a ParaView file", "a text"
 
 _BY_SUFFIX = {
@@ -35,8 +37,8 @@ _BY_MARK = (
     (PICTURE, (b"<svg",)),
     (FEMM, (b"[format]",)),
 )
-_OWN_COLUMNS = (b"offset_v", b"estimated_distance_m")
-"""Columns that only tables of femfit have: of integrate and simulate, in lower case."""
+_OWN_COLUMNS = {LOOP: b"estimated_distance_m", INTEGRATED: b"offset_v"}
+"""Columns that only tables of femfit have: of simulate and integrate, in lower case."""
 
 _OF_COLUMNS = (TABLE, PARQUET, RAW, RAW_SIDECAR)
 _NAMES = 2**16
@@ -79,12 +81,20 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
         if path.is_dir():
             raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
         wanted = kind or _BY_SUFFIX.get(path.suffix.lower(), TEXT)
+        if columns := kind in (SWEEP, BENCH, INTEGRATED, LOOP):
+            by_suffix = _BY_SUFFIX.get(path.suffix.lower())
+            wanted = by_suffix if by_suffix in (TABLE, PARQUET, RAW) else TABLE
         present = kind_of(path)
         if present not in (None, wanted):
             raise OutputError(
                 f"{path} holds {present}, and {wanted} would replace it. Choose another name, or delete that file."
             )
-        if present is not None and not _is_own(path, present):
+        own = _own_table(path, present) if present in _OF_COLUMNS else None
+        if own and columns and own != kind:
+            raise OutputError(
+                f"{path} holds {own}, and {kind} would replace it. Choose another name, or delete that file."
+            )
+        if present is not None and own is None and not _is_own(path, present):
             raise OutputError(f"{path} was not written by femfit. Choose another name, or delete that file.")
 
 
@@ -107,19 +117,26 @@ def kind_of(path: Path) -> str | None:
 
 def _is_own(path: Path, kind: str) -> bool:
     """Whether femfit wrote a file; true for kinds that nothing else writes, or that are drawn again at any time."""
-    if kind not in _OF_COLUMNS:
-        return kind not in _OWN_TEXT or _OWN_TEXT[kind] in path.read_bytes().lower()
+    if kind in _OF_COLUMNS:
+        return _own_table(path, kind) is not None
+    return kind not in _OWN_TEXT or _OWN_TEXT[kind] in path.read_bytes().lower()
+
+
+def _own_table(path: Path, kind: str | None) -> str | None:
+    """Which of femfit's tables a table is; None for a table of somebody else."""
     notes, manifest = path.with_suffix(".toml"), path.with_name("manifest.json")
-    if (path.stem == "sweep" and manifest.is_file()) or (kind_of(notes) == NOTES and _is_own(notes, NOTES)):
-        return True
+    if path.stem == "sweep" and manifest.is_file():
+        return SWEEP
+    if kind_of(notes) == NOTES and _is_own(notes, NOTES):
+        return BENCH
     named = path.with_suffix(".json") if kind == RAW else path  # columns stand in a raw record's sidecar
     if not named.is_file():
-        return False
+        return None
     with named.open("rb") as file:
         names = file.read(_NAMES)
         file.seek(-min(_NAMES, named.stat().st_size), os.SEEK_END)  # where Parquet has them
         names = (names.split(b"\n")[0] if kind == TABLE else names + file.read()).lower()
-    return any(column in names for column in _OWN_COLUMNS)
+    return next((own for own, column in _OWN_COLUMNS.items() if column in names), None)
 
 
 def _kind_of_text(path: Path, start: bytes) -> str:

@@ -13,7 +13,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing, write_text
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
-from femfit.core.outputs import NOTES, TABLE, require_outputs
+from femfit.core.outputs import BENCH, NOTES, require_outputs
 from femfit.effects.conditions import Conditions
 from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
 from femfit.integrate.plateaus import OffsetMethod, PlateauFlux, PlateauOptions, plateau_flux
@@ -106,7 +106,7 @@ def make_bench_table(
             raise TableError(f"The bench table is written as .csv; instead received {output}.")
         given = model if isinstance(model, str | Path) else None
         inputs = [record, None if given is None else Path(given)]
-        require_outputs(inputs, (output, TABLE), (output.with_suffix(".toml"), NOTES))
+        require_outputs(inputs, (output, BENCH), (output.with_suffix(".toml"), NOTES))
     if model is not None and initial_flux_Wb is not None:
         raise TableError("Give the first plateau's flux linkage by --model or by --initial-flux-Wb, not by both.")
     first: ActuatorModel | float = initial_flux_Wb or 0.0

@@ -14,7 +14,7 @@ import pandas as pd
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
-from femfit.core.outputs import FIELD_MODEL, RAW_SIDECAR, require_outputs
+from femfit.core.outputs import FIELD_MODEL, INTEGRATED, RAW_SIDECAR, require_outputs
 from femfit.integrate.coil_integral import CoilIntegral
 from femfit.integrate.constants import (
     LARGEST_VOLTAGE_V,
@@ -350,7 +350,7 @@ def _require_free(read: list[Any], output: Path | None, field_model: Path | None
     raw = [path for path in inputs if path.suffix in RAW_SUFFIXES]
     sidecars = [path.with_suffix(suffix) for path in raw for suffix in (".toml", ".json")]
     sidecar = output.with_suffix(".json") if output is not None and output.suffix in RAW_SUFFIXES else None
-    require_outputs([*inputs, *sidecars], (output, None), (sidecar, RAW_SIDECAR), (field_model, FIELD_MODEL))
+    require_outputs([*inputs, *sidecars], (output, INTEGRATED), (sidecar, RAW_SIDECAR), (field_model, FIELD_MODEL))
 
 
 def _block(rows: pd.DataFrame) -> CoilBlock:

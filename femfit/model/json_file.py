@@ -11,6 +11,7 @@ import numpy as np
 
 from femfit.core.atomic import write_text
 from femfit.core.errors import ModelFileError
+from femfit.core.outputs import MODEL, require_outputs
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
@@ -36,6 +37,8 @@ def write_model(model: ActuatorModel, path: str | Path) -> None:
     ------
     ModelFileError
         If a value is not finite, or of a kind that JSON does not have.
+    OutputError
+        If the file there is no model file.
 
     Examples
     --------
@@ -50,6 +53,7 @@ def write_model(model: ActuatorModel, path: str | Path) -> None:
             f"Model {model.name!r} cannot be written as JSON: {error}. Its numbers must be finite and its provenance "
             "made of texts, numbers, lists and mappings."
         ) from error
+    require_outputs([], (Path(path), MODEL))
     write_text(path, text)
 
 

@@ -14,6 +14,7 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
+from femfit.core.outputs import LOOP, require_outputs
 from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
@@ -147,6 +148,7 @@ class LoopSummary:
 
     def write_csv(self, path: str | Path) -> None:
         """Write the recorded runs, one row a sample, up to the sample at which a run was lost."""
+        require_outputs([], (Path(path), LOOP))
         series, rows = self.result.series, []
         for run in range(series.distance_m.shape[1]):
             known = np.flatnonzero(np.isfinite(series.distance_m[:, run]))

@@ -10,6 +10,8 @@ from femfit.core.outputs import (
     DRAWING,
     FEMM,
     FIELD_MODEL,
+    INTEGRATED,
+    LOOP,
     MANIFEST,
     MODEL,
     NOTES,
@@ -20,6 +22,7 @@ from femfit.core.outputs import (
     RAW,
     RAW_SIDECAR,
     RESULT,
+    SWEEP,
     TABLE,
     TEXT,
     kind_of,
@@ -110,3 +113,19 @@ def test_a_directory_is_not_replaced_and_a_device_may_be_written_to(tmp_path):
         require_outputs([], (tmp_path, RESULT))
     (tmp_path / "null.csv").symlink_to("/dev/null")
     require_outputs([], (tmp_path / "null.csv", TABLE))
+
+
+@pytest.mark.parametrize("kind", [LOOP, INTEGRATED])
+def test_a_sweep_table_is_not_replaced_by_a_record(tmp_path, kind):
+    (tmp_path / "manifest.json").write_text('{"name": "rig"}')
+    (tmp_path / "sweep.csv").write_text("distance_m,current_A,force_N\n0.02,0.1,0.03\n")
+    with pytest.raises(OutputError, match="a sweep table"):
+        require_outputs([], (tmp_path / "sweep.csv", kind))
+    require_outputs([], (tmp_path / "sweep.csv", SWEEP))
+
+
+def test_a_record_is_replaced_by_its_own_kind_alone(tmp_path):
+    (tmp_path / "loop.csv").write_text("run,time_s,estimated_distance_m\n1,0,0.02\n")
+    require_outputs([], (tmp_path / "loop.csv", LOOP))
+    with pytest.raises(OutputError, match="loop"):
+        require_outputs([], (tmp_path / "loop.csv", INTEGRATED))

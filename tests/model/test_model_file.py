@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from femfit.core.errors import DomainError, MissingPartError, ModelFileError
+from femfit.core.errors import DomainError, MissingPartError, ModelFileError, OutputError
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel, ValidityBox
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
@@ -286,3 +286,12 @@ def test_a_shifted_coordinate_survives_its_file_and_old_files_have_none(levitati
     assert (again.magnetics.distance_shift_m, again.sensor.field.distance_shift_m) == (2e-3, 3e-3)
     del data["magnetics"]["distance_shift_m"]
     assert model_from_dict(data, "m.json").magnetics.distance_shift_m == 0.0
+
+
+def test_a_model_replaces_a_model_but_no_other_file(levitation_model, tmp_path):
+    (tmp_path / "mine.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(OutputError, match=r"mine\.csv"):
+        write_model(levitation_model, tmp_path / "mine.csv")
+    assert (tmp_path / "mine.csv").read_text() == "a,b\n1,2\n"
+    for _ in range(2):
+        write_model(levitation_model, tmp_path / "model.json")
