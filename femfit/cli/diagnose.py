@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
 
@@ -13,8 +14,8 @@ def diagnose(
     data: Path,
     *,
     exclude: Annotated[tuple[str, ...], Parameter(negative=())] = (),
-    bootstrap: int = 40,
-    seed: int = 0,
+    bootstrap: Annotated[int, Parameter(validator=Number(gte=0))] = 40,
+    seed: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
     report: Path | None = None,
     table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
     json: Path | None = None,

@@ -77,3 +77,7 @@ def test_an_effect_to_exclude_that_the_catalogue_does_not_have_is_refused():
     with pytest.raises(ModelFileError, match="core_saturaton"):
         considered_effects(("core_saturaton",))
     assert "core_saturation" not in {effect.name for effect in considered_effects(("core_saturation",))}
+
+
+def test_a_negative_bootstrap_is_a_mistake_in_the_command(files):
+    assert femfit("diagnose", files / "model.json", files / "bench.csv", "--bootstrap", -1).returncode == 2

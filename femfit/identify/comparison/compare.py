@@ -20,7 +20,7 @@ from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import notes, placed, suspicions
+from femfit.identify.readings.place import model_of, notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import CHANNEL_WORDS, Measurement
 
@@ -160,15 +160,19 @@ class Comparison:
 
 
 def compare(
-    model: ActuatorModel, data: Measurement | str | Path, *, reference: ActuatorModel | None = None
+    model: ActuatorModel | str | Path,
+    data: Measurement | str | Path,
+    *,
+    reference: ActuatorModel | str | Path | None = None,
 ) -> Comparison:
     """Compare a model with measurements: misfit per channel against its noise, lack of fit, and where it fails.
 
     Parameters
     ----------
+    model : ActuatorModel or path
     data : BenchTable or TimeSeries, or a path
         What was measured.
-    reference : ActuatorModel or None
+    reference : ActuatorModel, path or None
         The co-energy that a law was fitted to; without it, the law's file says its misfit to the sweep alone.
 
     Raises
@@ -182,6 +186,7 @@ def compare(
     >>> comparison.verdict, comparison.where.channel
     ('fails', 'voltage_V')
     """
+    model, reference = model_of(model), None if reference is None else model_of(reference)
     observations = placed(model, data)
     campaign = gather(observations, considered_effects())
     if isinstance(campaign, Finding):

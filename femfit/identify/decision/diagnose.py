@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
@@ -19,7 +20,7 @@ from femfit.identify.decision.magnitude import detectable_magnitudes, explained_
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.simulate import simulated_noise
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.place import model_of, placed
 from femfit.identify.refit.refit import is_plausible
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import Measurement
@@ -28,7 +29,7 @@ Progress = Callable[[str], None]
 
 
 def diagnose(
-    model: ActuatorModel,
+    model: ActuatorModel | str | Path,
     data: Measurement | str | Path,
     *,
     exclude: Sequence[str] = (),
@@ -40,7 +41,7 @@ def diagnose(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorModel or path
         Best the co-energy reference: a law's own misfit is found as missing physics.
     data : BenchTable or TimeSeries, or a path
         What was measured.
@@ -59,7 +60,7 @@ def diagnose(
     Raises
     ------
     TableError
-        If no reading can be compared.
+        If no reading can be compared, or ``bootstrap`` is negative.
 
     Examples
     --------
@@ -68,7 +69,13 @@ def diagnose(
     ('named', ['coil_temperature', 'core_saturation'])
     """
     say = progress or (lambda _: None)
+    if bootstrap < 0:
+        raise TableError(
+            f"The number of simulated clean campaigns must be >= 0; instead received {bootstrap}. Give bootstrap=0 "
+            "for none."
+        )
     say("Reading")
+    model = model_of(model)
     return diagnose_observations(model, placed(model, data), exclude=exclude, bootstrap=bootstrap, rng=rng, say=say)
 
 

@@ -36,6 +36,7 @@ from femfit.identify.experiments.separation import (
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
+from femfit.identify.readings.place import model_of
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.refit.refit import Refit
 from femfit.model.actuator_model import ActuatorModel
@@ -97,7 +98,7 @@ class Advice:
 
 
 def suggest(
-    model: ActuatorModel,
+    model: ActuatorModel | str | Path,
     data: Measurement | str | Path,
     diagnosis: Diagnosis | None = None,
     *,
@@ -107,7 +108,7 @@ def suggest(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorModel or path
         With which the data were diagnosed.
     data : BenchTable or TimeSeries, or a path
         What was measured.
@@ -127,6 +128,7 @@ def suggest(
     True
     """
     say = progress or (lambda _: None)
+    model = model_of(model)
     measured = read_measurement(data) if isinstance(data, str | Path) else data
     found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
     explanations, least = _left_together(found)

@@ -8,8 +8,14 @@ from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.series.observations import series_observations
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import read_model
 from femfit.tables.measurement import Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
+
+
+def model_of(model: ActuatorModel | str | Path) -> ActuatorModel:
+    """The model, read where a path is given."""
+    return model if isinstance(model, ActuatorModel) else read_model(model)
 
 
 def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations:

@@ -25,7 +25,7 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.place import model_of, placed
 from femfit.identify.refit.add_result import AddResult, Step
 from femfit.identify.refit.refit import Refit, refit
 from femfit.identify.refit.sizes import effect_sizes, suspicious_values
@@ -68,7 +68,7 @@ class _Fitted:
 
 
 def add_effects(
-    model: ActuatorModel,
+    model: ActuatorModel | str | Path,
     data: Measurement | str | Path,
     effects: str | Sequence[str] | Diagnosis,
     *,
@@ -81,7 +81,7 @@ def add_effects(
 
     Parameters
     ----------
-    model : ActuatorModel
+    model : ActuatorModel or path
         Effects that it has already are refitted with the new ones where the data can show them.
     data : BenchTable or TimeSeries, or a path
         What was measured.
@@ -115,6 +115,7 @@ def add_effects(
     """
     say = progress or (lambda _: None)
     say("Reading")
+    model = model_of(model)
     measured = read_measurement(data) if isinstance(data, str | Path) else data
     kept, given, new = _split(model, _names(effects), measured)
     readings = _readings(placed(with_effects(model, kept), measured))
@@ -185,7 +186,12 @@ def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
         if not effects.missing:
             raise TableError("The diagnosis names no effect, so there is nothing to add. Give the names of effects.")
         return [one.name for one in effects.missing]
-    return [effects] if isinstance(effects, str) else list(effects)
+    names = [effects] if isinstance(effects, str) else list(effects)
+    if not names:
+        raise TableError(
+            "No effect is given, so there is nothing to add. Give names that list_effects has, or a diagnosis."
+        )
+    return names
 
 
 def _split(

@@ -1,0 +1,43 @@
+"""What the library takes for a model and for effects, and what it refuses."""
+
+import pytest
+
+from femfit.core.errors import FemfitError, TableError
+from femfit.identify.comparison.compare import compare
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.experiments.suggest import suggest
+from femfit.identify.refit.add_effects import add_effects
+from femfit.model.json_file import write_model
+
+BENCH = "run,current_A,distance_m,force_N\n" + "".join(
+    f"1,{i},{d},{0.02 + 0.05 * i + k * 1e-4}\n" for k in range(3) for i in (0.2, 0.4, 0.8) for d in (0.02, 0.03, 0.04)
+)
+
+
+@pytest.fixture
+def files(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    (tmp_path / "bench.csv").write_text(BENCH)
+    return str(tmp_path / "model.json"), tmp_path / "bench.csv"
+
+
+def test_a_model_may_be_given_by_its_file(levitation_model, files):
+    model, bench = files
+    assert str(compare(model, bench)) == str(compare(levitation_model, bench))
+    assert diagnose(model, bench, bootstrap=0).verdict == diagnose(levitation_model, bench, bootstrap=0).verdict
+    assert suggest(model, bench).explanations == suggest(levitation_model, bench).explanations
+
+
+def test_a_missing_model_file_is_named(files, tmp_path):
+    with pytest.raises(FemfitError, match="absent"):
+        add_effects(tmp_path / "absent.json", files[1], "friction")
+
+
+def test_no_effect_to_add_is_refused_with_what_to_give(files):
+    with pytest.raises(TableError, match="No effect"):
+        add_effects(*files, [])
+
+
+def test_a_negative_number_of_clean_campaigns_is_refused(files):
+    with pytest.raises(TableError, match="-1"):
+        diagnose(*files, bootstrap=-1)
