@@ -231,3 +231,14 @@ def test_the_result_is_json_with_the_class_under_its_own_name(levitation_model):
         "detectable",
         "false_naming_rate",
     }
+
+
+def test_an_explanation_that_leaves_more_than_it_allows_for_is_none(levitation_model):
+    table = campaign(levitation_model, 3, [HALL])
+    gathered = gather(bench_observations(levitation_model, table), [])
+    observations = gathered.observations
+    truth = observations.value - observations.predict((HALL,))
+    assert gathered.chance_as_recorded(truth) > 0.005
+    sigma = gathered.noise.sigma[observations.channel]
+    assert gathered.chance_as_recorded(truth + 3.0 * sigma * (observations.channel == 0)) < 0.005
+    assert gathered.chance_as_recorded(2.0 * observations.residual) == 0.0  # worse than the model alone

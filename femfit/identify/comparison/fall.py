@@ -38,8 +38,9 @@ class ChannelFall:
         return None if self.noise is None else self.rms_after / self.noise
 
     def __str__(self) -> str:
+        change = "rises" if self.rms_after > self.rms_before else "falls"
         text = (
-            f"{CHANNEL_WORDS[self.channel]}: the error falls from {amount(self.rms_before, self.channel, 3)} to "
+            f"{CHANNEL_WORDS[self.channel]}: the error {change} from {amount(self.rms_before, self.channel, 3)} to "
             f"{amount(self.rms_after, self.channel, 3)} rms in {self.readings} readings"
         )
         if self.noise is None:

@@ -85,17 +85,19 @@ class Campaign:
         observations, noise = self.observations, self.noise
         sigma = noise.sigma[observations.channel]
         columns, deviations = random_columns(observations, noise.test_mount_m, noise.test_run)
-        settings = np.concatenate(
-            [np.bincount(observations.row, error**2) for error in (observations.setting_columns / sigma[:, None]).T]
-            or [np.zeros(0)]
-        )
+        settings = np.zeros(0)
+        for error in (observations.setting_columns / sigma[:, None]).T:
+            settings = np.append(settings, np.bincount(observations.row, error**2))
         shared = np.concatenate([np.sum((columns / sigma[:, None]) ** 2, axis=0) * deviations**2, settings])
         rho = noise.rho[observations.channel] ** 2
         own = np.bincount(observations.channel, (1.0 + rho) / (1.0 - rho), minlength=len(noise.sigma))
         readings = np.bincount(observations.channel, minlength=len(noise.sigma))
         mean = len(sigma) + float(np.sum(shared))
         variance = 2.0 * float(np.sum(own) + np.sum(shared**2) + np.sum(readings**2 / noise.degrees_of_freedom))
-        square = float(np.sum((residual / sigma) ** 2)) - OWN_MISFIT * self.known_misfit
+        square = float(np.sum((residual / sigma) ** 2))
+        if square > float(np.sum((observations.residual / sigma) ** 2)):
+            return 0.0  # what predicts the readings worse than the model alone explains nothing
+        square -= OWN_MISFIT * self.known_misfit
         return float(stats.gamma.sf(square, mean**2 / variance, scale=variance / mean)) if square > 0.0 else 1.0
 
     @property

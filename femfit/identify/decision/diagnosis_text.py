@@ -82,7 +82,7 @@ def _scatter(diagnosis: "Diagnosis") -> str:
     beyond = [beyond_noise(one.after_over_noise or 0.0, one.readings) for one in diagnosis.error_fall.channels]
     if noise is None or noise.mount_m <= 0.0 or not any(beyond):
         return ""
-    return f" and {mount_words(noise.mount_m, noise.mount_assumed, diagnosis.observations.given)}"
+    return f" and {mount_words(noise.test_mount_m, noise.mount_assumed, diagnosis.observations.given)}"
 
 
 def beyond_noise(ratio: float, readings: int) -> bool:
