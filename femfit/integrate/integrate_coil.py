@@ -4,7 +4,7 @@ import itertools
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -184,8 +184,13 @@ def integrate_coil(
         known.sigma,
     )
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
-    made = _stream(source, columns, options, known, systematics, quantity, smooth, output, progress)
+    before = systematics  # Until ffa2 takes an offset off, all of the amplifier's is left
+    if chosen == "ffa2" and offset_sigma_V is None:
+        before = replace(systematics, offset_voltage_V=OFFSET_SIGMA_V["trapezoid"])
+    made = _stream(source, columns, options, known, (before, systematics), quantity, smooth, output, progress)
     end = made.last
+    if not made.corrected:
+        systematics = before
     parts = {name: float(values[-1]) for name, values in end.responses.parts(systematics).items()}
     return CoilIntegral(
         record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
@@ -269,6 +274,7 @@ class _Streamed:
     last: FieldBlock
     samples: int
     sample_time: float
+    corrected: bool  # Whether an offset voltage was taken off
     findings: tuple[Finding, ...]
     rows: pd.DataFrame | None
 
@@ -278,7 +284,7 @@ def _stream(
     columns: tuple[str, ...],
     options: IntegrationOptions,
     known: _CurrentField,
-    systematics: Systematics,
+    systematics: tuple[Systematics, Systematics],
     quantity: str,
     smooth: bool,
     output: Path | None,
@@ -304,7 +310,9 @@ def _stream(
         for block, out in pairs:
             read = {"coil_voltage_V": block.voltage, "hall_T": block.hall, "current_A": block.current}
             table = {"time_s": block.time} | {name: there for name in columns if (there := read[name]) is not None}
-            table |= {quantity: out.field, sigma_name: out.sigma(systematics), "offset_V": out.offset}
+            taken_off = np.logical_or.accumulate(out.offset != 0.0) | corrected
+            sigma = np.where(taken_off, out.sigma(systematics[1]), out.sigma(systematics[0]))
+            table |= {quantity: out.field, sigma_name: sigma, "offset_V": out.offset}
             if writer is None:
                 kept.append(pd.DataFrame(table))
             else:
@@ -329,7 +337,7 @@ def _stream(
         remedy = "Give --still-A, a shorter --settling-s, or another method."
         findings += (Finding("plateau", "warning", text, remedy),)
     rows = pd.concat(kept, ignore_index=True) if kept else None
-    return _Streamed(out, samples, integrator.sample_time, findings, rows)
+    return _Streamed(out, samples, integrator.sample_time, corrected, findings, rows)
 
 
 def _watch(

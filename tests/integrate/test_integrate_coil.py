@@ -115,3 +115,11 @@ def test_the_current_over_a_ratio_ends_the_drift(ratio):
     assert np.abs(error[-2000:]).max() < 0.03 * 0.15
     assert abs(error[-1]) < 2.0 * result.standard_uncertainty
     assert result.offset_V == pytest.approx(2e-5, abs=5e-6)
+
+
+def test_without_a_plateau_ffa2_is_as_uncertain_as_the_plain_integral():
+    plain = integrate_coil(GOOD, method="trapezoid", **AREA)
+    found = integrate_coil(GOOD, method="ffa2", **AREA)
+    assert any(one.code == "plateau" for one in found.findings)
+    assert found.parts["offset_voltage"] == pytest.approx(plain.parts["offset_voltage"])
+    np.testing.assert_allclose(found.rows["field_sigma_T"], plain.rows["field_sigma_T"])
