@@ -21,6 +21,16 @@ from support.campaign import NOISE, campaign
 HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
 
 
+@pytest.mark.parametrize("held", [0.0, 0.025])
+def test_a_channel_that_never_varies_has_no_noise_and_says_so(levitation_model, held):
+    table = campaign(levitation_model, 11)
+    table = replace(table, rows=table.rows.assign(force_N=held), declared_noise={})
+    comparison = compare(levitation_model, table)
+    assert by_channel(comparison)["force_N"].noise_floor is None
+    assert [one.column for one in comparison.findings if one.code == "never-varies"] == ["force_N"]
+    assert by_channel(comparison)["hall_V"].noise_floor == pytest.approx(NOISE["hall_V"], rel=0.2)
+
+
 def by_channel(comparison):
     return {one.channel: one for one in comparison.channels}
 

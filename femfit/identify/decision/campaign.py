@@ -13,7 +13,7 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
 from femfit.identify.decision.constants import OWN_MISFIT
-from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.constants import LEAST_REPEATS_AGAINST_DECLARED
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
 from femfit.identify.readings.observations import Observations
@@ -148,7 +148,8 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     """
     noise = estimate_noise(observations)
     if noise is None:
-        return NO_NOISE
+        constant = constant_readings(observations)
+        return constant[0] if constant else NO_NOISE
     whitening = Whitening(observations, noise, chains_of(observations))
     patterns = pattern_space(observations, whitening)
     if not patterns.groups:
@@ -167,12 +168,27 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
 
 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
-    """Say which channels have too few readings to be tested, and where repeats replaced a declared noise."""
+    """Say which channels cannot be tested, which never vary, and where repeats replaced a declared noise."""
     tested = set(campaign.patterns.patterns.channel.tolist())
     names = [name for c, name in enumerate(campaign.observations.channels) if c not in tested]
     text = f"{', '.join(names)}: too few readings to be tested."
     few = [Finding("too-few-readings", "warning", text)] if names else []
-    return [*few, *_replaced_noise(campaign.observations, campaign.noise)]
+    return [*few, *constant_readings(campaign.observations), *_replaced_noise(campaign.observations, campaign.noise)]
+
+
+def constant_readings(observations: Observations) -> list[Finding]:
+    """Say which channels read the same at every repeat, so that their repeats show no noise."""
+    return [
+        Finding(
+            "never-varies",
+            "warning",
+            f"The readings of {name} never vary where a setting was repeated: the sensor is dead, or its resolution is "
+            "coarser than its noise. Its repeats were not used as its noise.",
+            f"Check the sensor; if it lives, declare its resolution in a .toml beside the data ([noise] {name} = ...).",
+            column=name,
+        )
+        for name in never_varying(observations)
+    ]
 
 
 def _replaced_noise(observations: Observations, noise: NoiseModel) -> list[Finding]:

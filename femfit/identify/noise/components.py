@@ -14,6 +14,7 @@ likelihood, prior scale).
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 from scipy import optimize, stats
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
@@ -33,6 +34,9 @@ from femfit.identify.noise.constants import (
 from femfit.identify.noise.whitening import Chains, NoiseModel, Whitening, chains_of, orthonormal_basis, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.repeats import pure_error, repeat_cells
+
+_ROUNDING = 1e-12
+"""Derived: some thousand roundings of a float, over the largest reading."""
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
@@ -79,11 +83,27 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
         square, dof = pure_error(residual[here], cells[here], nuisance[here])
         if name in observations.declared_noise:
             sigma[c], degrees[c], source[name] = observations.declared_noise[name], np.inf, observations.noise_source
+        if dof > 0.0 and name in never_varying(observations, cells):
+            dof = 0.0  # a dead sensor, or one coarser than its noise: only rounding is left
         if dof > 0.0:
             square = _without_settings(observations, here, cells, square / dof, dof) * dof
         if dof >= (LEAST_REPEATS_AGAINST_DECLARED if name in source else LEAST_REPEATS) and square > 0.0:
             sigma[c], degrees[c], source[name] = np.sqrt(square / dof), dof, "repeats"
     return sigma, degrees, source
+
+
+def never_varying(observations: Observations, cells: IntArray | None = None) -> list[str]:
+    """Channels whose readings are the same, but for the rounding of a float, wherever a setting was repeated."""
+    cells = repeat_cells(observations) if cells is None else cells
+    names = []
+    for c, name in enumerate(observations.channels):
+        here = observations.channel == c
+        value = pd.Series(observations.value[here]).groupby(cells[here])
+        spread = (value.max() - value.min()).to_numpy()
+        repeated = int(np.sum(value.size() - 1))
+        if repeated >= LEAST_REPEATS and spread.max() <= _ROUNDING * float(np.abs(observations.value[here]).max()):
+            names.append(name)
+    return names
 
 
 def _without_settings(
