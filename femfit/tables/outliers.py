@@ -49,12 +49,14 @@ def isolated_outliers(
 
     Parameters
     ----------
-    value, predicted : array, shape (n,)
-        Readings of one channel minus a prediction, and that prediction.
+    value : array, shape (n,)
+        Readings of one channel minus a prediction.
     place : array, shape (n, 3)
         Distance, current and branch of each reading, scaled so that neighbours in each are about equally far.
     run : array of int, shape (n,)
         Only readings of one run are neighbours.
+    predicted : array, shape (n,)
+        The prediction.
     floor : float
         Least standard deviation of a reading, in the channel's unit: its quantisation.
     """
