@@ -19,8 +19,9 @@ from femfit.device.checks import (
 from femfit.device.complaints import AnyEntry, read_part, read_table
 from femfit.device.decimals import axis_values, scaled
 from femfit.device.drawing import Drawing, read_drawing
+from femfit.device.mechanics import Mechanics
 from femfit.device.parameter_table import read_design
-from femfit.device.parts import AIR, Actuator, Coil, HallElement, MovingPart, Region, Supply, SweepAxes
+from femfit.device.parts import AIR, Actuator, Circuit, Coil, Drive, MovingPart, Region, Supply, SweepAxes
 from femfit.device.schema import (
     SCHEMA_VERSION,
     CoilEntry,
@@ -36,6 +37,7 @@ from femfit.device.schema import (
     SupplyEntry,
     SweepEntry,
 )
+from femfit.device.sensors import HallElement
 from femfit.device.winding import smallest_winding_area, wire_resistance
 
 
@@ -120,19 +122,23 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     _check_drawing(drawing, read_part(HallPlace, data.get("hall")), distances, problems)
     if problems or header is None or body is None or coil is None or supply is None:
         raise ActuatorFileError(source, problems)
+    drive = Drive("voltage", supply.voltage_min_V, supply.voltage_max_V)
+    element = _hall(hall)
     return Actuator(
         name=header.name,
         description=header.description,
         fixed=tuple(_region(part) for part in drawing.fixed),
-        coil=coil,
-        moving=MovingPart(tuple(_region(part) for part in drawing.moving), scaled(body.mass_g)),
+        coils=(coil,),
+        circuits=(Circuit(coil.name, ((coil.name, 1.0),), coil.resistance_ohm, drive=drive),),
+        moving=MovingPart(tuple(_region(part) for part in drawing.moving)),
+        mechanics=Mechanics(scaled(body.mass_g)),
         supply=Supply(
             supply.voltage_min_V,
             supply.voltage_max_V,
             None if supply.sample_time_ms is None else scaled(supply.sample_time_ms),
         ),
         sweep=SweepAxes(currents, tuple(scaled(d) for d in distances)),
-        hall=_hall(hall),
+        sensors=() if element is None else (element,),
         reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),
         tolerance=solver.tolerance if solver else None,
     )

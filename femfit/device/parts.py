@@ -6,8 +6,12 @@ distance d it stands shifted by +d.
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from femfit.core.constants import MU_0
+from femfit.core.errors import MissingPartError
+from femfit.device.mechanics import Mechanics
+from femfit.device.sensors import AnySensor, HallElement
 
 REFERENCE_TEMPERATURE = 20.0
 """In degC, of all material values."""
@@ -19,9 +23,11 @@ class LinearMaterial:
 
     name: str
     relative_permeability: float = 1.0
-    remanence_T: float = 0.0  # B_r along +z (negative: magnetised along -z); zero for everything but magnets
+    remanence_T: float = 0.0  # B_r along the direction (negative: against it); zero for everything but magnets
     # Relative change of B_r per kelvin from 20 degC, where B_r is given; zero where it is unknown
     remanence_coefficient_per_K: float = 0.0
+    # Unit vector (r, z) that a positive remanence points along: (0, 1) axial, (1, 0) radial, outwards
+    direction: tuple[float, float] = (0.0, 1.0)
 
     @property
     def reluctivity(self) -> float:
@@ -77,34 +83,42 @@ class Region:
 class Coil:
     """A winding with uniform current density."""
 
-    vertices_m: tuple[tuple[float, float], ...]  # Corners (r, z) of the winding's section
+    vertices_m: tuple[tuple[float, float], ...]  # Corners (r, z) of the section; of a moving one as of the moving part
     turns: float  # Number of turns; a positive current makes +B_z on the axis
     resistance_ohm: float
     wire_diameter_m: float | None = None  # Bare copper diameter, where the file gives it
+    name: str = "coil"
+    moves: bool = False  # Whether it is part of the moving part
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What feeds a circuit: a voltage source with limits, or a current amplifier."""
+
+    kind: Literal["voltage", "current"] = "voltage"
+    minimum: float = 0.0  # In V or A; negative for a bridge
+    maximum: float = 0.0
+    # Forward drop in V of the diode that a one-sided driver's current goes on through; None where it has no diode
+    diode_V: float | None = None
+    bandwidth_Hz: float | None = None  # Of a current amplifier; None: as fast as the voltage allows
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """Coils in series and what feeds them: U = R i + L i' + d(flux linkage)/dt."""
+
+    name: str
+    coils: tuple[tuple[str, float], ...]  # Names of the coils and the sign, +1 or -1, that each is connected with
+    resistance_ohm: float  # Of all coils and what is in series with them
+    inductance_H: float = 0.0  # In series, outside of the field
+    drive: Drive = Drive()
 
 
 @dataclass(frozen=True)
 class MovingPart:
-    """The body that moves along the axis, drawn with its nearest face at z = 0."""
+    """The body that moves along the axis, drawn with its nearest face at z = 0; moving coils belong to it."""
 
-    regions: tuple[Region, ...]
-    mass_kg: float
-
-
-@dataclass(frozen=True)
-class HallElement:
-    """A linear Hall element measuring B_z, with its analogue output and converter."""
-
-    # Position (r, z) of the element
-    radius_m: float
-    height_m: float
-    sensitivity_V_per_T: float = 50.0  # Slope of the output; 50 V/T is 5 mV/G
-    quiescent_V: float = 2.5
-    # Range of the output and of the converter
-    output_min_V: float = 0.0
-    output_max_V: float = 5.0
-    adc_bits: int = 12  # Resolution of the converter over that range; 0 for none
-    noise_V: float = 0.0  # Standard deviation of white noise on one sample
+    regions: tuple[Region, ...]  # None where the moving part is a coil alone
 
 
 @dataclass(frozen=True)
@@ -120,22 +134,31 @@ class Supply:
 class SweepAxes:
     """The grid of the sweep."""
 
-    currents_A: tuple[float, ...]
-    distances_m: tuple[float, ...]
+    currents_A: tuple[float, ...]  # Of the first circuit; (0,) where there is none
+    distances_m: tuple[
+        float, ...
+    ]  # Ascending; from the fixed part's reference face, zero and below where bodies pass it
+    further_A: tuple[tuple[float, ...], ...] = ()  # Of each further circuit; all combinations are swept
 
 
 @dataclass(frozen=True)
 class Actuator:
-    """An electromagnet (fixed) and a body that moves along its axis.
+    """Fixed parts and a body that moves along their axis, with coils on either.
 
     Parameters
     ----------
-    fixed : tuple of Region
-        The electromagnet's core and any other fixed part, without the winding.
+    fixed, coils : tuple
+        Fixed regions without windings, and the windings on either part; none at all for a pair of magnets.
     sweep : SweepAxes
         Currents and distances of the sweep.
-    hall : HallElement or None
-        The sensor, where there is one.
+    sensors : tuple
+        Of :mod:`femfit.device.sensors`.
+    circuits : tuple of Circuit
+        In the order of the sweep's currents; each coil belongs to one.
+    mechanics : Mechanics
+        The moving mass, and what acts on it beside the magnetic force.
+    supply : Supply or None
+        The driver, where there is a circuit.
     reference_distances_m : tuple of float
         Steps of the closed-loop reference; empty: derived from the model.
     tolerance : float or None
@@ -145,17 +168,40 @@ class Actuator:
     --------
     >>> import femfit as ff
     >>> actuator = ff.read_actuator("rig.toml")
-    >>> actuator.moving.mass_kg, actuator.supply.voltage_max_V
+    >>> actuator.mechanics.mass_kg, actuator.supply.voltage_max_V
     (0.00435, 3.0)
     """
 
     name: str
     fixed: tuple[Region, ...]
-    coil: Coil
+    coils: tuple[Coil, ...]
     moving: MovingPart
-    supply: Supply
+    mechanics: Mechanics
     sweep: SweepAxes
-    hall: HallElement | None = None
+    circuits: tuple[Circuit, ...] = ()
+    supply: Supply | None = None
+    sensors: tuple[AnySensor, ...] = ()
     description: str = ""
     reference_distances_m: tuple[float, ...] = ()
     tolerance: float | None = None
+
+    @property
+    def coil(self) -> Coil:
+        """The only coil.
+
+        Raises
+        ------
+        MissingPartError
+            If there is none, or more than one.
+        """
+        if len(self.coils) != 1:
+            raise MissingPartError(
+                f"Actuator {self.name!r} must have one coil for this; it has {len(self.coils)}. Use a drawing with "
+                "one [coil] or one table in [coils]."
+            )
+        return self.coils[0]
+
+    @property
+    def hall(self) -> HallElement | None:
+        """The first Hall element, if there is one."""
+        return next((sensor for sensor in self.sensors if isinstance(sensor, HallElement)), None)

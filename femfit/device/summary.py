@@ -8,8 +8,9 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import ActuatorFileError
-from femfit.device.parts import Actuator, HallElement, NonlinearMaterial, Region
+from femfit.device.parts import Actuator, NonlinearMaterial, Region
 from femfit.device.schema import NAME_PATTERN
+from femfit.device.sensors import HallElement
 
 IRON_FROM = 1.5
 """Relative permeability from which a material without remanence counts as iron; magnets recoil with 1.05."""
@@ -20,7 +21,7 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
     return {
         "name": actuator.name,
         "description": actuator.description,
-        "mass_kg": actuator.moving.mass_kg,
+        "mass_kg": actuator.mechanics.mass_kg,
         "resistance_ohm": actuator.coil.resistance_ohm,
         "turns": actuator.coil.turns,
         "wire_diameter_m": actuator.coil.wire_diameter_m,
@@ -71,9 +72,9 @@ def is_iron(region: Region) -> bool:
 
 
 def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
-    """Build the actuator again that ``dataclasses.asdict`` made a record of."""
+    """Build the actuator again that ``dataclasses.asdict`` made a record of, here or in an earlier version."""
     try:
-        actuator = TypeAdapter(Actuator).validate_python(dict(record))
+        actuator = TypeAdapter(Actuator).validate_python(_of_this_version(dict(record)))
     except ValidationError as error:
         problems = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}." for fault in error.errors()]
         raise ActuatorFileError(source, [*problems, "Sweep again, or give the actuator file."]) from error
@@ -81,3 +82,20 @@ def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
         given = f"instead received {actuator.name[:64]!r}. Sweep again."
         raise ActuatorFileError(source, [f"name: must begin with a letter and hold letters, digits, - and _; {given}"])
     return actuator
+
+
+def _of_this_version(record: dict[str, Any]) -> dict[str, Any]:
+    """Records of one coil, one Hall element and a mass alone, as they were written before there were more."""
+    if "coil" not in record or not isinstance(record["coil"], Mapping):
+        return record
+    coil, hall, supply = record.pop("coil"), record.pop("hall", None), record.get("supply") or {}
+    moving = dict(record.get("moving") or {})
+    drive = {"minimum": supply.get("voltage_min_V", 0.0), "maximum": supply.get("voltage_max_V", 0.0)}
+    circuit = {"name": "coil", "coils": [["coil", 1.0]], "resistance_ohm": coil.get("resistance_ohm"), "drive": drive}
+    return record | {
+        "coils": [coil],
+        "circuits": [circuit],
+        "sensors": [] if hall is None else [hall],
+        "mechanics": {"mass_kg": moving.pop("mass_kg", None)},
+        "moving": moving,
+    }

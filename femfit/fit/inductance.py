@@ -103,7 +103,7 @@ def fit_inductance(
         )
     if actuator is not None:
         drawn = read_actuator(actuator)
-        mass_kg = drawn.moving.mass_kg if mass_kg is None else mass_kg
+        mass_kg = drawn.mechanics.mass_kg if mass_kg is None else mass_kg
         resistance_ohm = drawn.coil.resistance_ohm if resistance_ohm is None else resistance_ohm
         supply_V = (drawn.supply.voltage_min_V, drawn.supply.voltage_max_V) if supply_V is None else supply_V
     chosen = law_by_name(law)

@@ -173,7 +173,7 @@ def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]
         "at_rest": _at_rest(content),
         "parts": [(region.name, region.material.name, material_words(region)) for region in all_regions(actuator)],
         "inductance_H": inductance,
-        "weight_N": actuator.moving.mass_kg * GRAVITY,
+        "weight_N": actuator.mechanics.mass_kg * GRAVITY,
     }
 
 

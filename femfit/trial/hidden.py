@@ -113,7 +113,7 @@ def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress:
     forms = {"drawn": actuator}
     for sign, factor in (("-", -1.0), ("+", 1.0)):
         forms[f"turns{sign}"] = replace(
-            actuator, coil=replace(actuator.coil, turns=(1.0 + factor * TURNS_STEP) * actuator.coil.turns)
+            actuator, coils=(replace(actuator.coil, turns=(1.0 + factor * TURNS_STEP) * actuator.coil.turns),)
         )
         if "remanence" in possible_errors(actuator):
             forms[f"remanence{sign}"] = _with_materials(actuator, _is_magnet, _scaled(1.0 + factor * REMANENCE_STEP))

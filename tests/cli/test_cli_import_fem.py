@@ -32,7 +32,7 @@ def test_a_model_becomes_an_actuator_file_that_says_where_it_comes_from(model, t
     assert actuator.name == "pull-magnet"
     assert actuator.sweep.currents_A == (0, 1, 2)
     assert len(actuator.sweep.distances_m) == 9
-    assert actuator.moving.mass_kg == 2.5e-3
+    assert actuator.mechanics.mass_kg == 2.5e-3
     text = written.read_text()
     assert "# block 'Pure Steel' at (r, z) = (2, 9) mm, group 1" in text
     assert "# circuit 'coil': block 'Copper'" in text

@@ -11,8 +11,8 @@ from femfit.device.checks import swept
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_toml, read_actuator
 from femfit.device.materials import LIBRARY
-from femfit.device.parts import HallElement
 from femfit.device.schema import HallEntry
+from femfit.device.sensors import HallElement
 from femfit.device.summary import remarks, sweep_manifest_entry
 from femfit.device.winding import smallest_winding_area, wire_resistance
 
@@ -69,7 +69,7 @@ def test_the_plunger_has_no_magnet_and_the_mass_of_its_steel():
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
     assert all(region.material.remanence_T == 0 for region in (*actuator.fixed, *actuator.moving.regions))
     # steel at 7.85 g/cm3; the file gives three digits
-    assert actuator.moving.mass_kg == pytest.approx(7850 * math.pi * 0.005**2 * 0.035, rel=2e-3)
+    assert actuator.mechanics.mass_kg == pytest.approx(7850 * math.pi * 0.005**2 * 0.035, rel=2e-3)
     assert actuator.hall is None
 
 
@@ -178,7 +178,7 @@ def test_a_hall_element_of_which_the_file_gives_the_place_alone_is_said():
 def test_the_manifest_entry_is_json_and_rebuilds_the_sensor():
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     entry = json.loads(json.dumps(sweep_manifest_entry(rig)))
-    assert HallElement(**entry["hall"]) == rig.hall
+    assert HallElement(**entry["hall"] | {"direction": tuple(entry["hall"]["direction"])}) == rig.hall
     assert (entry["mass_kg"], entry["resistance_ohm"], entry["turns"]) == (0.00435, 2.69, 308)
     assert (entry["voltage_min_V"], entry["voltage_max_V"], entry["sample_time_s"]) == (0.5, 3.0, 0.0005)
     assert entry["reference_distances_m"] == [0.022, 0.03, 0.022]

@@ -21,7 +21,7 @@ NARROW, FAR = 1e-4, 8e-3
 
 def swept_over(distances):
     actuator = read_actuator(Path(__file__).parents[2] / "geometry" / "biased-electromagnet.toml")
-    return replace(actuator, hall=None, sweep=replace(actuator.sweep, distances_m=tuple(distances)))
+    return replace(actuator, sensors=(), sweep=replace(actuator.sweep, distances_m=tuple(distances)))
 
 
 def test_a_narrow_gap_costs_nothing_where_the_gap_is_wide():

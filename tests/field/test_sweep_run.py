@@ -44,14 +44,16 @@ def test_table_has_the_contracts_columns_one_row_a_point(few, tmp_path):
     assert not table.rows.duplicated(["current_A", "distance_m"]).any()
     again = read_sweep_table(tmp_path)
     pd.testing.assert_frame_equal(again.rows, table.rows)
-    assert again.manifest["actuator"]["mass_kg"] == few.moving.mass_kg
+    assert again.manifest["actuator"]["mass_kg"] == few.mechanics.mass_kg
     assert again.manifest["versions"]["ngsolve"]
     csv = pd.read_csv(tmp_path / "sweep.csv")
     np.testing.assert_array_equal(csv["force_N"], table.rows["force_N"])
 
 
 def test_an_actuator_without_hall_element_has_no_hall_column(few, tmp_path):
-    table = run_sweep(with_distances(dataclasses.replace(few, hall=None), (0.02,)), tmp_path, workers=1, settings=QUICK)
+    table = run_sweep(
+        with_distances(dataclasses.replace(few, sensors=()), (0.02,)), tmp_path, workers=1, settings=QUICK
+    )
     assert "hall_T" not in table.rows
 
 
@@ -79,7 +81,7 @@ def test_an_edited_drawing_is_solved_anew_in_the_same_directory_and_the_old_one_
     states = []
     first = run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=states.append)
     assert not any(state.redrawn for state in states)
-    other = dataclasses.replace(few, coil=dataclasses.replace(few.coil, turns=100))
+    other = dataclasses.replace(few, coils=(dataclasses.replace(few.coil, turns=100),))
     edited = run_sweep(other, tmp_path, workers=1, settings=QUICK, progress=states.append)
     assert states[-1].redrawn
     assert not edited.rows["force_N"].equals(first.rows["force_N"])

@@ -62,7 +62,7 @@ def test_rig_has_the_papers_electrical_constants():
     solution = solved(actuator, 0.022)
     assert solution.flux_linkage[1] == pytest.approx(1.0 / 61.61, rel=0.01)  # (32): 1/L = 61.61 1/H
     assert actuator.coil.resistance_ohm == pytest.approx(165.6 / 61.61, rel=0.01)
-    weight = actuator.moving.mass_kg * 9.80665
+    weight = actuator.mechanics.mass_kg * 9.80665
     for distance, voltage in ((0.022, 0.87), (0.030, 2.15), (0.032, 2.5)):
         f0, f1, f2 = solved(actuator, distance).force
         current = (weight - f0) / f1  # F_2 is negligible
@@ -157,10 +157,10 @@ def scaled(actuator, factor):
     return dataclasses.replace(
         actuator,
         fixed=regions(actuator.fixed),
-        coil=Coil(grow(actuator.coil.vertices_m), actuator.coil.turns, 1.0),
+        coils=(Coil(grow(actuator.coil.vertices_m), actuator.coil.turns, 1.0),),
         moving=dataclasses.replace(actuator.moving, regions=regions(actuator.moving.regions)),
         sweep=dataclasses.replace(actuator.sweep, distances_m=tuple(factor * d for d in actuator.sweep.distances_m)),
-        hall=hall,
+        sensors=(hall,),
     )
 
 

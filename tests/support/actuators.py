@@ -2,16 +2,9 @@
 
 from pathlib import Path
 
-from femfit.device.parts import (
-    Actuator,
-    Coil,
-    HallElement,
-    LinearMaterial,
-    MovingPart,
-    Region,
-    Supply,
-    SweepAxes,
-)
+from femfit.device.mechanics import Mechanics
+from femfit.device.parts import Actuator, Circuit, Coil, LinearMaterial, MovingPart, Region, Supply, SweepAxes
+from femfit.device.sensors import HallElement
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 
@@ -32,9 +25,11 @@ def assembly(*, moving, distances, fixed=(), coil=None, turns=1.0, hall=None):
     return Actuator(
         name="assembly",
         fixed=tuple(fixed),
-        coil=Coil(coil or rectangle(0.2, 0.21, -0.21, -0.2), turns, 1.0),
-        moving=MovingPart(tuple(moving), 0.1),
+        coils=(Coil(coil or rectangle(0.2, 0.21, -0.21, -0.2), turns, 1.0),),
+        circuits=(Circuit("coil", (("coil", 1.0),), 1.0),),
+        moving=MovingPart(tuple(moving)),
+        mechanics=Mechanics(0.1),
         supply=Supply(0.0, 1.0),
         sweep=SweepAxes((0.0, 1.0), tuple(distances)),
-        hall=None if hall is None else HallElement(*hall),
+        sensors=() if hall is None else (HallElement(*hall),),
     )

@@ -60,7 +60,7 @@ def test_the_actuator_is_what_was_drawn():
     assert actuator.sweep.distances_m == (0.004,)
     assert (result.current_A, result.distance_m) == (2.0, 0.004)
     # 9 pi 5 mm^3 of magnet at 7.5 g/cm^3; five digits are written
-    assert actuator.moving.mass_kg == pytest.approx(math.pi * 9 * 5 * 7.5e-6, rel=1e-4)
+    assert actuator.mechanics.mass_kg == pytest.approx(math.pi * 9 * 5 * 7.5e-6, rel=1e-4)
 
 
 def test_a_drawing_upside_down_or_shifted_is_the_same_actuator():
@@ -224,10 +224,10 @@ def test_options_give_what_the_file_has_not():
     result = imported(suspension(), **options)
     actuator = result.actuator
     assert (actuator.name, actuator.coil.resistance_ohm) == ("given", 3.5)
-    assert actuator.moving.mass_kg == pytest.approx(12.5e-3)
+    assert actuator.mechanics.mass_kg == pytest.approx(12.5e-3)
     assert not codes(result) & {"assumed-mass", "assumed-wire"}
     heavier = imported(suspension(), density_g_per_cm3=15.0).actuator
-    assert heavier.moving.mass_kg == pytest.approx(2 * imported(suspension()).actuator.moving.mass_kg, rel=1e-4)
+    assert heavier.mechanics.mass_kg == pytest.approx(2 * imported(suspension()).actuator.mechanics.mass_kg, rel=1e-4)
 
 
 def test_the_sweep_holds_the_files_own_point():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from femfit.device.parts import HallElement
+from femfit.device.sensors import HallElement
 from femfit.field.sweep import run_sweep
 from femfit.tables.femm.read import import_fem_file
 from support.reference import REFERENCE, needs_reference
@@ -60,5 +60,5 @@ def test_the_field_at_a_point_of_the_file_is_the_peers(point, tmp_path):
     imported = import_fem_file(REFERENCE / "fem" / "emaws_d20_i1.fem")
     frame = imported.frame
     element = HallElement(1e-3 * r, 1e-3 * frame.up * (z - frame.face_mm))
-    row = own_row(replace(imported.actuator, hall=element), tmp_path)
+    row = own_row(replace(imported.actuator, sensors=(element,)), tmp_path)
     assert row["hall_T"] == pytest.approx(frame.field_sign * peer_result("emaws_d20_i1")[point], rel=error)

@@ -16,7 +16,7 @@ D = 0.022
 def balanced(rig_truth):
     """A body and the current that holds it."""
     coefficients = MovingTruth(rig_truth, Body(1.0))._coefficients(np.array([D]))[0][:, 0]
-    mass = rig_truth.actuator.moving.mass_kg
+    mass = rig_truth.actuator.mechanics.mass_kg
     roots = np.roots([coefficients[2], coefficients[1], coefficients[0] - mass * GRAVITY])
     return Body(mass), float(roots[np.argmin(np.abs(roots))].real)
 

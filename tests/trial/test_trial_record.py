@@ -26,7 +26,7 @@ def rig_model(trial_directory, rig_truth):
 
 
 def test_the_loop_holds_the_body_at_its_reference(rig_truth, rig_model):
-    body = Body(rig_truth.actuator.moving.mass_kg)
+    body = Body(rig_truth.actuator.mechanics.mass_kg)
     recorder = Recorder(2, 400, {}, (0.024,))
     path = closed_loop(MovingTruth(rig_truth, body), rig_model, recorder, np.random.default_rng(1))
     # a fifth state of the filter takes out the Hall bias; what is left is dither and sensor noise

@@ -93,7 +93,7 @@ def test_no_error_of_no_size_changes_anything(device):
 
 
 def test_a_device_is_given_only_errors_that_it_can_have(device):
-    bare = replace(device.actuator, fixed=(), hall=None)
+    bare = replace(device.actuator, fixed=(), sensors=())
     assert set(possible_errors(device.actuator)) == set(HIDDEN_ERRORS)
     assert set(HIDDEN_ERRORS) - set(possible_errors(bare)) == {"core_saturation", "hall_offset"}
 
@@ -141,7 +141,7 @@ def test_a_campaign_on_the_model_itself_lacks_nothing(device, levitation_model, 
             return Fields(magnetics.state(d, i).force, magnetics.flux_linkage(d, i), hall)
 
     coil = replace(device.actuator.coil, resistance_ohm=levitation_model.circuit.resistance_ohm)
-    own = Device(replace(device.actuator, coil=coil), Itself(), {})
+    own = Device(replace(device.actuator, coils=(coil,)), Itself(), {})
     campaign = make_campaign(own, (), 0.0, np.random.default_rng(2))
     place = tmp_path / "campaigns" / "0001"
     place.mkdir(parents=True)

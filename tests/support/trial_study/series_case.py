@@ -37,7 +37,7 @@ def make_series_case(truth: Truth, model: ActuatorModel, order: Order, sized: Tr
         If no record was found in which the body was held with effects of the level within their limits.
     """
     generator = np.random.default_rng([order.seed, order.number])
-    plain = Body(truth.actuator.moving.mass_kg)
+    plain = Body(truth.actuator.mechanics.mass_kg)
     for _ in range(_TRIES):
         recorder = _drawn_recorder(model, order, generator)
         seeds = [int(generator.integers(2**31)) for _ in order.effects]
@@ -87,7 +87,7 @@ def make_series_case(truth: Truth, model: ActuatorModel, order: Order, sized: Tr
 def sizing_record(truth: Truth, model: ActuatorModel) -> Trajectory:
     """A record of the body as drawn, from which the windows start that size the effects of all cases."""
     recorder = Recorder(2, _SIZING_SAMPLES, {}, _targets(model))
-    body = Body(truth.actuator.moving.mass_kg)
+    body = Body(truth.actuator.mechanics.mass_kg)
     return closed_loop(MovingTruth(truth, body), model, recorder, np.random.default_rng(0))
 
 
