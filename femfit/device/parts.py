@@ -72,11 +72,12 @@ AIR = LinearMaterial("air")
 
 @dataclass(frozen=True)
 class Region:
-    """A named, closed polygon of one material."""
+    """A named, closed outline of one material."""
 
     name: str
     vertices_m: tuple[tuple[float, float], ...]  # Corners (r, z), without repeating the first, counter-clockwise
     material: Material
+    bulges: tuple[float, ...] = ()  # Of the edge from each corner, as in femfit.device.outlines; empty: all straight
 
 
 @dataclass(frozen=True)
