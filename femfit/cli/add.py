@@ -31,8 +31,8 @@ def add(
     effect : str
         Name in the catalogue, as femfit diagnose gives it.
     data : Path
-        Bench table, or record over time (with a column time_s), CSV or Parquet, with its sidecar .toml beside it where
-        noise is declared.
+        Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its
+        sidecar .toml beside it where noise is declared.
     output : Path
         New model file, which simulates, filters and exports like any other.
     others : tuple of str

@@ -28,8 +28,8 @@ def compare(
         Model file (co-energy reference or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
         fitted on the fly.
     data : Path
-        Bench table, or record over time (with a column time_s), CSV or Parquet; a .toml beside it may declare the
-        noise.
+        Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV. A .toml
+        beside it may declare the noise.
     reference : Path
         Co-energy model or sweep table that a law was fitted to: tells where the law's own shape is wrong.
     pictures : Path

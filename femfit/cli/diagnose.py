@@ -27,8 +27,8 @@ def diagnose(
     model : Path
         Model file; best the co-energy reference (femfit fit TABLE).
     data : Path
-        Bench table, or record over time (a column time_s; distance and current, and what else was recorded), CSV or
-        Parquet, with its sidecar .toml beside it where noise is declared.
+        Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its
+        sidecar .toml beside it where noise is declared.
     exclude : tuple of str
         Effects that are not considered; repeat for more.
     bootstrap : int

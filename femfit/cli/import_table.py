@@ -37,7 +37,8 @@ def import_table(
     Parameters
     ----------
     tables : tuple of Path
-        CSV, text or Parquet files, or directories of them (one file a current, named as in force_0.4A.csv).
+        Text, Parquet, XLSX, MAT, HDF5 or TDMS files, or directories of them (one file a current, named as in
+        force_0.4A.csv).
     output : Path
         Directory of the sweep table.
     without : str
@@ -92,6 +93,7 @@ def import_table(
         actuator=actuator,
         columns=table_options.columns,
         units=table_options.units,
+        table=table_options.table,
         column_names=_words(columns),
         form=form,
         matrix_rows=matrix_rows,

@@ -1,11 +1,19 @@
 """Options of every command that reads a table: what a column is, and in which unit."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 from cyclopts import Parameter
 
 from femfit.core.errors import TableError
+
+
+class Keywords(TypedDict):
+    """Keywords of the functions that read tables."""
+
+    columns: dict[str, str]
+    units: dict[str, str]
+    table: str | None
 
 
 @dataclass(frozen=True)
@@ -18,6 +26,9 @@ class TableOptions:
     unit: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """HEADER=UNIT, for example Kraft=gf, or a number that multiplies the column to SI; once for each column."""
 
+    table: Annotated[str | None, Parameter(show_default=False)] = None
+    """Sheet, group or struct of a file that holds several tables (XLSX, MAT, HDF5, TDMS)."""
+
     @property
     def columns(self) -> dict[str, str]:
         """Header to column."""
@@ -29,9 +40,9 @@ class TableOptions:
         return dict(_pair(text, "--unit", "mm") for text in self.unit)
 
     @property
-    def keywords(self) -> dict[str, dict[str, str]]:
-        """Both, as the functions that read tables take them."""
-        return {"columns": self.columns, "units": self.units}
+    def keywords(self) -> Keywords:
+        """All of them, as the functions that read tables take them."""
+        return {"columns": self.columns, "units": self.units, "table": self.table}
 
 
 NO_TABLE_OPTIONS = TableOptions()

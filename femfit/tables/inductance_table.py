@@ -10,7 +10,8 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.tables.columns import match_column
-from femfit.tables.measurement_file import read_columns, read_raw_table
+from femfit.tables.measurement_file import has_columns, read_columns, read_raw_table
+from femfit.tables.table_file import SUFFIXES
 
 COLUMNS = ("distance_m", "current_A", "inductance_H")
 """Of the table; ``inductance_H`` is flux linkage over current, as a step from zero to ``current_A`` shows it."""
@@ -31,10 +32,10 @@ class InductanceTable:
 
 def is_inductance_table(path: Path) -> bool:
     """Tell whether a file holds inductances and no forces; False for a directory, and where there is no such file."""
-    if not path.is_file() or path.suffix not in {".csv", ".parquet"}:
+    if not path.is_file() or path.suffix not in SUFFIXES:
         return False
     try:
-        headers = read_raw_table(path).headers
+        headers = read_raw_table(path, wanted=has_columns([frozenset(COLUMNS)])).headers
     except TableError:
         return False
     found = {column.name for header in headers if (column := match_column(header, (*COLUMNS, *_OTHER_KIND)))}
@@ -45,7 +46,7 @@ def read_inductance_table(
     path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> InductanceTable:
     """Read measured inductances; columns as in :data:`COLUMNS` or in other units (``distance_mm, inductance_mH``)."""
-    raw = read_raw_table(path)
+    raw = read_raw_table(path, wanted=has_columns([frozenset(COLUMNS)], columns, units))
     rows, _, findings = read_columns(raw, COLUMNS, columns, units)
     missing = [name for name in COLUMNS if name not in rows]
     if missing:

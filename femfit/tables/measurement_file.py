@@ -1,6 +1,6 @@
-"""Measured files, CSV or Parquet with an optional sidecar, to checked bench tables and time series."""
+"""Measured files of any kind, with an optional sidecar, to checked bench tables and time series."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
-from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, recognise
+from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, match_columns, recognise
 from femfit.tables.measurement import (
     CHANNELS,
     SERIES_CHANNELS,
@@ -23,26 +23,37 @@ from femfit.tables.measurement_sidecar import read_sidecar
 from femfit.tables.number_text import clock_seconds
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.suspected_units import suspected_by_size
-from femfit.tables.text_table import parse_table
+from femfit.tables.table_file import Wanted, parse_table
 from femfit.tables.time_series_checks import check_clock, check_readings
+
+BENCH_NEEDS = tuple(frozenset(("distance_m", "current_A", channel)) for channel in CHANNELS)
+SERIES_NEEDS = tuple(frozenset(("time_s", channel)) for channel in SERIES_CHANNELS)
+"""Sets of columns, each of which makes a table a measurement."""
 
 _PROTOCOL_STEP_S = 1.0
 
 
 def read_measurement(
-    path: str | Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    table: str | None = None,
 ) -> Measurement:
     """Read a measured file: a time series where it has a column of times, else a bench table.
 
     Parameters
     ----------
     path : str or Path
-        ``.csv`` (commas, semicolons, tabs or blanks; decimal point or comma; title lines are passed over) or
-        ``.parquet``; ``NAME.toml`` or ``NAME.csv.toml`` beside it may declare the noise.
+        ``.csv`` (commas, semicolons, tabs or blanks; decimal point or comma; title lines are passed over),
+        ``.parquet``, ``.xlsx``, ``.mat``, HDF5, TDMS or ``.wav``; ``NAME.toml`` or ``NAME.csv.toml`` beside it may
+        declare the noise.
     columns : mapping of str to str, optional
         Header to the column that it is, where its name does not say it: ``{"Kanal 3": "force_N"}``.
     units : mapping of str to str, optional
         Header to its unit, or to a number that multiplies it to SI: ``{"Kraft": "gf"}``.
+    table : str, optional
+        Sheet, group or struct, where a file has several that could be meant.
 
     Raises
     ------
@@ -57,7 +68,7 @@ def read_measurement(
     ('force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V')
     """
     path = Path(path)
-    raw = read_raw_table(path)
+    raw = read_raw_table(path, table=table, wanted=has_columns((*BENCH_NEEDS, *SERIES_NEEDS), columns, units))
     if "time_s" in (columns or {}).values():
         return _time_series(raw, path, columns, units)
     matched = {header: match_column(header, SERIES_COLUMNS) for header in raw.headers}
@@ -83,6 +94,7 @@ def read_bench_table(
     planned: bool = False,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
+    table: str | None = None,
 ) -> BenchTable:
     """Read and check a bench measurement, or a plan of one.
 
@@ -97,12 +109,34 @@ def read_bench_table(
         Rows in the order of measuring, with what the checks set aside as NaN and said in ``findings``.
     """
     path = Path(path)
-    return _bench_table(read_raw_table(path), path, columns, units, planned)
+    raw = read_raw_table(path, table=table, wanted=has_columns(BENCH_NEEDS, columns, units))
+    return _bench_table(raw, path, columns, units, planned)
 
 
-def read_raw_table(path: Path, what: str = "measurement") -> RawTable:
+def has_columns(
+    needs: Sequence[frozenset[str]],
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Callable[[RawTable], bool]:
+    """Return whether a table has the columns of one of some sets, as they are recognised and named by the user."""
+    names = tuple(sorted(frozenset[str]().union(*needs)))
+
+    def wanted(raw: RawTable) -> bool:
+        try:
+            used, _, _ = match_columns(raw.headers, raw.source, names, columns, units, optional=names)
+        except TableError:  # it lacks a column that the user named
+            return False
+        found = {column.name for column in used.values()}
+        return any(need <= found for need in needs)
+
+    return wanted
+
+
+def read_raw_table(
+    path: Path, what: str = "measurement", *, table: str | None = None, wanted: Wanted | None = None
+) -> RawTable:
     """Read the cells of a measured file under their headers."""
-    raw = parse_table(file_content(path, what), str(path), open_decimal=",")
+    raw = parse_table(file_content(path, what), str(path), table=table, wanted=wanted, open_decimal=",")
     if not raw.headers:
         raise TableError(
             f"{path} must have as many column names as columns; there is no line of {raw.numbers.shape[1]} names above "

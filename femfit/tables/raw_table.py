@@ -1,11 +1,11 @@
-"""A table as it stands in its file, text of any encoding or Parquet: headers, cells, and where each row came from."""
+"""A table as it stands in its file, text or typed columns: headers, cells, and where each row came from."""
 
 import codecs
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -22,6 +22,12 @@ MOST_COLUMNS = 2000
 """A table that is wider was read with the wrong delimiter, or is no table of measurements."""
 
 
+class Texts(Protocol):
+    """The text of each cell of a table, by the place of its column."""
+
+    def __getitem__(self, k: int, /) -> Sequence[str]: ...
+
+
 @dataclass(frozen=True, eq=False)
 class RawTable:
     """Cells of one file, not yet interpreted."""
@@ -29,7 +35,7 @@ class RawTable:
     source: str
     headers: tuple[str, ...]  # One a column; empty if the file has none
     numbers: FloatArray  # NaN where the cell is no finite number; shape (n, m)
-    texts: Sequence[Sequence[str]]  # The text of each cell, column by column
+    texts: Texts  # The text of each cell, column by column
     lines: Sequence[int]  # Line (text) or row (Parquet) of each row in the file, from 1; shape (n,)
     dialect: str  # Encoding, delimiter and decimal mark in one phrase
     decimal: str = "."
@@ -50,7 +56,7 @@ def file_content(path: str | Path, what: str) -> bytes:
     """Read a file whole."""
     path = Path(path)
     if not path.is_file():
-        raise TableError(f"There is no {what} {path}. Give a .csv or .parquet file.")
+        raise TableError(f"There is no {what} {path}. Give a .csv, .parquet, .xlsx, .mat, .h5, .tdms or .wav file.")
     try:
         return path.read_bytes()
     except OSError as error:
@@ -60,7 +66,7 @@ def file_content(path: str | Path, what: str) -> bytes:
 def decode(content: bytes, source: str, encoding: str | None = None) -> tuple[str, str]:
     """Text of a file and its encoding."""
     if content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        raise TableError(f"{source} is a spreadsheet; save the sheet as CSV and import that.")
+        raise TableError(f"{source} is a spreadsheet of a kind that is not read (.xls, .ods); save it as .xlsx or CSV.")
     name = encoding or _guess(content)
     try:
         text = content.decode(name)
@@ -100,20 +106,32 @@ def parse_parquet(content: bytes, source: str) -> RawTable:
         raise TableError(f"{source} cannot be read as Parquet: {quoted(error, 300)}.") from error
     if any(level is not None for level in frame.index.names):
         frame = frame.reset_index()
+    return raw_table_of(frame, source, "Parquet")
+
+
+def raw_table_of(frame: pd.DataFrame, source: str, dialect: str) -> RawTable:
+    """Return typed columns as a table."""
     check_width(frame.shape[1], source)
     columns = [typed_numbers(frame.iloc[:, k]) for k in range(frame.shape[1])]
     return RawTable(
         source=source,
         headers=tuple(str(name) for name in frame.columns),
         numbers=np.array(columns, dtype=np.float64).reshape(frame.shape[1], len(frame)).T,
-        texts=[_cells(frame.iloc[:, k]) for k in range(frame.shape[1])],
+        texts=_FrameTexts(frame),
         lines=range(1, len(frame) + 1),
-        dialect="Parquet",
+        dialect=dialect,
     )
 
 
-def _cells(column: "pd.Series[Any]") -> list[str]:
-    return ["" if missing else str(cell) for cell, missing in zip(column, column.isna(), strict=True)]
+@dataclass(frozen=True, eq=False)
+class _FrameTexts:
+    """The cells of typed columns as text, made when they are asked for: a long record is rarely shown."""
+
+    frame: pd.DataFrame
+
+    def __getitem__(self, k: int) -> list[str]:
+        column = self.frame.iloc[:, k]
+        return ["" if missing else str(cell) for cell, missing in zip(column, column.isna(), strict=True)]
 
 
 def typed_numbers(column: "pd.Series[Any]") -> FloatArray:

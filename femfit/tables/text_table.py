@@ -15,7 +15,7 @@ from femfit.core.finding import listing
 from femfit.tables.column_names import COLUMN_NAMES
 from femfit.tables.header import match_score, parse_header
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
-from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, check_width, decode, parse_parquet
+from femfit.tables.raw_table import RawTable, check_width, decode
 from femfit.tables.units import is_unit
 
 _DELIMITERS = (";", "\t", "|", ",", " ")
@@ -58,13 +58,6 @@ class Layout:
     first: int
     used: frozenset[int] = frozenset()  # Numbers of the lines that the headers were made of
     notes: tuple[str, ...] = field(default=())
-
-
-def parse_table(content: bytes, source: str, **dialect: str | None) -> RawTable:
-    """Read a table, Parquet or text; the dialect is that of :func:`parse_text`."""
-    if content.startswith(PARQUET_MAGIC) or source.endswith(".parquet"):
-        return parse_parquet(content, source)
-    return parse_text(content, source, **dialect)
 
 
 def parse_text(

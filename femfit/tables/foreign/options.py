@@ -38,6 +38,7 @@ class ImportOptions:
     # One row a point, or force(distance, current) with axes; and what the first column of such a matrix holds
     form: Literal["auto", "long", "matrix"] = "auto"
     matrix_rows: Literal["auto", "distance", "current"] = "auto"
+    table: str | None = None  # Sheet, group or struct, where a file has several that could be meant
     decimal: str | None = None
     delimiter: str | None = None
     encoding: str | None = None

@@ -25,12 +25,11 @@ from femfit.tables.foreign.matrix_form import is_matrix, matrix_points
 from femfit.tables.foreign.noise import check_noise, compare_forces
 from femfit.tables.foreign.options import QUANTITIES, REQUIRED, ImportOptions, si_unit
 from femfit.tables.foreign.reciprocity import check_reciprocity, flux_from_inductance
-from femfit.tables.raw_table import file_content
+from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.sweep_table import SweepTable
-from femfit.tables.text_table import parse_table
+from femfit.tables.table_file import SUFFIXES, Wanted, parse_table
 from femfit.tables.units import unit_factor
 
-_SUFFIXES = frozenset((".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet"))
 _NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
 _UNITS = {"current": r"(?P<unit>[mu]?A|amps?)", "distance": r"(?P<unit>[mcu]?m|in(?:ch)?)"}
 _FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less
@@ -81,7 +80,8 @@ def import_table(
     Parameters
     ----------
     paths : str, Path or sequence of them
-        Text or Parquet files, or directories of them (one file a current, named as in ``force_0.4A.csv``).
+        Files of any kind that holds tables, or directories of them (one file a current, named as in
+        ``force_0.4A.csv``).
     actuator : str or Path, optional
         Actuator file whose circuit, motion and sensor go with the table.
     **options
@@ -131,9 +131,9 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     files: list[Path] = []
     for path in map(Path, paths):
         if path.is_dir():
-            found = sorted(file for file in path.iterdir() if file.suffix.casefold() in _SUFFIXES)
+            found = sorted(file for file in path.iterdir() if file.suffix.casefold() in SUFFIXES)
             if not found:
-                raise TableError(f"Directory {path} holds no table ({', '.join(sorted(_SUFFIXES))}).")
+                raise TableError(f"Directory {path} holds no table ({', '.join(SUFFIXES)}).")
             files += found
         elif path.is_file():
             files.append(path)
@@ -153,11 +153,11 @@ def _gather(
     findings: list[Finding] = []
     dialects: dict[str, str] = {}
     for index, (file, content) in enumerate(contents.items()):
+        constants = _constants(file, index, len(contents), options)
         dialect = {"encoding": options.encoding, "delimiter": options.delimiter, "decimal": options.decimal}
-        raw = parse_table(content, file.name, **dialect)
+        raw = parse_table(content, file.name, table=options.table, wanted=_is_wanted(options, constants), **dialect)
         dialects[file.name] = raw.dialect
         findings += [Finding("reading", "info", f"{file.name}: {note}.") for note in raw.notes]
-        constants = _constants(file, index, len(contents), options)
         matrix = is_matrix(raw, options)
         frame, uses, found = matrix_points(raw, options) if matrix else long_points(raw, constants, options)
         frames.append(frame)
@@ -169,6 +169,18 @@ def _gather(
         text = f"No unit given, SI assumed: {', '.join(assumed)}."
         findings.append(Finding("assumed-units", "info", text, "Name it with --unit COLUMN=UNIT, as in force=mN."))
     return pd.concat(frames, ignore_index=True), mapping, findings, dialects
+
+
+def _is_wanted(options: ImportOptions, constants: Mapping[str, float]) -> Wanted:
+    """Whether a table is a matrix, or has what one row a point needs beside the constants of its file."""
+
+    def wanted(raw: RawTable) -> bool:
+        try:
+            return is_matrix(raw, options) or bool(long_points(raw, dict(constants), options))
+        except TableError:
+            return False
+
+    return wanted
 
 
 def _constants(file: Path, index: int, count: int, options: ImportOptions) -> dict[str, float]:

@@ -1,0 +1,161 @@
+"""From nested names, such as structs and groups, to tables: the vectors of one length that stand together.
+
+A struct of vectors is a table; a vector with its name or unit beside it is a column; an array of structs with one
+number a field is a table with one row a struct; a matrix takes the names that a list beside it has, or, over two
+vectors of its lengths, is a grid with one row a point.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femfit.tables.containers.named_table import Columns, NamedTable, table_of_columns
+from femfit.tables.header import parse_header
+
+Tree = Mapping[str, Any]
+TOP = "/"
+"""Name of the table that stands in no group."""
+
+_NUMBERS = "iufbmM"  # Kinds of numpy's types that are numbers or moments
+_VALUES = frozenset(("value", "values", "data", "samples", "signal"))
+_NAMES, _UNITS = ("label", "name"), ("unit", "units")
+
+
+def nested_tables(
+    tree: Tree, source: str, kind: str, separator: str = ".", path: str = "", outer: Columns | None = None
+) -> list[NamedTable]:
+    """Find the tables of a tree of names, whose leaves are arrays, texts and numbers."""
+    vectors, below = _sorted(tree)
+    lengths = Counter(len(vector) for vector in vectors.values())
+    around = {**(outer or {}), **vectors}
+    tables = []
+    for length in lengths:
+        columns = {name: vector for name, vector in vectors.items() if len(vector) == length}
+        if all(column.dtype.kind not in _NUMBERS for column in columns.values()):
+            continue  # a list of names
+        beside = {name: vector for name, vector in (outer or {}).items() if len(vector) == length}
+        name = (path or TOP) + (f" ({length} rows)" if len(lengths) > 1 else "")
+        tables.append(table_of_columns(name, columns, source, kind, beside))
+    for name, branch in below.items():
+        tables += nested_tables(branch, source, kind, separator, f"{path}{separator}{name}" if path else name, around)
+    return tables
+
+
+def with_unit(name: str, unit: object) -> str:
+    """Return a column's name with its unit in brackets, where it does not say one itself."""
+    text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit
+    known = isinstance(text, str) and text.strip() and parse_header(name).unit is None
+    return f"{name} [{str(text).strip()}]" if known else name
+
+
+def _sorted(tree: Tree) -> tuple[dict[str, NDArray[Any]], dict[str, Tree]]:
+    """The columns that stand directly under a name, and the branches below it."""
+    vectors: dict[str, NDArray[Any]] = {}
+    below: dict[str, Tree] = {}
+    matrices: dict[str, NDArray[Any]] = {}
+    for name, value in tree.items():
+        structs = _structs(value)
+        if structs is not None:
+            _sort_structs(name, structs, vectors, below)
+        elif isinstance(value, np.ndarray) and value.dtype.names:
+            below[name] = {field: value[field].ravel() for field in value.dtype.names}
+        elif isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2:
+            below[name] = _with_first_row(name, value)
+        elif _is_column(value):
+            vectors[name] = value
+        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == object:
+            below |= {f"{name}{{{k + 1}}}": {name: part} for k, part in enumerate(value) if _is_column(part)}
+        elif isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in _NUMBERS and value.size:
+            matrices[name] = value
+    below |= _of_matrices(matrices, vectors)
+    return vectors, below
+
+
+def _structs(value: object) -> list[Tree] | None:
+    """The structs of a struct, or of an array or list of them; None for anything else."""
+    if isinstance(value, Mapping):
+        return [value]
+    many = list(value) if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object) else []
+    return many if many and all(isinstance(one, Mapping) for one in many) else None
+
+
+def _sort_structs(name: str, structs: list[Tree], vectors: dict[str, NDArray[Any]], below: dict[str, Tree]) -> None:
+    numbered = [name] if len(structs) == 1 else [f"{name}({k + 1})" for k in range(len(structs))]
+    signals = [_signal(own, one) for own, one in zip(numbered, structs, strict=True)]
+    rows = [{key: value for key, value in one.items() if np.ndim(value) == 0} for one in structs]
+    for own, one, signal in zip(numbered, structs, signals, strict=True):
+        if signal is not None:
+            vectors[signal[0]] = signal[1]
+        elif len(structs) > 1 and all(row.keys() == rows[0].keys() == one.keys() for row in rows):
+            below[name] = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+            return
+        else:
+            below[own] = one
+
+
+def _signal(name: str, struct: Tree) -> tuple[str, NDArray[Any]] | None:
+    """A struct that is one column: its values beside its name or unit, as Simulink and dSPACE write it."""
+    values = [value for key, value in struct.items() if key.casefold() in _VALUES and _is_column(value)]
+    if len(values) != 1 or any(_is_column(one) for key, one in struct.items() if key.casefold() not in _VALUES):
+        return None
+    said = {key.casefold(): value for key, value in struct.items() if isinstance(value, str) and value.strip()}
+    unit = next((said[key] for key in _UNITS if key in said), None)
+    return with_unit(next((said[key] for key in _NAMES if key in said), name), unit), values[0]
+
+
+def _is_column(value: object) -> bool:
+    if not isinstance(value, np.ndarray) or value.ndim != 1 or len(value) < 2:
+        return False
+    return value.dtype.kind in f"{_NUMBERS}US" or (value.dtype == object and all(isinstance(one, str) for one in value))
+
+
+def _with_first_row(name: str, cells: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Columns of a cell array whose first row holds their names."""
+    named = all(isinstance(cell, str) for cell in cells[0])
+    names = [str(cell) for cell in cells[0]] if named else [f"{name} column {k + 1}" for k in range(cells.shape[1])]
+    body = cells[1:] if named else cells
+    return {header: _typed(body[:, k]) for k, header in enumerate(names)}
+
+
+def _typed(cells: NDArray[Any]) -> NDArray[Any]:
+    """Cells as numbers, if all are; an empty cell is a missing number."""
+    values = [np.nan if np.size(cell) == 0 else cell for cell in cells]
+    if any(isinstance(value, str) or np.ndim(value) for value in values):
+        return np.array([str(value) for value in values], dtype=object)
+    return np.array(values, dtype=np.float64)
+
+
+def _of_matrices(matrices: Mapping[str, NDArray[Any]], vectors: Mapping[str, NDArray[Any]]) -> dict[str, Tree]:
+    """The matrices of one shape as tables: named by a list beside them, as a grid over two vectors, or by number."""
+    result: dict[str, Tree] = {}
+    numbers = {name: vector for name, vector in vectors.items() if vector.dtype.kind in "iuf"}
+    texts = [vector for vector in vectors.values() if vector.dtype.kind not in _NUMBERS]
+    for name, matrix in matrices.items():
+        alike = {other: one for other, one in matrices.items() if one.shape == matrix.shape}
+        rows, columns = matrix.shape
+        down, along = _of_length(numbers, rows), _of_length(numbers, columns)
+        if (names := _only(text for text in texts if len(text) == columns)) is not None:
+            result[name] = {str(header): matrix[:, k] for k, header in enumerate(names)}
+        elif (names := _only(text for text in texts if len(text) == rows)) is not None:
+            result[name] = {str(header): matrix[k] for k, header in enumerate(names)}
+        elif rows != columns and len(down) == len(along) == 1:
+            axes = {key: np.repeat(x, columns) for key, x in down.items()}
+            axes |= {key: np.tile(x, rows) for key, x in along.items()}
+            result["+".join(alike)] = axes | {other: one.ravel() for other, one in alike.items()}
+        elif len(alike) > 1:
+            result["+".join(alike)] = {other: one.ravel() for other, one in alike.items()}
+        else:
+            result[name] = {f"{name} column {k + 1}": matrix[:, k] for k in range(columns)}
+    return result
+
+
+def _of_length(vectors: Mapping[str, NDArray[Any]], length: int) -> dict[str, NDArray[Any]]:
+    return {name: vector for name, vector in vectors.items() if len(vector) == length}
+
+
+def _only(many: Iterable[NDArray[Any]]) -> NDArray[Any] | None:
+    found = list(many)
+    return found[0] if len(found) == 1 else None

@@ -1,0 +1,37 @@
+"""TDMS files of LabVIEW and DIAdem: groups of channels, each with its unit and its step of time."""
+
+import io
+from typing import Any
+
+import numpy as np
+
+from femfit.tables.columns import match_column
+from femfit.tables.containers.named_table import NamedTable, library
+from femfit.tables.containers.nested import nested_tables, with_unit
+
+_NO_CLOCK = (0.0, 1.0)
+"""Increments that LabVIEW writes where there is no clock."""
+
+
+def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
+    """Tables of a TDMS file, one a group; a waveform's increment gives its time."""
+    nptdms = library("nptdms", "npTDMS", source)
+    tree: dict[str, Any] = {}
+    for group in nptdms.TdmsFile.read(io.BytesIO(content)).groups():
+        channels = {
+            with_unit(channel.name, channel.properties.get("unit_string")): np.asarray(channel[:])
+            for channel in group.channels()
+        }
+        tree[group.name] = _with_time(channels, [dict(channel.properties) for channel in group.channels()])
+    return nested_tables(tree, source, "TDMS", separator="/"), ""
+
+
+def _with_time(channels: dict[str, Any], properties: list[dict[str, Any]]) -> dict[str, Any]:
+    """The channels of a group with the time of their samples, if they have one clock and no channel is it."""
+    steps = {float(one.get("wf_increment", 0.0)) for one in properties}
+    begins = {float(one.get("wf_start_offset", 0.0)) for one in properties}
+    lengths = {len(channel) for channel in channels.values()}
+    timed = any((column := match_column(name, ("time_s",))) and column.name == "time_s" for name in channels)
+    if timed or not len(steps) == len(begins) == len(lengths) == 1 or next(iter(steps)) in _NO_CLOCK:
+        return channels
+    return {"time_s": begins.pop() + steps.pop() * np.arange(lengths.pop()), **channels}

@@ -1,0 +1,156 @@
+"""The one place that decides how a file of numbers is read: by its first bytes, else as text."""
+
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from femfit.core.errors import TableError
+from femfit.core.finding import listing
+from femfit.core.quoted import quoted
+from femfit.tables.containers.named_table import NamedTable
+from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, parse_parquet
+from femfit.tables.text_table import parse_text
+
+SUFFIXES = (".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet", ".xlsx", ".mat", ".h5", ".hdf5", ".tdms", ".wav")
+"""What is taken for a table where a directory is read."""
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_DAMAGED = (
+    *(OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RuntimeError, EOFError),
+    *(struct.error, zipfile.BadZipFile, zlib.error),
+)
+"""What the libraries that read these files raise over a damaged one."""
+
+Wanted = Callable[[RawTable], bool]
+Reader = Callable[[bytes, str], tuple[list[NamedTable], str]]
+
+
+def parse_table(
+    content: bytes,
+    source: str,
+    *,
+    table: str | None = None,
+    wanted: Wanted | None = None,
+    **dialect: str | None,
+) -> RawTable:
+    """Read a table of any kind of file; the dialect is that of :func:`femfit.tables.text_table.parse_text`.
+
+    Parameters
+    ----------
+    table : str, optional
+        Which of a file's tables: a sheet, a group, a struct.
+    wanted : callable, optional
+        Whether a table has the columns that are needed; of several tables the only one that has them is taken.
+
+    Raises
+    ------
+    TableError
+        If it is damaged, or if no or more than one of several tables has what is needed.
+    """
+    kind = container_kind(content, source)
+    if kind is not None:
+        return _chosen(kind, content, source, table, wanted)
+    if table is not None:
+        raise TableError(f"{source} holds one table, so that --table {quoted(table)} has no meaning. Leave it out.")
+    if content.startswith(PARQUET_MAGIC) or source.endswith(".parquet"):
+        return parse_parquet(content, source)
+    return parse_text(content, source, **dialect)
+
+
+def container_kind(content: bytes, source: str) -> str | None:
+    """Name the kind of a file that may hold several tables, by its first bytes; None for text and Parquet."""
+    matlab = source.casefold().endswith(".mat")
+    if content.startswith(_HDF5):
+        return "HDF5"
+    if content.startswith(b"MATLAB 7.3") or (matlab and content[512:520] == _HDF5):
+        return "MAT 7.3"
+    signs = {
+        "MAT": matlab or content.startswith(b"MATLAB 5.0"),
+        "XLSX": content.startswith(b"PK\x03\x04") and b"xl/" in content,
+        "TDMS": content.startswith(b"TDSm"),
+        "WAV": content[:4] in {b"RIFF", b"RIFX", b"RF64"} and content[8:12] == b"WAVE",
+    }
+    return next((kind for kind, sign in signs.items() if sign), None)
+
+
+def _reader(kind: str) -> Reader:
+    """The reader of a kind of file; its libraries load when it is used."""
+    if kind == "XLSX":
+        from femfit.tables.containers.xlsx_file import read_xlsx  # noqa: PLC0415
+
+        return read_xlsx
+    if kind == "HDF5":
+        from femfit.tables.containers.hdf5_file import read_hdf5  # noqa: PLC0415
+
+        return read_hdf5
+    if kind == "TDMS":
+        from femfit.tables.containers.tdms_file import read_tdms  # noqa: PLC0415
+
+        return read_tdms
+    if kind == "WAV":
+        from femfit.tables.containers.wav_file import read_wav  # noqa: PLC0415
+
+        return read_wav
+    from femfit.tables.containers.mat_file import read_mat, read_mat73  # noqa: PLC0415
+
+    return read_mat if kind == "MAT" else read_mat73
+
+
+def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: Wanted | None) -> RawTable:
+    """The table of a file that is asked for, or the only one that has what is needed."""
+    reader = _reader(kind)
+    try:
+        tables, remark = reader(content, source)
+    except TableError:
+        raise
+    except _DAMAGED as error:
+        raise TableError(f"{source} cannot be read as {kind}: {quoted(error, 300)}.") from error
+    if table is not None:
+        return _named(tables, table, source, wanted)
+    if not tables:
+        raise TableError(f"{source} holds no table: no columns of numbers of one length. {remark}".rstrip())
+    if len(tables) == 1:
+        return _whole(tables[0], wanted)
+    found = [one for one in tables if wanted is None or wanted(one.raw)]
+    found = found or [one for one in tables if one.wider is not None and wanted is not None and wanted(one.wider)]
+    if len(found) == 1:
+        raw, others = _whole(found[0], wanted), [one.name for one in tables if one is not found[0]]
+        note = f"of {len(tables)} tables {quoted(found[0].name)!r} was taken, not {listing(others)}"
+        return replace(raw, notes=(*raw.notes, note))
+    if found:
+        raise TableError(
+            f"{source} holds {len(found)} tables with the columns that are needed: "
+            f"{listing(one.name for one in found)}. Choose one with --table {quoted(found[0].name)!r}."
+        )
+    raise TableError(_no_table(tables, source, remark))
+
+
+def _named(tables: Sequence[NamedTable], name: str, source: str, wanted: Wanted | None) -> RawTable:
+    """The table of a name, or of a name's end."""
+    exact = [one for one in tables if one.name == name]
+    loose = [one for one in tables if one.name.casefold().endswith(name.strip().casefold())]
+    found = exact or loose
+    if len(found) != 1:
+        raise TableError(
+            f"{source} must have one table {quoted(name)!r}; it has {listing(one.name for one in tables) or 'none'}. "
+            "Give one of these names with --table."
+        )
+    return _whole(found[0], wanted)
+
+
+def _whole(table: NamedTable, wanted: Wanted | None) -> RawTable:
+    """A table, with the columns around it where only they make it what is needed."""
+    if table.wider is None or wanted is None or wanted(table.raw):
+        return table.raw
+    return table.wider
+
+
+def _no_table(tables: Sequence[NamedTable], source: str, remark: str) -> str:
+    lines = [f"  - {quoted(one.name)}: {listing(one.raw.headers, 6) or 'columns without names'}" for one in tables[:12]]
+    lines += [f"  - and {len(tables) - 12} more"] if len(tables) > 12 else []
+    head = f"None of the {len(tables)} tables of {source} has all columns that are needed. {remark}".rstrip()
+    return "\n".join(
+        [head, *lines, "Choose one with --table NAME, and say what a column is with --column HEADER=COLUMN."]
+    )
