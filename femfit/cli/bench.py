@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+
 NotNegative = Number(gte=0.0)
 
 
@@ -21,6 +23,7 @@ def bench(
     still_um: Annotated[float, Parameter(validator=NotNegative)] = 1.0,
     model: Path | None = None,
     initial_flux_Wb: Annotated[float | None, Parameter(name="--initial-flux-Wb")] = None,
+    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Make a bench table for compare and diagnose from a record of a coil's voltage: one row a plateau.
@@ -28,8 +31,9 @@ def bench(
     Parameters
     ----------
     record : Path
-        CSV or Parquet with time_s, coil_voltage_V, current_A and distance_m, and any other column of a bench table
-        (run, mount, force_N, ...), which is averaged on the plateaus. Each run is integrated on its own.
+        CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, current_A and distance_m, and any other
+        column of a bench table (run, mount, force_N, ...), which is averaged on the plateaus. Each run is integrated on
+        its own.
     output : Path
         Bench table, .csv; its sidecar .toml, with noise and notes, is written beside it.
     resistance_ohm : float
@@ -68,6 +72,7 @@ def bench(
         still_m=1e-6 * still_um,
         model=model,
         initial_flux_Wb=initial_flux_Wb,
+        **table_options.keywords,
     )
     print(made)
     write_json(json, made.to_dict())

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+
 MethodOption = Literal["trapezoid", "ffa1", "ffa2", "cs1-offset", "cs2", "cs2-identified"]
 Positive = Number(gt=0.0)
 NotNegative = Number(gte=0.0)
@@ -35,6 +37,7 @@ def integrate(
     ] = None,
     offset_sigma_uV: Annotated[float | None, Parameter(name="--offset-sigma-uV", validator=NotNegative)] = None,
     coverage: Annotated[float, Parameter(validator=Positive)] = 2.0,
+    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Integrate a coil's voltage to its field (or, without an area, its flux linkage) and say how sure that is.
@@ -44,8 +47,8 @@ def integrate(
     Parameters
     ----------
     record : Path
-        CSV or Parquet with time_s, coil_voltage_V, and hall_T or current_A; or raw float32 (.bin, .raw, .f32) with a
-        sidecar .toml or .json that has sample_rate_Hz and columns.
+        CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, and hall_T or current_A; or raw float32
+        (.bin, .raw, .f32) with a sidecar .toml or .json that has sample_rate_Hz and columns.
     output : Path
         .csv, .parquet, .bin, .raw or .f32.
     coil_area : float
@@ -122,6 +125,7 @@ def integrate(
             reference_offset_sigma_T=reference_offset_sigma_T,
             offset_sigma_V=None if offset_sigma_uV is None else 1e-6 * offset_sigma_uV,
             coverage=coverage,
+            **table_options.keywords,
             progress=show,
         )
     print(result)

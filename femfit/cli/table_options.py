@@ -24,7 +24,8 @@ class TableOptions:
     """HEADER=COLUMN, for example "Kanal 3=force_N"; once for each column."""
 
     unit: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
-    """HEADER=UNIT, for example Kraft=gf, or a number that multiplies the column to SI; once for each column."""
+    """HEADER=UNIT, for example Kraft=gf, or a number that multiplies the column to SI; once for each column. A unit
+    alone (gf) is that of the only column that it can be of."""
 
     table: Annotated[str | None, Parameter(show_default=False)] = None
     """Sheet, group or struct of a file that holds several tables (XLSX, MAT, HDF5, TDMS)."""
@@ -37,7 +38,10 @@ class TableOptions:
     @property
     def units(self) -> dict[str, str]:
         """Header to unit."""
-        return dict(_pair(text, "--unit", "mm") for text in self.unit)
+        alone = [text.strip() for text in self.unit if text.strip() and "=" not in text]
+        return dict(_pair(text, "--unit", "mm") for text in self.unit if text.strip() not in alone) | {
+            unit: unit for unit in alone
+        }
 
     @property
     def keywords(self) -> Keywords:

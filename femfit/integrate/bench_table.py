@@ -1,5 +1,6 @@
 """From a record of a coil's voltage to a bench table: the flux linkage on each plateau, and what looks wrong."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from html import escape
 from json import dumps
@@ -24,7 +25,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_block import CoilBlock
 from femfit.tables.columns import BENCH_COLUMNS
-from femfit.tables.measurement_file import read_columns, read_raw_table
+from femfit.tables.measurement_file import has_columns, read_columns, read_raw_table
 
 NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]
 
@@ -80,6 +81,9 @@ def make_bench_table(
     still_m: float = 1e-6,
     model: str | Path | ActuatorModel | None = None,
     initial_flux_Wb: float | None = None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    table: str | None = None,
 ) -> BenchFlux:
     """Integrate a coil's voltage run by run, and average it and the other columns on the plateaus.
 
@@ -98,6 +102,9 @@ def make_bench_table(
         Seconds left out after each change; movements from sample to sample that still belong to a plateau.
     model, initial_flux_Wb : path or model, float
         Flux linkage on each run's first plateau, as the model has it or as it is known; 0 where neither is given.
+    columns, units, table : optional
+        What the record's columns are and in which unit, and which table of its file it is, as in
+        :func:`femfit.read_measurement`.
     """
     record = Path(record)
     output = None if output is None else Path(output)
@@ -114,10 +121,10 @@ def make_bench_table(
     if model is not None:
         begins = f"taken from {model.name if isinstance(model, ActuatorModel) else Path(model).name}"
         first = model if isinstance(model, ActuatorModel) else read_model(Path(model))
-    rows = _read(record)
+    rows = _read(record, columns, units, table)
     rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
-    table, sigma, findings = _table(rows, PlateauOptions(method, settling_s, still_A, still_m), first)
-    level = resistance_finding(table.pop("coil_voltage_V").to_numpy(), table["current_A"].to_numpy(), resistance_ohm)
+    made, sigma, findings = _table(rows, PlateauOptions(method, settling_s, still_A, still_m), first)
+    level = resistance_finding(made.pop("coil_voltage_V").to_numpy(), made["current_A"].to_numpy(), resistance_ohm)
     taken = "no R i taken off" if resistance_ohm is None else f"R i taken off with {resistance_ohm:g} ohm"
     left = "; the offset voltage, which was not taken off." if method == "trapezoid" else "."
     notes = (
@@ -126,20 +133,23 @@ def make_bench_table(
         "uncertainty of the integral from the voltage's noise; it accumulates within a run. Not in it: errors of "
         f"resistance, turns ratio, voltmeter gain and first value{left}"
     )
-    result = BenchFlux(table, sigma, notes, (*findings, *([] if level is None else [level])), output)
+    result = BenchFlux(made, sigma, notes, (*findings, *([] if level is None else [level])), output)
     if output is not None:
         with replacing(output) as partial:
-            table.to_csv(partial, index=False)
+            made.to_csv(partial, index=False)
         noted = " ".join([notes, *map(str, result.findings)])
         write_text(output.with_suffix(".toml"), f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(noted)}\n")
     return result
 
 
-def _read(record: Path) -> pd.DataFrame:
+def _read(
+    record: Path, columns: Mapping[str, str] | None, units: Mapping[str, str] | None, table: str | None
+) -> pd.DataFrame:
     """Columns of a bench record in SI."""
     names = ("time_s", "coil_voltage_V", *(name for name in BENCH_COLUMNS if name != "flux_linkage_Wb"))
-    raw = read_raw_table(record, "bench record")
-    rows, _, _ = read_columns(raw, names)
+    wanted = has_columns([frozenset(NEEDED)], columns, units)
+    raw = read_raw_table(record, "bench record", table=table, wanted=wanted)
+    rows, _, _ = read_columns(raw, names, columns, units)
     missing = [name for name in NEEDED if name not in rows]
     if missing:
         raise TableError(f"A bench record needs {', '.join(missing)}; {record} has {listing(raw.headers)}.")

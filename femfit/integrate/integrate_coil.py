@@ -2,7 +2,7 @@
 
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,7 +39,8 @@ from femfit.integrate.uncertainty import FieldBlock, LinearSigma, SensingCoil, S
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.tables.coil_block import CoilBlock, joined_record
-from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, RecordWriter, open_coil_record
+from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, open_coil_record
+from femfit.tables.record_writer import RecordWriter
 
 USED_BY = {
     "--zero-reading-s": ("ffa1",),
@@ -78,6 +79,9 @@ def integrate_coil(
     reference_offset_sigma_T: float | None = None,
     offset_sigma_V: float | None = None,
     coverage: float = 2.0,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    table: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> CoilIntegral:
     """Integrate a coil's voltage to its field (or, without an area, its flux linkage), and say how sure that is.
@@ -112,6 +116,9 @@ def integrate_coil(
         Let the whole record speak for every sample (Rauch, Tung and Striebel); needs all of it in memory.
     coil_area_sigma_m2, reference_gain_sigma, reference_offset_sigma_T, offset_sigma_V : float
         Standard uncertainties of what stays the same through the record; the gain's is relative.
+    columns, units, table : optional
+        What the record's columns are and in which unit, and which table of its file it is, as in
+        :func:`femfit.read_measurement`.
     progress : callable
         Called with samples done and in all, where the record says how many there are.
 
@@ -133,9 +140,12 @@ def integrate_coil(
     """
     begin = time.perf_counter()
     output = None if output is None else Path(output)
-    source = record if isinstance(record, pd.DataFrame) else open_coil_record(Path(record))
-    columns = tuple(name for name in COLUMNS if name in source.columns)
-    chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in columns else "ffa2")
+    if isinstance(record, pd.DataFrame):
+        source: CoilRecord | pd.DataFrame = record
+    else:
+        source = open_coil_record(Path(record), columns=columns, units=units, table=table)
+    recorded = tuple(name for name in COLUMNS if name in source.columns)
+    chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in recorded else "ffa2")
     given = {
         "--coil-area": coil_area_m2,
         "--zero-reading-s": zero_reading_s,
@@ -187,7 +197,7 @@ def integrate_coil(
     before = systematics  # Until ffa2 takes an offset off, all of the amplifier's is left
     if chosen == "ffa2" and offset_sigma_V is None:
         before = replace(systematics, offset_voltage_V=OFFSET_SIGMA_V["trapezoid"])
-    made = _stream(source, columns, options, known, (before, systematics), quantity, smooth, output, progress)
+    made = _stream(source, recorded, options, known, (before, systematics), quantity, smooth, output, progress)
     end = made.last
     if not made.corrected:
         systematics = before

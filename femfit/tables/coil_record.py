@@ -1,16 +1,14 @@
-"""Coil records as files, read and written block by block: CSV, Parquet, raw float32 with a sidecar.
+"""Coil records as files, read block by block: text, Parquet, raw float32 with a sidecar; other kinds are read whole.
 
 A raw record holds interleaved little-endian float32 columns without header, a row each sample time; missing samples are
 NaN. Its sidecar, ``NAME.toml`` or ``NAME.json`` beside it, says ``sample_rate_Hz``, ``columns`` and, where it is not 0,
 ``start_s``.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,15 +16,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from femfit.core.arrays import FloatArray
-from femfit.core.atomic import replacing, write_json
-from femfit.core.errors import OutputError, TableError
+from femfit.core.errors import TableError
 from femfit.core.finding import listing
 from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
 from femfit.tables.columns import UsedColumn, recognise
+from femfit.tables.measurement_file import has_columns, read_raw_table
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
-from femfit.tables.raw_table import check_width, decode, typed_numbers
+from femfit.tables.raw_table import RawTable, check_width, decode, typed_numbers
 from femfit.tables.settings_file import finite_number, read_settings
+from femfit.tables.table_file import is_container
 from femfit.tables.text_table import find_layout, split, text_lines
 
 BLOCK_ROWS = 2**18
@@ -34,14 +33,15 @@ BLOCK_ROWS = 2**18
 
 RAW_SUFFIXES = (".bin", ".raw", ".f32")
 COLUMNS = ("coil_voltage_V", "hall_T", "current_A")
+_NEEDED = frozenset(("time_s", "coil_voltage_V"))
 
-_RAW = np.dtype("<f4")
+RAW = np.dtype("<f4")
+"""A number of a raw record."""
+
 _HEAD = 2**16
 """Bytes of a text record by which its layout is found."""
 
 _HIGHEST_RATE_HZ = 1e12
-_LONGEST_GAP = 2**24
-"""Missing samples in a block up to which they are written to a raw record, as NaN."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,7 @@ class CoilRecord:
     used: tuple[UsedColumn, ...]  # The time and what else is read, each with its header and its factor to SI
     samples: int | None  # Rows; None where only reading shows it (CSV)
     layout: Mapping[str, Any]  # Of a raw record its sidecar, of a text record the arguments of ``pandas.read_csv``
+    held: RawTable | None = None  # The record itself, of a kind of file that is read whole
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -84,6 +85,11 @@ class CoilRecord:
             raise TableError(f"{self.path} has no row with a time and a voltage.")
 
     def _tables(self, rows: int) -> Iterator[dict[str, FloatArray]]:
+        if self.held is not None:
+            values = {column.name: column.factor * self.held.column(column.header) for column in self.used}
+            for first in range(0, len(self.held.lines), rows):
+                yield {name: column[first : first + rows] for name, column in values.items()}
+            return
         if self.path.suffix in RAW_SUFFIXES:
             yield from self._raw_tables(rows)
             return
@@ -134,34 +140,49 @@ class CoilRecord:
         names, rate, begin = self.layout["columns"], self.layout["sample_rate_Hz"], self.layout["start_s"]
         done = 0
         with self.path.open("rb") as file:
-            while len(values := np.fromfile(file, _RAW, rows * len(names))):
+            while len(values := np.fromfile(file, RAW, rows * len(names))):
                 table = values.reshape(-1, len(names)).astype(np.float64)
                 time = begin + (done + np.arange(len(table))) / rate
                 done += len(table)
                 yield {"time_s": time, **{name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}}
 
 
-def open_coil_record(path: str | Path) -> CoilRecord:
-    """Look at a coil record without reading it.
+def open_coil_record(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    table: str | None = None,
+) -> CoilRecord:
+    """Look at a coil record; text, Parquet and raw records are not read before their blocks are asked for.
 
     Parameters
     ----------
     path : str or Path
-        ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; else a text table of any dialect.
+        ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; XLSX, MAT, HDF5, TDMS or WAV; else a text table of
+        any dialect.
+    columns, units, table : optional
+        As in :func:`femfit.tables.measurement_file.read_measurement`.
     """
     path = Path(path)
     if not path.is_file():
-        raise TableError(f"There is no coil record {path}. Give a .csv, .parquet, .bin, .raw or .f32 file.")
+        raise TableError(
+            f"There is no coil record {path}. Give a text, .parquet, .bin, .raw, .f32, .mat, .h5, .tdms or .wav file."
+        )
+    held = None
     layout: dict[str, Any] = {}
     samples = None
     try:
         if path.suffix in RAW_SUFFIXES:
             layout = _raw_layout(path)
             headers = ["time_s", *layout["columns"]]
-            samples = path.stat().st_size // (_RAW.itemsize * len(layout["columns"]))
+            samples = path.stat().st_size // (RAW.itemsize * len(layout["columns"]))
         elif path.suffix == ".parquet":
             with pq.ParquetFile(path) as file:
                 headers, samples = list(file.schema_arrow.names), file.metadata.num_rows
+        elif is_container(path):
+            held = read_raw_table(path, "coil record", table=table, wanted=has_columns([_NEEDED], columns, units))
+            headers, samples = list(held.headers), len(held.lines)
         else:
             headers, layout = _text_layout(path)
     except (OSError, ValueError, pa.ArrowException) as error:
@@ -169,14 +190,14 @@ def open_coil_record(path: str | Path) -> CoilRecord:
             raise
         raise TableError(f"Coil record {path} cannot be read: {quoted(error, 300)}.") from error
     check_width(len(headers), str(path))
-    used, _ = recognise(headers, str(path), ("time_s", *COLUMNS))
-    missing = [name for name in ("time_s", "coil_voltage_V") if name not in {column.name for column in used}]
+    used, _ = recognise(headers, str(path), ("time_s", *COLUMNS), columns, units)
+    missing = [name for name in sorted(_NEEDED) if name not in {column.name for column in used}]
     if missing:
         raise TableError(
             f"A coil record needs the columns time_s and coil_voltage_V, and hall_T or current_A for a filter; {path} "
             f"has {listing(headers, 20) or 'none'}. Rename or add {' and '.join(missing)}."
         )
-    return CoilRecord(path, tuple(headers), tuple(used), samples, layout)
+    return CoilRecord(path, tuple(headers), tuple(used), samples, layout, held)
 
 
 def _text_layout(path: Path) -> tuple[list[str], dict[str, Any]]:
@@ -236,88 +257,9 @@ def _raw_layout(path: Path) -> dict[str, Any]:
     if start is None:
         received = quoted(data["start_s"])
         raise TableError(f"start_s in {sides[0]} must be a number of seconds; instead received {received}.")
-    if path.stat().st_size % (_RAW.itemsize * len(columns)):
+    if path.stat().st_size % (RAW.itemsize * len(columns)):
         raise TableError(
             f"{path} must hold whole rows of {len(columns)} float32; its {path.stat().st_size} bytes do not. Check the "
             "sidecar's columns."
         )
     return {"sample_rate_Hz": rate, "start_s": start, "columns": columns}
-
-
-class RecordWriter:
-    """Writes columns block by block; the file appears when all is written.
-
-    Parameters
-    ----------
-    path : Path
-        ``.csv``, ``.parquet``, or ``.bin``, ``.raw``, ``.f32`` (with a JSON sidecar).
-    """
-
-    def __init__(self, path: Path, columns: Sequence[str], sample_time: float) -> None:
-        self.path, self.columns, self.sample_time = Path(path), list(columns), sample_time
-        if self.path.suffix not in {".csv", ".parquet", *RAW_SUFFIXES}:
-            raise TableError(
-                f"An integrated record is written as .csv, .parquet, .bin, .raw or .f32; instead received {path.name}."
-            )
-        if self.path.suffix in RAW_SUFFIXES and self.path.with_suffix(".toml").exists():
-            raise OutputError(
-                f"{self.path.with_suffix('.toml')} would be taken for the sidecar of {self.path.name}. Choose another "
-                "name, or delete that file."
-            )
-        self._start, self._last = 0.0, np.nan
-        self._rows = 0
-        self._open = ExitStack()
-        self._file: BinaryIO | None = None
-        self._parquet: pq.ParquetWriter | None = None
-
-    def __enter__(self) -> Self:
-        partial = self._open.enter_context(replacing(self.path))
-        if self.path.suffix == ".parquet":
-            schema = pa.schema([(name, pa.float64()) for name in self.columns])
-            self._parquet = self._open.enter_context(pq.ParquetWriter(partial, schema))
-        else:
-            self._file = self._open.enter_context(partial.open("wb"))
-        return self
-
-    def write(self, block: Mapping[str, FloatArray]) -> None:
-        """Append rows."""
-        if self._rows == 0:
-            self._start = float(block["time_s"][0])
-        self._rows += len(block["time_s"])
-        if self._parquet is not None:
-            self._parquet.write_table(pa.table({name: block[name] for name in self.columns}))
-        elif self.path.suffix == ".csv":
-            first = self._rows == len(block["time_s"])
-            pd.DataFrame({name: block[name] for name in self.columns}).to_csv(
-                self._file, index=False, header=first, float_format="%.10g"
-            )
-        elif self._file is not None:
-            self._evenly_spaced(block).astype(_RAW).tofile(self._file)
-
-    def _evenly_spaced(self, block: Mapping[str, FloatArray]) -> FloatArray:
-        """The rows of a raw record, with NaN for each sample that a gap of the clock left out."""
-        time = block["time_s"]
-        values = np.stack([block[name] for name in self.columns[1:]], axis=1)
-        steps = np.diff(time, prepend=time[0] - self.sample_time if np.isnan(self._last) else self._last)
-        places = np.cumsum(np.maximum(np.rint(steps / self.sample_time), 1.0)).astype(np.intp) - 1
-        self._last = float(time[-1])
-        if places[-1] - len(time) > _LONGEST_GAP:
-            raise TableError(
-                f"{self.path} cannot hold a gap of {places[-1] - len(time):.3g} samples: a raw record has a row for "
-                "each sample time. Write .parquet or .csv."
-            )
-        rows = np.full((places[-1] + 1, values.shape[1]), np.nan)
-        rows[places] = values
-        return rows
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.__exit__(kind, error, trace)
-        if error is None and self.path.suffix in RAW_SUFFIXES:
-            side = {
-                "sample_rate_Hz": round(1.0 / self.sample_time, 6),
-                "start_s": self._start,
-                "columns": self.columns[1:],
-            }
-            write_json(self.path.with_suffix(".json"), side)

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
+from femfit.core.constants import GRAVITY
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
@@ -60,7 +61,8 @@ def match_columns(
     columns : mapping of str to str, optional
         Header to the column that it is, where its name does not say it.
     units : mapping of str to str, optional
-        Header (or column) to its unit, or to a number that multiplies it to SI.
+        Header (or column) to its unit, or to a number that multiplies it to SI; a unit to itself where only one column
+        can be meant.
     guess : bool
         Whether a name may also stand inside a header: ``Fz, total``.
     optional : collection of str
@@ -81,8 +83,9 @@ def match_columns(
             raise TableError(
                 f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
             )
-    said = _units_by_header(headers, units or {})
-    for_name = {} if guess else units or {}
+    units = settled_units(headers, source, names, given, units, guess=guess)
+    said = _units_by_header(headers, units)
+    for_name = {} if guess else units
     chosen = {name: headers.index(header) for header, name in given.items()}
     findings: list[Finding] = []
     rivals: dict[str, list[int]] = {}
@@ -112,7 +115,7 @@ def match_columns(
             undecided |= set(rivals[name])
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
-        unit = (units or {}).get(name, said.get(headers[k]))
+        unit = units.get(name, said.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
     unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
     return used, rivals, findings + _unused(unused, names)
@@ -127,8 +130,9 @@ def recognise(
 ) -> tuple[list[UsedColumn], list[Finding]]:
     """Find the columns of a measurement, whose headers are names and nothing else, as :func:`match_columns` does."""
     headers = list(headers)
+    units = settled_units(headers, source, names, columns or {}, units)
     used, _, findings = match_columns(headers, source, names, columns, units)
-    for key in units or {}:
+    for key in units:
         if key not in {column.name for column in used.values()}:
             find_header(key, headers, source, "--unit")
     said = []
@@ -136,8 +140,13 @@ def recognise(
         if column.header.strip() != column.name:
             how = f"converted to {column.name}, times {column.factor:g}"
             how = f"read as {column.name}" if column.factor == 1.0 else how
+            how += f" ({column.unit} as a weight, gram-force)" if _is_gram(column) else ""
             said.append(_said("column", f"Column {quoted(column.header)!r} was {how}.", column.name))
     return list(used.values()), findings + said
+
+
+def _is_gram(column: UsedColumn) -> bool:
+    return column.name == "force_N" and column.factor == GRAVITY * 1e-3
 
 
 def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColumn | None:
@@ -154,6 +163,38 @@ def used_column(header: str, name: str, unit: str | None, source: str, given: st
     if unit is None:
         return UsedColumn(header, name, 1.0, si_unit, assumed=bool(si_unit) and header.strip() != name)
     return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)
+
+
+def settled_units(
+    headers: Sequence[str],
+    source: str,
+    names: Sequence[str],
+    columns: Mapping[str, str],
+    units: Mapping[str, str] | None,
+    *,
+    guess: bool = False,
+) -> dict[str, str]:
+    """Return units by header or column; a unit that stands alone goes to the one column that it can be of."""
+    result: dict[str, str] = {}
+    for key, unit in (units or {}).items():
+        kinds = [name for name in names if unit_factor(unit, column_unit(name)[1]) is not None]
+        if key != unit or not kinds or any(same_header(key, header) for header in headers):
+            result[key] = unit
+            continue
+        meant = {header: name for key, name in columns.items() for header in headers if same_header(key, header)}
+        found = [
+            header
+            for header in headers
+            if meant.get(header, kinds[0]) in kinds
+            and (header in meant or any(_score(header, name, unit, guess) for name in kinds))
+        ]
+        if len(found) != 1:
+            raise TableError(
+                f"The unit {unit} must belong to one column of {source}; it may be that of {listing(found) or 'none'}. "
+                f"Say which with --unit HEADER={unit}."
+            )
+        result[found[0]] = unit
+    return result
 
 
 def _units_by_header(headers: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:

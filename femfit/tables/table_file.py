@@ -5,6 +5,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
@@ -73,6 +74,13 @@ def container_kind(content: bytes, source: str) -> str | None:
         "WAV": content[:4] in {b"RIFF", b"RIFX", b"RF64"} and content[8:12] == b"WAVE",
     }
     return next((kind for kind, sign in signs.items() if sign), None)
+
+
+def is_container(path: Path) -> bool:
+    """Tell whether a file is of a kind that may hold several tables, without reading it whole."""
+    with path.open("rb") as file:
+        head = file.read(1024)
+    return head.startswith(b"PK\x03\x04") or container_kind(head, path.name) is not None
 
 
 def _reader(kind: str) -> Reader:

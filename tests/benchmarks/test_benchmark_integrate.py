@@ -17,7 +17,7 @@ from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.sensors import PAPER_COIL, PAPER_SAMPLE_RATE, paper_noise
 
 from femfit.tables.coil_block import CoilBlock
-from femfit.tables.coil_record import RecordWriter
+from femfit.tables.record_writer import RecordWriter
 
 pytestmark = pytest.mark.benchmark
 

@@ -16,7 +16,8 @@ from arpaia2022.reproduce import course_and_noise
 from arpaia2022.sensors import PAPER_SAMPLE_RATE
 from arpaia2022.study import experiment_fields, experiment_figures, study_lines
 
-from femfit.tables.coil_record import RecordWriter, open_coil_record
+from femfit.tables.coil_record import open_coil_record
+from femfit.tables.record_writer import RecordWriter
 from support.integrators_page import PAGE, draws, field_model, page
 
 pytestmark = pytest.mark.benchmark

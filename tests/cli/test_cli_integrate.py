@@ -44,6 +44,20 @@ def integrate(*arguments):
     return femfit("integrate", *arguments)
 
 
+def test_columns_units_and_table_of_a_record_can_be_said(tmp_path, experiment):
+    rows = table(experiment)
+    strange = pd.DataFrame({"t": rows["time_s"], "ai0": 1e3 * rows["coil_voltage_V"]})
+    with pd.ExcelWriter(tmp_path / "a.xlsx") as book:
+        strange.iloc[:2000].to_excel(book, sheet_name="first", index=False)
+        strange.iloc[:1000].to_excel(book, sheet_name="second", index=False)
+    said = ("--column", "t=time_s", "--column", "ai0=coil_voltage_V", "--unit", "mV", "--table", "second")
+    result = integrate(tmp_path / "a.xlsx", *said, "--method", "trapezoid", "-o", tmp_path / "o.csv")
+    assert result.returncode == 0, result.stderr
+    flux = integrate_coil(rows[["time_s", "coil_voltage_V"]].iloc[:1000], method="trapezoid")
+    written = pd.read_csv(tmp_path / "o.csv")["flux_linkage_Wb"]
+    assert written.to_numpy()[-1] == pytest.approx(flux.value, rel=1e-6)
+
+
 # What each may be off by on the last plateau: lags and drifts of 7 uV, and of cs2 the error of I / g.
 @pytest.mark.parametrize(("method", "allowed"), [("trapezoid", 0.05), ("ffa1", 0.02), ("ffa2", 0.02), ("cs2", 3e-3)])
 def test_every_method_writes_field_uncertainty_and_offset(method, allowed, record, experiment, tmp_path):

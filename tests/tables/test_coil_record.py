@@ -5,9 +5,11 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import wavfile
 
 from femfit.core.errors import OutputError, TableError
-from femfit.tables.coil_record import RecordWriter, open_coil_record
+from femfit.tables.coil_record import open_coil_record
+from femfit.tables.record_writer import RecordWriter
 
 
 @pytest.fixture
@@ -39,6 +41,24 @@ def test_what_is_written_is_read_in_blocks(name, table, tmp_path):
         # CSV keeps ten digits.
         np.testing.assert_allclose(read, table[column], rtol=1e-9, atol=1e-12)
     assert all(block.current is None for block in blocks)
+
+
+def test_a_sound_card_records_a_coil(tmp_path):
+    samples = np.rint(2**14 * np.sin(0.1 * np.arange(900)))
+    wavfile.write(tmp_path / "a.wav", 44100, samples.astype(np.int16))
+    record = open_coil_record(tmp_path / "a.wav", columns={"channel 1": "coil_voltage_V"}, units={"channel 1": "1.5"})
+    blocks = list(record.blocks(rows=300))
+    assert [len(block) for block in blocks] == [300, 300, 300]
+    assert record.samples == 900
+    np.testing.assert_allclose(np.concatenate([block.voltage for block in blocks]), 1.5 * samples / 2**15)
+    np.testing.assert_allclose(np.concatenate([block.time for block in blocks]), np.arange(900) / 44100.0)
+
+
+def test_columns_and_units_of_a_text_record_can_be_said(tmp_path, table):
+    table.rename(columns={"coil_voltage_V": "AI0", "time_s": "Zeit [ms]"}).to_csv(tmp_path / "a.csv", index=False)
+    record = open_coil_record(tmp_path / "a.csv", columns={"AI0": "coil_voltage_V"}, units={"AI0": "mV"})
+    (block,) = record.blocks()
+    np.testing.assert_allclose(block.voltage, 1e-3 * table["coil_voltage_V"])
 
 
 def test_a_toml_sidecar_is_read(tmp_path):

@@ -57,6 +57,24 @@ def test_columns_and_units_can_be_said(tmp_path):
     assert isinstance(timed, TimeSeries)
 
 
+def test_a_unit_alone_belongs_to_the_only_column_of_its_kind(tmp_path):
+    path = written(tmp_path / "a.csv", "Strom;Luftspalt;Kraft")
+    read = read_measurement(path, units={"gf": "gf", "mm": "mm"}).rows
+    assert read["force_N"].tolist() == pytest.approx([GRAM_N * x for x in (250, 480, 70, 130)])
+    assert read["distance_m"].tolist() == [0.002, 0.002, 0.004, 0.004]
+    imported = import_table(path, units={"gf": "gf", "distance": "mm"}).rows
+    assert imported["force_N"].max() == pytest.approx(GRAM_N * 480)
+
+
+def test_a_unit_alone_that_two_columns_may_have_is_refused(tmp_path):
+    rows = [f"{row};1" for row in ("0,5;2;2,5", "1,0;2;4,8", "0,5;4;0,7", "1,0;4;1,3")]
+    path = written(tmp_path / "a.csv", "Strom [A];Luftspalt [mm];Hallspannung;Spannung", rows)
+    with pytest.raises(TableError, match=r"Hallspannung, Spannung.*--unit HEADER=mV"):
+        read_measurement(path, units={"mV": "mV"})
+    with pytest.raises(TableError, match="none"):
+        read_measurement(path, units={"gf": "gf"})
+
+
 @pytest.mark.parametrize(
     ("said", "part"),
     [
