@@ -1,18 +1,18 @@
-"""The drawing of an actuator file: materials, regions and the winding, each region on its own."""
+"""The drawing of an actuator file: materials, regions and windings, each on its own."""
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from shapely import Polygon
-
 from femfit.device.bh_table import Points, curve_problems, read_bh_csv, without_flat_end
-from femfit.device.checks import DrawnPart, outline
+from femfit.device.checks import DrawnPart
 from femfit.device.complaints import did_you_mean, joined, read_part, read_table
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
+from femfit.device.read_outline import outline
 from femfit.device.schema import NAME_PATTERN, CurveEntry, MaterialEntry, OutlineEntry, RegionEntry
 
 RESERVED = ("air", "coil")
@@ -20,35 +20,63 @@ RESERVED = ("air", "coil")
 
 
 @dataclass(frozen=True)
+class DrawnWinding:
+    """A coil as drawn."""
+
+    part: DrawnPart
+    moves: bool
+
+
+@dataclass(frozen=True)
 class Drawing:
     """What could be drawn of a file."""
 
-    # Regions of the electromagnet and of the moving part
+    # Regions of the fixed and of the moving part, without windings
     fixed: tuple[DrawnPart, ...]
     moving: tuple[DrawnPart, ...]
-    winding: DrawnPart | None
-    complete: bool  # Whether every region and the winding could be drawn
+    windings: tuple[DrawnWinding, ...]
+    complete: bool  # Whether every region and winding could be drawn
 
     @property
     def standing(self) -> tuple[DrawnPart, ...]:
-        """The electromagnet's regions and the winding."""
-        return self.fixed if self.winding is None else (*self.fixed, self.winding)
+        """All that stands still: regions and windings."""
+        return (*self.fixed, *(one.part for one in self.windings if not one.moves))
+
+    @property
+    def mover(self) -> tuple[DrawnPart, ...]:
+        """All that moves: regions and windings."""
+        return (*self.moving, *(one.part for one in self.windings if one.moves))
 
 
 def read_drawing(data: Mapping[str, Any], directory: Path, problems: list[str]) -> Drawing:
     """Draw what can be drawn of a file."""
     materials = _materials(table_at(data, "materials"), directory, problems)
-    fixed = _regions(data, "electromagnet", materials, problems)
+    body = fixed_key(data)
+    fixed = _regions(data, body, materials, problems)
     moving = _regions(data, "moving", materials, problems)
     problems += [
-        f"{part.path} must have a name of its own; electromagnet.regions has one of the same name. Rename one of them."
+        f"{part.path} must have a name of its own; {body}.regions has one of the same name. Rename one of them."
         for part in moving
         if part.name in {other.name for other in fixed}
     ]
-    winding = _winding(data, problems)
-    regions = len(table_at(data, "electromagnet", "regions")) + len(table_at(data, "moving", "regions"))
-    complete = len(fixed) + len(moving) == regions and winding is not None
-    return Drawing(fixed, moving, winding, complete)
+    tables = dict(coil_tables(data))
+    windings = tuple(one for path, table in tables.items() if (one := _winding(path, table, problems)) is not None)
+    regions = len(table_at(data, body, "regions")) + len(table_at(data, "moving", "regions"))
+    complete = len(fixed) + len(moving) == regions and len(windings) == len(tables)
+    return Drawing(fixed, moving, windings, complete)
+
+
+def fixed_key(data: Mapping[str, Any]) -> str:
+    """Which table has the fixed regions: ``fixed``, or ``electromagnet`` as in schema 1."""
+    return "fixed" if "fixed" in data else "electromagnet"
+
+
+def coil_tables(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Key path and table of each winding: ``[coil]``, or those of ``[coils]``."""
+    if isinstance(data.get("coil"), dict):
+        yield "coil", data["coil"]
+    for name, table in table_at(data, "coils").items():
+        yield joined("coils", name), table
 
 
 def table_at(data: Mapping[str, Any], *keys: str) -> dict[str, Any]:
@@ -121,9 +149,9 @@ def _regions(
             )
         entry = read_table(RegionEntry, table, path, problems)
         material = None if entry is None else _region_material(entry, path, materials, problems)
-        polygon = _polygon(table, path, problems)
-        if polygon is not None:
-            parts.append(DrawnPart(path, name, polygon, material))
+        part = _part(table, path, name, material, problems)
+        if part is not None:
+            parts.append(part)
     return tuple(parts)
 
 
@@ -142,7 +170,7 @@ def _region_material(
     if material.remanence_T and entry.magnetization is None:
         problems.append(
             f"{path}.magnetization is missing; {material.name} has a remanence. "
-            'Give magnetization = "+z" (towards the moving part) or "-z".'
+            'Give magnetization = "+z" (towards the moving part), "-z", "+r", "-r" or [r, z].'
         )
         return None
     if entry.magnetization and not material.remanence_T:
@@ -170,18 +198,44 @@ def _magnet(entry: RegionEntry, path: str, material: LinearMaterial, problems: l
                 "Change it, or the material's remanence_coefficient_per_K."
             )
             return None
-    return replace(material, remanence_T=-material.remanence_T) if entry.magnetization == "-z" else material
+    direction = entry.magnetization
+    if isinstance(direction, list):
+        unit = unit_vector(direction, f"{path}.magnetization", problems)
+        return None if unit is None else replace(material, direction=unit)
+    if direction in {"+r", "-r"}:
+        material = replace(material, direction=(1.0, 0.0))
+    return replace(material, remanence_T=-material.remanence_T) if direction in {"-z", "-r"} else material
 
 
-def _winding(data: Mapping[str, Any], problems: list[str]) -> DrawnPart | None:
-    polygon = _polygon(data["coil"], "coil", problems) if isinstance(data.get("coil"), dict) else None
-    if polygon is None:
+def unit_vector(given: list[float], path: str, problems: list[str]) -> tuple[float, float] | None:
+    """A direction [r, z] of length one; None where it has no length."""
+    length = math.hypot(*given)
+    if length == 0.0:
+        problems.append(
+            f"{path} must have a direction; [0, 0] has none. Give for example [1, 0] for radially outwards."
+        )
         return None
-    if polygon.bounds[0] <= 0:
-        problems.append("coil must lie off the axis; its winding touches r = 0. Give an inner radius > 0.")
-    return DrawnPart("coil", "coil", polygon)
+    return given[0] / length, given[1] / length
 
 
-def _polygon(table: object, path: str, problems: list[str]) -> Polygon | None:
+def _winding(path: str, table: Any, problems: list[str]) -> DrawnWinding | None:
+    name = path.removeprefix("coils.")
+    check_name(name, path, problems)
+    part = _part(table, path, name, None, problems)
+    if part is None or not isinstance(table, dict):
+        return None
+    if part.polygon.bounds[0] <= 0:
+        problems.append(f"{path} must lie off the axis; its winding touches r = 0. Give an inner radius > 0.")
+    return DrawnWinding(part, table.get("moves") is True)
+
+
+def check_name(name: str, path: str, problems: list[str]) -> None:
+    """Report a name that columns and files cannot have."""
+    if not re.match(NAME_PATTERN, name) or len(name) > 64:
+        problems.append(f"{path} must be named with letters, digits, - and _, beginning with a letter. Rename it.")
+
+
+def _part(table: object, path: str, name: str, material: Material | None, problems: list[str]) -> DrawnPart | None:
     entry = read_part(OutlineEntry, table)
-    return None if entry is None else outline(entry, path, problems)
+    drawn = None if entry is None else outline(entry, path, problems)
+    return None if drawn is None else DrawnPart(path, name, drawn, material)

@@ -18,15 +18,39 @@ from femfit.device.schema import (
     RegionEntry,
     SupplyEntry,
 )
+from femfit.device.schema_device import (
+    AccelerationSensorEntry,
+    CircuitEntry,
+    CurrentSensorEntry,
+    ForceSensorEntry,
+    MechanicsEntry,
+    PickupCoilEntry,
+    PositionSensorEntry,
+    SpringEntry,
+    StopEntry,
+    WindingEntry,
+)
+
+_SECTIONS: dict[str, type[Entry]] = {
+    "coil": CoilEntry, "moving": MovingEntry, "hall": HallEntry, "supply": SupplyEntry, "mechanics": MechanicsEntry,
+}  # fmt: skip
+
+_SENSORS: dict[str, type[Entry]] = {
+    "hall": HallEntry, "current": CurrentSensorEntry, "position": PositionSensorEntry, "pickup_coil": PickupCoilEntry,
+    "acceleration": AccelerationSensorEntry, "force": ForceSensorEntry,
+}  # fmt: skip
 
 Location = tuple[str | int, ...]
 """Keys and list positions from the top of the file."""
 
-BODIES = ("electromagnet", "moving")
-UNITS = ("A_per_m", "V_per_T", "per_K", "mm", "ms", "ohm", "g", "T", "C", "V", "A")
+BODIES = ("electromagnet", "fixed", "moving")
+UNITS = (
+    "A_per_m", "V_per_T", "N_per_mm", "V_per_mm", "N_s_per_m", "m_per_s2", "per_K", "mm", "ms", "mH", "ohm", "deg",
+    "Hz", "g", "T", "C", "V", "A", "N",
+)  # fmt: skip
 """That numbers of the file may be in; a key ends in ``_`` and its unit, or is a bare number."""
 
-SI_UNITS = {"mm": "m", "ms": "s", "g": "kg"}
+SI_UNITS = {"mm": "m", "ms": "s", "g": "kg", "mH": "H"}
 """SI units of the units that actuator files use; each of these is a thousandth."""
 
 
@@ -86,9 +110,24 @@ def _locations(data: Mapping[str, Any]) -> Iterator[Location]:
     for body in BODIES:
         for name, table in table_at(data, body, "regions").items():
             yield from _in_table(RegionEntry, table, (body, "regions", name))
-    entries: dict[str, type[Entry]] = {"coil": CoilEntry, "moving": MovingEntry, "hall": HallEntry}
-    for section, entry in (entries | {"supply": SupplyEntry}).items():
+    for section, entry in _SECTIONS.items():
         yield from _in_table(entry, data.get(section), (section,))
+    yield from _in_device(data)
+
+
+def _in_device(data: Mapping[str, Any]) -> Iterator[Location]:
+    """Of coils, circuits, sensors, springs and stops."""
+    for group, entry in (("coils", WindingEntry), ("circuits", CircuitEntry)):
+        for name, table in table_at(data, group).items():
+            yield from _in_table(entry, table, (group, name))
+    for name, table in table_at(data, "sensors").items():
+        kind = table.get("kind") if isinstance(table, dict) else None
+        if kind in _SENSORS:
+            yield from _in_table(_SENSORS[kind], table, ("sensors", name))
+    for name, table in table_at(data, "mechanics", "springs").items():
+        yield from _in_table(SpringEntry, table, ("mechanics", "springs", name))
+    for stop in ("near_stop", "far_stop"):
+        yield from _in_table(StopEntry, table_at(data, "mechanics").get(stop), ("mechanics", stop))
 
 
 def _in_table(entry: type[Entry], table: object, path: Location) -> Iterator[Location]:

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from shapely import Polygon
-
 from femfit.core.errors import ActuatorFileError
 from femfit.device.checks import (
     DrawnPart,
@@ -16,29 +14,23 @@ from femfit.device.checks import (
     check_overlaps,
     check_zero_heights,
 )
-from femfit.device.complaints import AnyEntry, read_part, read_table
-from femfit.device.decimals import axis_values, scaled
-from femfit.device.drawing import Drawing, read_drawing
-from femfit.device.mechanics import Mechanics
+from femfit.device.complaints import AnyEntry, read_table
+from femfit.device.decimals import scaled
+from femfit.device.drawing import Drawing, fixed_key, read_drawing
 from femfit.device.parameter_table import read_design
-from femfit.device.parts import AIR, Actuator, Circuit, Coil, Drive, MovingPart, Region, Supply, SweepAxes
+from femfit.device.parts import AIR, Actuator, MovingPart, Region
+from femfit.device.read_electrics import read_circuits, read_coils, read_supply
+from femfit.device.read_mechanics import check_travel, read_mechanics
+from femfit.device.read_sensors import hall_places, read_sensors
+from femfit.device.read_sweep import read_axes
 from femfit.device.schema import (
     SCHEMA_VERSION,
-    CoilEntry,
-    CurrentAxis,
-    DistanceAxis,
     ElectromagnetEntry,
     FileEntry,
-    HallEntry,
-    HallPlace,
     MovingEntry,
     ReferenceEntry,
     SolverEntry,
-    SupplyEntry,
-    SweepEntry,
 )
-from femfit.device.sensors import HallElement
-from femfit.device.winding import smallest_winding_area, wire_resistance
 
 
 def read_text(path: Path) -> str:
@@ -68,10 +60,6 @@ def parse(text: str, source: str) -> dict[str, Any]:
             [f"schema is {version}; this femfit reads up to schema {SCHEMA_VERSION}. Update femfit, or write it so."],
         )
     return data
-
-
-MIN_DISTANCE = 1e-3
-"""In mm: a micrometre is less than a face is flat, and still a gap that can be meshed."""
 
 
 def read_actuator(path: str | Path) -> Actuator:
@@ -108,40 +96,66 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     if design is not None:
         data = {**data, "sweep": design.axes(data)}
     header = read_table(FileEntry, data, "", problems)
-    _section(ElectromagnetEntry, data, "electromagnet", problems)
+    _check_schema(data, problems)
+    _section(ElectromagnetEntry, data, fixed_key(data), problems)
     body = _section(MovingEntry, data, "moving", problems)
-    winding = _section(CoilEntry, data, "coil", problems)
-    hall = _section(HallEntry, data, "hall", problems)
-    supply = _section(SupplyEntry, data, "supply", problems)
     solver = _section(SolverEntry, data, "solver", problems)
     reference = _section(ReferenceEntry, data, "reference", problems)
-    currents, distances = _axes(data, problems)
     drawing = read_drawing(data, directory or Path(), problems)
-    _check_numbers(body, hall, supply, reference, distances, problems)
-    coil = _coil(winding, drawing, problems)
-    _check_drawing(drawing, read_part(HallPlace, data.get("hall")), distances, problems)
-    if problems or header is None or body is None or coil is None or supply is None:
+    coils = read_coils(data, drawing, problems)
+    supply, diode = read_supply(data, problems)
+    circuits = read_circuits(data, coils, supply, diode, problems)
+    mechanics = read_mechanics(data, body, problems)
+    sensors = read_sensors(data, circuits, problems)
+    axes = read_axes(data, [circuit.name for circuit in circuits], problems)
+    distances = axes.distances_mm
+    _check_reference(reference, distances, problems)
+    _check_drawing(data, drawing, distances, problems)
+    if mechanics is not None:
+        check_travel(mechanics, distances, problems)
+    if problems or header is None or mechanics is None:
         raise ActuatorFileError(source, problems)
-    drive = Drive("voltage", supply.voltage_min_V, supply.voltage_max_V)
-    element = _hall(hall)
     return Actuator(
         name=header.name,
         description=header.description,
         fixed=tuple(_region(part) for part in drawing.fixed),
-        coils=(coil,),
-        circuits=(Circuit(coil.name, ((coil.name, 1.0),), coil.resistance_ohm, drive=drive),),
+        coils=coils,
         moving=MovingPart(tuple(_region(part) for part in drawing.moving)),
-        mechanics=Mechanics(scaled(body.mass_g)),
-        supply=Supply(
-            supply.voltage_min_V,
-            supply.voltage_max_V,
-            None if supply.sample_time_ms is None else scaled(supply.sample_time_ms),
-        ),
-        sweep=SweepAxes(currents, tuple(scaled(d) for d in distances)),
-        sensors=() if element is None else (element,),
+        mechanics=mechanics,
+        sweep=axes.in_si(),
+        circuits=circuits,
+        supply=supply,
+        sensors=sensors,
         reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),
         tolerance=solver.tolerance if solver else None,
     )
+
+
+SHORT_FORMS = ("electromagnet", "coil", "hall")
+"""Tables of schema 1, which schema 2 takes as well."""
+
+SINCE_SCHEMA_2 = ("fixed", "coils", "circuits", "mechanics", "sensors")
+
+
+def _check_schema(data: dict[str, Any], problems: list[str]) -> None:
+    """Report tables that this schema does not have, and those that it must have."""
+    if is_schema_1(data):
+        later = [key for key in SINCE_SCHEMA_2 if key in data]
+        problems += [f"{key} needs schema = 2; this file has schema = 1. Write schema = 2." for key in later]
+        needed = {"coil": "the winding as a table [coil]", "moving": "the moving part as [moving] with its regions"}
+        problems += [f"{key} is missing. Give {what}." for key, what in needed.items() if key not in data]
+        return
+    if "fixed" in data and "electromagnet" in data:
+        problems.append("fixed must be left out beside electromagnet, which is the same. Rename one into the other.")
+    if "coil" in data and "coils" in data:
+        problems.append("coil must be left out beside [coils.NAME]. Give every winding as [coils.NAME].")
+    if "mechanics" not in data and "moving" not in data:
+        problems.append("mechanics.mass_g is missing. Give the mass of the whole moving body in grams.")
+
+
+def is_schema_1(data: dict[str, Any]) -> bool:
+    """Whether a file is of schema 1: one coil, faces at z = 0, distances above zero."""
+    return data.get("schema") == 1
 
 
 def _section(entry: type[AnyEntry], data: dict[str, Any], key: str, problems: list[str]) -> AnyEntry | None:
@@ -149,110 +163,33 @@ def _section(entry: type[AnyEntry], data: dict[str, Any], key: str, problems: li
     return read_table(entry, data[key], key, problems) if isinstance(data.get(key), dict) else None
 
 
-def _axes(data: dict[str, Any], problems: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Currents in A and distances in mm; empty where they are unusable."""
-    _section(SweepEntry, data, "sweep", problems)
-    currents = read_part(CurrentAxis, data.get("sweep"))
-    distances = read_part(DistanceAxis, data.get("sweep"))
-    return (
-        axis_values(currents.current_A, "sweep.current_A", problems) if currents else (),
-        axis_values(distances.distance_mm, "sweep.distance_mm", problems) if distances else (),
-    )
-
-
-def _check_numbers(
-    body: MovingEntry | None,
-    hall: HallEntry | None,
-    supply: SupplyEntry | None,
-    reference: ReferenceEntry | None,
-    distances: Sequence[float],
-    problems: list[str],
-) -> None:
-    if body is not None and not body.regions:
-        problems.append("moving.regions must hold a part; it is empty. Give a table [moving.regions.NAME].")
-    if supply is not None and supply.voltage_min_V >= supply.voltage_max_V:
+def _check_reference(reference: ReferenceEntry | None, distances: Sequence[float], problems: list[str]) -> None:
+    if reference is None or not distances:
+        return
+    outside = [d for d in reference.distance_mm if not distances[0] <= d <= distances[-1]]
+    if outside:
         problems.append(
-            f"supply.voltage_min_V must be below voltage_max_V; they are {supply.voltage_min_V:g} and "
-            f"{supply.voltage_max_V:g}. Exchange or change them."
+            f"reference.distance_mm must lie within the sweep, {distances[0]:g} to {distances[-1]:g} mm; "
+            f"{', '.join(f'{d:g}' for d in outside[:5])} is outside. Change it or widen sweep.distance_mm."
         )
-    if hall is not None:
-        _check_hall_output(hall, problems)
-    if distances and distances[0] < MIN_DISTANCE:
-        problems.append(
-            f"sweep.distance_mm must be > 0, the gap from face to face; it starts at {distances[0]:g}. "
-            f"Start at {MIN_DISTANCE:g} mm or more."
-        )
-    if reference is not None and distances:
-        outside = [d for d in reference.distance_mm if not distances[0] <= d <= distances[-1]]
-        if outside:
-            problems.append(
-                f"reference.distance_mm must lie within the sweep, {distances[0]:g} to {distances[-1]:g} mm; "
-                f"{', '.join(f'{d:g}' for d in outside[:5])} is outside. Change it or widen sweep.distance_mm."
-            )
 
 
-def _check_hall_output(hall: HallEntry, problems: list[str]) -> None:
-    if hall.output_min_V >= hall.output_max_V:
-        problems.append(
-            f"hall.output_min_V must be below output_max_V; they are {hall.output_min_V:g} and "
-            f"{hall.output_max_V:g}. Exchange or change them."
-        )
-    elif not hall.output_min_V <= hall.quiescent_V <= hall.output_max_V:
-        problems.append(
-            f"hall.quiescent_V must lie between output_min_V and output_max_V; it is {hall.quiescent_V:g} with "
-            f"{hall.output_min_V:g} and {hall.output_max_V:g}. Change one of the three."
-        )
-    if hall.sensitivity_V_per_T == 0:
-        problems.append("hall.sensitivity_V_per_T must not be 0; nothing would be seen. Give it, or leave [hall] out.")
-
-
-def _check_drawing(drawing: Drawing, hall: HallPlace | None, distances: Sequence[float], problems: list[str]) -> None:
-    check_overlaps(drawing.standing, problems)
-    check_overlaps(drawing.moving, problems)
+def _check_drawing(data: dict[str, Any], drawing: Drawing, distances: Sequence[float], problems: list[str]) -> None:
+    if is_schema_1(data):
+        distances = [distance for distance in distances if distance > 0.0]
+    standing, moving = drawing.standing, drawing.mover
+    check_overlaps(standing, problems)
+    check_overlaps(moving, problems)
     if drawing.complete:
-        check_zero_heights(drawing.standing, drawing.moving, problems)
-        check_moving_body(drawing.moving, problems)
-    check_collisions(drawing.standing, drawing.moving, distances, problems)
-    if hall is not None:
-        check_hall_place(hall, drawing.standing, drawing.moving, distances, problems)
-
-
-def _coil(entry: CoilEntry | None, drawing: Drawing, problems: list[str]) -> Coil | None:
-    if entry is None or drawing.winding is None:
-        return None
-    polygon = drawing.winding.polygon
-    if entry.wire_diameter_mm is not None:
-        needed = smallest_winding_area(entry.turns, entry.wire_diameter_mm)
-        if needed > polygon.area:
-            problems.append(
-                f"coil.wire_diameter_mm must let the turns fit; {entry.turns:g} turns of {entry.wire_diameter_mm:g} mm "
-                f"need at least {needed:.4g} mm^2 and the winding has {polygon.area:.4g} mm^2. "
-                "Take fewer turns, a thinner wire or a larger winding."
-            )
-    resistance = entry.resistance_ohm
-    if resistance is None:
-        if entry.wire_diameter_mm is None:
-            problems.append(
-                "coil.resistance_ohm is missing, and so is wire_diameter_mm to have it from. Give one of the two."
-            )
-            return None
-        resistance = wire_resistance(
-            entry.turns, polygon.centroid.x * 1e-3, entry.wire_diameter_mm * 1e-3, entry.temperature_C
-        )
-    diameter = None if entry.wire_diameter_mm is None else scaled(entry.wire_diameter_mm)
-    return Coil(_vertices(polygon), entry.turns, resistance, diameter)
-
-
-def _hall(entry: HallEntry | None) -> HallElement | None:
-    if entry is None:
-        return None
-    electrical = entry.model_dump(exclude={"r_mm", "z_mm"})
-    return HallElement(radius_m=scaled(entry.r_mm), height_m=scaled(entry.z_mm), **electrical)
+        if not moving:
+            problems.append("moving.regions must hold a part; it is empty. Give a table [moving.regions.NAME].")
+        check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
+        check_moving_body(drawing.moving, [one.part for one in drawing.windings if one.moves], problems)
+    check_collisions(standing, moving, distances, problems)
+    for path, place in hall_places(data):
+        check_hall_place(path, place, standing, moving, distances, problems)
 
 
 def _region(part: DrawnPart) -> Region:
-    return Region(part.name, _vertices(part.polygon), part.material or AIR)
-
-
-def _vertices(polygon: Polygon) -> tuple[tuple[float, float], ...]:
-    return tuple((scaled(r), scaled(z)) for r, z in polygon.exterior.coords[:-1])
+    corners = tuple((scaled(r), scaled(z)) for r, z in part.outline.corners)
+    return Region(part.name, corners, part.material or AIR, part.outline.bulges)

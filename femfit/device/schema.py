@@ -6,9 +6,10 @@ A field's description is the remedy printed when its key is missing or wrong. Le
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, PlainValidator, Tag
+from pydantic_core import PydanticCustomError
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]*$"
 MAX_AXIS_POINTS = 10_000
 
@@ -28,15 +29,22 @@ class Entry(BaseModel):
 class FileEntry(Entry):
     """The top level; each table is read by its own entry so that one mistake hides no other."""
 
-    schema_version: int = Field(alias="schema", ge=1, description=f"Write schema = {SCHEMA_VERSION}.")
+    schema_version: int = Field(
+        alias="schema", ge=1, description="Write schema = 1, or 2 for several coils or sensors."
+    )
     name: Name = Field(description="Give a short name of letters, digits, - and _; directories are named after it.")
     description: str = Field("", description="Give free text in quotes.")
     materials: dict[str, Any] = Field({}, description="Give each material as a table [materials.NAME].")
-    electromagnet: dict[str, Any] = Field({}, description="Give fixed parts as [electromagnet.regions.NAME].")
-    coil: dict[str, Any] = Field(description="Give the winding as a table [coil].")
-    moving: dict[str, Any] = Field(description="Give the moving part as [moving] and [moving.regions.NAME].")
+    fixed: dict[str, Any] = Field({}, description="Give fixed parts as [fixed.regions.NAME].")
+    electromagnet: dict[str, Any] = Field({}, description="The same as [fixed], as schema 1 calls it.")
+    coils: dict[str, Any] = Field({}, description="Give each winding as a table [coils.NAME].")
+    coil: dict[str, Any] | None = Field(None, description="Give the winding as a table [coil].")
+    circuits: dict[str, Any] = Field({}, description="Give each circuit as [circuits.NAME]; without, one a coil.")
+    moving: dict[str, Any] = Field({}, description="Give the moving part as [moving] and [moving.regions.NAME].")
+    mechanics: dict[str, Any] | None = Field(None, description="Give mass, springs, friction and stops as [mechanics].")
+    sensors: dict[str, Any] = Field({}, description="Give each sensor as a table [sensors.NAME] with its kind.")
     hall: dict[str, Any] | None = Field(None, description="Give the Hall element as a table [hall], or leave it out.")
-    supply: dict[str, Any] = Field(description="Give the driver as a table [supply].")
+    supply: dict[str, Any] | None = Field(None, description="Give the driver as a table [supply].")
     sweep: dict[str, Any] = Field(description="Give the grid as a table [sweep] with current_A and distance_mm.")
     solver: dict[str, Any] | None = Field(None, description="Give [solver] tolerance, or leave it out.")
     reference: dict[str, Any] | None = Field(None, description="Give [reference] distance_mm, or leave it out.")
@@ -69,22 +77,53 @@ class CurveEntry(Entry):
     H_A_per_m: CurveValues | None = Field(None, description="Give ascending fields in A/m as a list, from 0.")
 
 
+Corner = Annotated[list[Length], Field(min_length=2, max_length=3)]
+
+
 class OutlineEntry(Entry):
-    """An outline: a box (r_mm and z_mm) or a polygon (polygon_mm)."""
+    """An outline: a box (r_mm and z_mm), a polygon with arcs (polygon_mm) or a circle (circle_mm)."""
 
     r_mm: Interval | None = Field(None, description="Give [inner, outer] radius in mm.")
     z_mm: Interval | None = Field(None, description="Give [lower, upper] height in mm.")
-    polygon_mm: Annotated[list[Interval], Field(min_length=3, max_length=1000)] | None = Field(
-        None, description="Give at least three corners [[r, z], ...] in mm."
+    polygon_mm: Annotated[list[Corner], Field(min_length=2, max_length=1000)] | None = Field(
+        None,
+        description="Give at least three corners [[r, z], ...] in mm; a third number is the angle in degrees of an arc "
+        "to the next corner, positive counter-clockwise.",
     )
+    circle_mm: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = Field(
+        None, description="Give [r, z, radius]: a ball where r is 0, a ring with a round section elsewhere."
+    )
+
+
+def _direction(*names: str) -> PlainValidator:
+    """A direction by one of these names or as [r, z]."""
+
+    def checked(value: object) -> str | list[float] | None:
+        if value is None or (isinstance(value, str) and value in names):
+            return value
+        if isinstance(value, list) and len(value) == 2 and all(_is_number(one) for one in value):
+            return [float(one) for one in value]
+        known = " or ".join(repr(name) for name in names)
+        raise PydanticCustomError("direction", "Input should be {known} or a direction [r, z]", {"known": known})
+
+    return PlainValidator(checked, json_schema_input_type=Literal[*names] | list[float])
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < MAX_DIRECTION
+
+
+MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinite
 
 
 class RegionEntry(OutlineEntry):
     """``[electromagnet.regions.NAME]`` or ``[moving.regions.NAME]``."""
 
     material: str = Field(description="Name a material of [materials] or of the library.")
-    magnetization: Literal["+z", "-z"] | None = Field(
-        None, description='Give "+z" or "-z" for a magnet; leave it out otherwise.'
+    magnetization: Annotated[Any, _direction("+z", "-z", "+r", "-r")] = Field(
+        None,
+        description='Give "+z", "-z", "+r" (radially outwards), "-r" or a direction [r, z] for a magnet; leave it out '
+        "otherwise.",
     )
     temperature_C: float | None = Field(
         None, ge=-273, le=500, description="Give a magnet's temperature in degC; values are those of 20 degC otherwise."
@@ -113,8 +152,10 @@ class CoilEntry(OutlineEntry):
 class MovingEntry(Entry):
     """``[moving]``."""
 
-    mass_g: float = Field(ge=1e-6, le=1e9, description="Give the mass of the whole moving body in grams.")
-    regions: dict[str, Any] = Field(description="Give each magnetic part of the body as [moving.regions.NAME].")
+    mass_g: float | None = Field(
+        None, ge=1e-6, le=1e9, description="Give the mass of the whole moving body in grams, or as mechanics.mass_g."
+    )
+    regions: dict[str, Any] = Field({}, description="Give each magnetic part of the body as [moving.regions.NAME].")
 
 
 class HallPlace(Entry):
@@ -125,7 +166,13 @@ class HallPlace(Entry):
 
 
 class HallEntry(HallPlace):
-    """``[hall]``; the defaults are those of :class:`femfit.device.parts.HallElement`."""
+    """``[hall]``, or ``[sensors.NAME]`` with ``kind = "hall"``; defaults as in :mod:`femfit.device.sensors`."""
+
+    kind: Literal["hall"] = Field("hall", description='Give "hall" in a table of [sensors].')
+    direction: Annotated[Any, _direction("z", "r")] = Field(
+        "z", description='Give the component that it measures, "z", "r" or [r, z].'
+    )
+    delay_ms: float = Field(0.0, ge=0, le=1e6, description="Give how late a reading is in ms.")
 
     sensitivity_V_per_T: Electrical = Field(50.0, description="Give the slope in V/T (5 mV/G is 50 V/T).")
     quiescent_V: Electrical = Field(2.5, description="Give the output without field in volts.")
@@ -142,6 +189,9 @@ class SupplyEntry(Entry):
     voltage_max_V: Electrical = Field(description="Give the highest voltage of the driver.")
     sample_time_ms: float | None = Field(
         None, ge=1e-6, le=1e6, description="Give the controller's period in ms, or leave it out to have it from L/R."
+    )
+    diode_V: float | None = Field(
+        None, ge=0, le=100, description="Give the forward voltage of the freewheel diode of a one-sided driver."
     )
 
 
@@ -185,7 +235,7 @@ class CurrentAxis(Entry):
 class DistanceAxis(Entry):
     """The distances of the sweep."""
 
-    distance_mm: Axis = Field(description="Give ascending distances > 0 as a list or as { start, stop, step }.")
+    distance_mm: Axis = Field(description="Give ascending distances as a list or as { start, stop, step }.")
 
 
 class DesignEntry(Entry):

@@ -4,7 +4,6 @@ Every reading is characteristic + noise, kept within a range, rounded to the con
 """
 
 from dataclasses import dataclass
-from math import inf
 from typing import Literal, TypeAlias
 
 
@@ -34,8 +33,8 @@ class Sensor:
 
     name: str
     noise: float = 0.0  # Standard deviation of white noise on one sample
-    minimum: float = -inf
-    maximum: float = inf
+    minimum: float | None = None  # None: no limit
+    maximum: float | None = None
     bits: int = 0  # Resolution of the converter over that range; 0 for none
     delay_s: float = 0.0
     sample_time_s: float | None = None  # None: the controller's

@@ -22,24 +22,38 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         "name": actuator.name,
         "description": actuator.description,
         "mass_kg": actuator.mechanics.mass_kg,
-        "resistance_ohm": actuator.coil.resistance_ohm,
-        "turns": actuator.coil.turns,
-        "wire_diameter_m": actuator.coil.wire_diameter_m,
-        "voltage_min_V": actuator.supply.voltage_min_V,
-        "voltage_max_V": actuator.supply.voltage_max_V,
-        "sample_time_s": actuator.supply.sample_time_s,
+        **_of_one_circuit(actuator),
+        "sample_time_s": actuator.supply.sample_time_s if actuator.supply else None,
         "reference_distances_m": list(actuator.reference_distances_m),
         "hall": None if actuator.hall is None else asdict(actuator.hall),
+        "circuits": [asdict(circuit) for circuit in actuator.circuits],
+        "coils": [{"name": one.name, "turns": one.turns, "moves": one.moves} for one in actuator.coils],
+        "mechanics": asdict(actuator.mechanics),
+        "sensors": [asdict(sensor) for sensor in actuator.sensors],
         "kind": {
             "fixed_magnet": any(map(is_magnet, actuator.fixed)),
             "moving_magnet": any(map(is_magnet, actuator.moving.regions)),
             "fixed_iron": any(map(is_iron, actuator.fixed)),
             "moving_iron": any(map(is_iron, actuator.moving.regions)),
-            "coil": True,
+            "coil": bool(actuator.coils),
             "saturates": any(
                 isinstance(region.material, NonlinearMaterial) for region in (*actuator.fixed, *actuator.moving.regions)
             ),
         },
+    }
+
+
+def _of_one_circuit(actuator: Actuator) -> dict[str, Any]:
+    """The numbers of an actuator with one coil and a voltage source; nothing for others."""
+    if len(actuator.coils) != 1 or len(actuator.circuits) != 1 or actuator.circuits[0].drive.kind != "voltage":
+        return {}
+    circuit, coil = actuator.circuits[0], actuator.coil
+    return {
+        "resistance_ohm": circuit.resistance_ohm,
+        "turns": coil.turns,
+        "wire_diameter_m": coil.wire_diameter_m,
+        "voltage_min_V": circuit.drive.minimum,
+        "voltage_max_V": circuit.drive.maximum,
     }
 
 

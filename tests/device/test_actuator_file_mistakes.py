@@ -109,7 +109,7 @@ MISTAKES = {
     "polygon of two corners closed": (
         "[[2.5, -20], [10, -20], [10, -5], [2.5, -5]]",
         "[[2.5, -20], [10, -20], [2.5, -20]]",
-        ["sleeve.polygon_mm must have three corners", "it has 2"],
+        ["sleeve.polygon_mm must have at least 3 corners", "it has 2"],
     ),
     "current beyond all bounds": ("[0, 0.5, 1]", "[0, 0.5, 1e300]", ["sweep.current_A[2]", "at most"]),
     "corner given twice": ("[10, -20], ", "[10, -20], [10, -20], ", ["sleeve.polygon_mm[2] must differ"]),
@@ -373,7 +373,7 @@ def test_a_syntax_error_names_its_line():
 
 def test_a_newer_schema_is_said_alone():
     (problem,) = problems_of(changed("schema = 1", "schema = 7\nsomething_new = true"))
-    assert problem == "schema is 7; this femfit reads up to schema 1. Update femfit, or write it so."
+    assert problem == "schema is 7; this femfit reads up to schema 2. Update femfit, or write it so."
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from femfit.device.checks import swept
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_toml, read_actuator
 from femfit.device.materials import LIBRARY
+from femfit.device.read_sensors import DIRECTIONS
 from femfit.device.schema import HallEntry
 from femfit.device.sensors import HallElement
 from femfit.device.summary import remarks, sweep_manifest_entry
@@ -160,7 +161,7 @@ def test_better_neodymium_grades_have_more_remanence():
 
 def test_the_defaults_of_the_file_are_those_of_the_element():
     defaults = {f.name: f.default for f in fields(HallElement) if f.name in HallEntry.model_fields}
-    assert defaults
+    assert DIRECTIONS[HallEntry.model_fields["direction"].default] == defaults.pop("direction")
     for name, value in defaults.items():
         assert HallEntry.model_fields[name].default == value
 

@@ -1,0 +1,163 @@
+"""Windings, circuits and the driver of an actuator file."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from femfit.device.complaints import did_you_mean, joined, read_table
+from femfit.device.decimals import scaled
+from femfit.device.drawing import Drawing, DrawnWinding, check_name, coil_tables, table_at
+from femfit.device.outlines import flattened
+from femfit.device.parts import Circuit, Coil, Drive, Supply
+from femfit.device.schema import CoilEntry, SupplyEntry
+from femfit.device.schema_device import CircuitEntry, WindingEntry
+from femfit.device.winding import smallest_winding_area, wire_resistance
+
+
+def read_coils(data: Mapping[str, Any], drawing: Drawing, problems: list[str]) -> tuple[Coil, ...]:
+    """The windings whose tables are right, in the file's order."""
+    drawn = {winding.part.path: winding for winding in drawing.windings}
+    coils = []
+    for path, table in coil_tables(data):
+        entry = read_table(CoilEntry if path == "coil" else WindingEntry, table, path, problems)
+        if entry is not None and path in drawn:
+            coils.append(_coil(entry, drawn[path], problems))
+    return tuple(coil for coil in coils if coil is not None)
+
+
+def _coil(entry: CoilEntry, winding: DrawnWinding, problems: list[str]) -> Coil | None:
+    path = winding.part.path
+    polygon = winding.part.polygon
+    if entry.wire_diameter_mm is not None:
+        needed = smallest_winding_area(entry.turns, entry.wire_diameter_mm)
+        if needed > polygon.area:
+            problems.append(
+                f"{path}.wire_diameter_mm must let the turns fit; {entry.turns:g} turns of {entry.wire_diameter_mm:g} "
+                f"mm need at least {needed:.4g} mm^2 and the winding has {polygon.area:.4g} mm^2. "
+                "Take fewer turns, a thinner wire or a larger winding."
+            )
+    resistance = entry.resistance_ohm
+    if resistance is None:
+        if entry.wire_diameter_mm is None:
+            problems.append(
+                f"{path}.resistance_ohm is missing, and so is wire_diameter_mm to have it from. Give one of the two."
+            )
+            return None
+        resistance = wire_resistance(
+            entry.turns, polygon.centroid.x * 1e-3, entry.wire_diameter_mm * 1e-3, entry.temperature_C
+        )
+    outline = winding.part.outline  # its arcs become chords: nothing of a winding is singular at a corner
+    corners = tuple((scaled(r), scaled(z)) for r, z in flattened(outline.corners, outline.bulges))
+    diameter = None if entry.wire_diameter_mm is None else scaled(entry.wire_diameter_mm)
+    return Coil(corners, entry.turns, resistance, diameter, winding.part.name, winding.moves)
+
+
+def read_supply(data: Mapping[str, Any], problems: list[str]) -> tuple[Supply | None, float | None]:
+    """The driver that circuits without limits of their own have, and the drop of its freewheel diode."""
+    if not isinstance(data.get("supply"), dict):
+        return None, None
+    entry = read_table(SupplyEntry, data["supply"], "supply", problems)
+    if entry is None:
+        return None, None
+    _check_limits("supply", "voltage", "V", entry.voltage_min_V, entry.voltage_max_V, problems)
+    _check_diode("supply", entry.diode_V, entry.voltage_min_V, problems)
+    period = None if entry.sample_time_ms is None else scaled(entry.sample_time_ms)
+    return Supply(entry.voltage_min_V, entry.voltage_max_V, period), entry.diode_V
+
+
+def read_circuits(
+    data: Mapping[str, Any],
+    coils: Sequence[Coil],
+    supply: Supply | None,
+    diode_V: float | None,
+    problems: list[str],
+) -> tuple[Circuit, ...]:
+    """The circuits in their order; without a table, one a coil."""
+    tables = table_at(data, "circuits")
+    if not tables:
+        if coils and supply is None and "supply" not in data:
+            problems.append("supply is missing. Give the driver as a table [supply], or limits in [circuits.NAME].")
+        drive = Drive() if supply is None else Drive("voltage", supply.voltage_min_V, supply.voltage_max_V, diode_V)
+        return tuple(Circuit(coil.name, ((coil.name, 1.0),), coil.resistance_ohm, drive=drive) for coil in coils)
+    by_name = {coil.name: coil for coil in coils}
+    owners: dict[str, str] = {}
+    circuits, found = [], len(problems)
+    for name, table in tables.items():
+        path = joined("circuits", name)
+        check_name(name, path, problems)
+        entry = read_table(CircuitEntry, table, path, problems)
+        if entry is None:
+            continue
+        signs = _signs(entry, path, by_name, owners, problems)
+        drive = _drive(entry, path, supply, diode_V, "supply" in data, problems)
+        resistance = sum(by_name[coil].resistance_ohm for coil, _ in signs) + entry.external_resistance_ohm
+        circuits.append(Circuit(name, signs, resistance, scaled(entry.external_inductance_mH), drive))
+    left = [coil for coil in by_name if coil not in owners]
+    if left and len(problems) == found:
+        problems.append(f"circuits must connect every coil; {', '.join(left)} is in none. Name it in one of them.")
+    return tuple(circuits)
+
+
+def _signs(
+    entry: CircuitEntry, path: str, known: Mapping[str, Coil], owners: dict[str, str], problems: list[str]
+) -> tuple[tuple[str, float], ...]:
+    signs = []
+    for given in entry.coils:
+        name, sign = (given[1:], -1.0) if given.startswith("-") else (given, 1.0)
+        if name not in known:
+            problems.append(
+                f"{path}.coils must name coils of this file; {given[:60]!r} is none.{did_you_mean(name, known)} "
+                f"Known: {', '.join(known) or 'none'}."
+            )
+        elif name in owners:
+            problems.append(f"{path}.coils must leave out {name}, which is in {owners[name]}. Name it in one alone.")
+        else:
+            owners[name] = path
+            signs.append((name, sign))
+    return tuple(signs)
+
+
+def _drive(
+    entry: CircuitEntry,
+    path: str,
+    supply: Supply | None,
+    diode_V: float | None,
+    given: bool,
+    problems: list[str],
+) -> Drive:
+    if entry.drive == "current":
+        if entry.current_min_A is None or entry.current_max_A is None:
+            problems.append(
+                f'{path}.current_min_A and current_max_A must be given for drive = "current". Give the amplifier\'s '
+                "limits."
+            )
+            return Drive("current")
+        _check_limits(path, "current", "A", entry.current_min_A, entry.current_max_A, problems)
+        return Drive("current", entry.current_min_A, entry.current_max_A, bandwidth_Hz=entry.bandwidth_Hz)
+    low = entry.voltage_min_V if entry.voltage_min_V is not None or supply is None else supply.voltage_min_V
+    high = entry.voltage_max_V if entry.voltage_max_V is not None or supply is None else supply.voltage_max_V
+    if low is None or high is None:
+        if supply is not None or not given:
+            problems.append(
+                f"{path} must have voltage_min_V and voltage_max_V, or the file [supply]. Give one of them."
+            )
+        return Drive()
+    _check_limits(path, "voltage", "V", low, high, problems)
+    drop = entry.diode_V if entry.diode_V is not None else diode_V
+    _check_diode(path, entry.diode_V, low, problems)
+    return Drive("voltage", low, high, drop)
+
+
+def _check_limits(path: str, what: str, unit: str, low: float, high: float, problems: list[str]) -> None:
+    if low >= high:
+        problems.append(
+            f"{path}.{what}_min_{unit} must be below {what}_max_{unit}; they are {low:g} and {high:g}. "
+            "Exchange or change them."
+        )
+
+
+def _check_diode(path: str, diode: float | None, low: float, problems: list[str]) -> None:
+    if diode is not None and low < 0.0:
+        problems.append(
+            f"{path}.diode_V must be left out where voltage_min_V is negative ({low:g}): a bridge takes the current "
+            "back itself. Remove it, or give voltage_min_V = 0."
+        )

@@ -1,0 +1,244 @@
+"""Actuator files of schema 2: several coils, moving coils, circuits, mechanics and sensors of every kind."""
+
+import json
+import math
+from dataclasses import asdict
+
+import pytest
+
+from femfit.core.errors import ActuatorFileError
+from femfit.device.load import actuator_from_toml
+from femfit.device.mechanics import ForceTable, Spring, Stop
+from femfit.device.sensors import CurrentSensor, HallElement, PickupCoil, PositionSensor
+from femfit.device.summary import actuator_from_record, sweep_manifest_entry
+
+VOICE_COIL = """
+schema = 2
+name = "voice-coil"
+
+[fixed.regions.yoke]
+material = "low_carbon_steel"
+polygon_mm = [[0, -20], [30, -20], [30, 0], [16, 0], [16, -4], [26, -4], [26, -16], [0, -16]]
+
+[fixed.regions.magnet]
+material = "n42"
+magnetization = "+z"
+r_mm = [0, 12]
+z_mm = [-16, -4]
+
+[fixed.regions.pole]
+material = "low_carbon_steel"
+polygon_mm = [[0, -4], [12, -4], [12, 0, 90], [0, 0]]
+
+[coils.voice]
+r_mm = [13, 14.5]
+z_mm = [0, 8]
+turns = 100
+resistance_ohm = 4.7
+moves = true
+
+[circuits.amplifier]
+coils = ["-voice"]
+external_resistance_ohm = 0.1
+drive = "current"
+current_min_A = -2
+current_max_A = 2
+
+[mechanics]
+mass_g = 12
+gravity = "horizontal"
+coulomb_N = 0.02
+travel_mm = [-4, 2]
+
+[mechanics.springs.spider]
+stiffness_N_per_mm = 1.5
+
+[mechanics.springs.measured]
+distance_mm = [-4, 0, 2]
+force_N = [2, 0, -1]
+
+[sensors.i]
+kind = "current"
+noise_A = 0.01
+
+[sensors.laser]
+kind = "position"
+gain_V_per_mm = 1
+range_V = [-5, 5]
+bits = 12
+
+[sensors.gap]
+kind = "hall"
+r_mm = 15.2
+z_mm = 1
+direction = "r"
+
+[sensors.pickup]
+kind = "pickup_coil"
+circle_mm = [40, 0, 1]
+turns = 50
+
+[sweep]
+current_A = [-1, 0, 1]
+distance_mm = { start = -4, stop = 2, step = 1 }
+"""
+
+PAIR = """
+schema = 2
+name = "magnet-pair"
+
+[fixed.regions.ring]
+material = "n42"
+magnetization = "+r"
+r_mm = [6, 10]
+z_mm = [-5, 0]
+
+[moving.regions.ball]
+material = "n42"
+magnetization = [1, 1]
+circle_mm = [0, 4, 4]
+
+[mechanics]
+mass_g = 10
+gravity_deg = 60
+
+[sweep]
+distance_mm = [1, 2, 3]
+"""
+
+BEARING = """
+schema = 2
+name = "bearing"
+
+[coils.upper]
+r_mm = [19, 31]
+z_mm = [18, 25]
+turns = 150
+wire_diameter_mm = 0.6
+
+[coils.lower]
+r_mm = [19, 31]
+z_mm = [-8, -1]
+turns = 150
+wire_diameter_mm = 0.6
+
+[moving]
+mass_g = 500
+
+[moving.regions.disk]
+material = "low_carbon_steel"
+r_mm = [9, 41]
+z_mm = [0, 10]
+
+[supply]
+voltage_min_V = 0
+voltage_max_V = 24
+diode_V = 0.7
+
+[sweep]
+current_A = { upper = { start = 0, stop = 2, step = 1 }, lower = [0, 2] }
+distance_mm = [0.5, 1]
+"""
+
+
+def problems_of(text: str) -> tuple[str, ...]:
+    with pytest.raises(ActuatorFileError) as caught:
+        actuator_from_toml(text, "test.toml")
+    return caught.value.problems
+
+
+def test_a_voice_coil_is_read_in_si_units():
+    actuator = actuator_from_toml(VOICE_COIL)
+    (coil,), (circuit,) = actuator.coils, actuator.circuits
+    assert (coil.name, coil.moves, coil.turns) == ("voice", True, 100)
+    assert circuit.coils == (("voice", -1.0),)
+    assert circuit.resistance_ohm == pytest.approx(4.8)
+    assert (circuit.drive.kind, circuit.drive.minimum, circuit.drive.maximum) == ("current", -2, 2)
+    mechanics = actuator.mechanics
+    assert (mechanics.mass_kg, mechanics.gravity_m_s2, mechanics.coulomb_N) == (0.012, 0.0, 0.02)
+    assert mechanics.springs == (Spring(1500.0), ForceTable((-0.004, 0.0, 0.002), (2.0, 0.0, -1.0)))
+    assert (mechanics.near_stop, mechanics.far_stop) == (Stop(-0.004), Stop(0.002))
+    current, laser, hall, pickup = actuator.sensors
+    assert isinstance(current, CurrentSensor)
+    assert (current.circuit, current.noise) == ("amplifier", 0.01)
+    assert isinstance(laser, PositionSensor)
+    assert (laser.readings, laser.minimum, laser.maximum, laser.bits) == ((0.0, 1000.0), -5, 5, 12)
+    assert isinstance(hall, HallElement)
+    assert (hall.direction, hall.name) == ((1.0, 0.0), "gap")
+    assert isinstance(pickup, PickupCoil)
+    assert actuator.sweep.distances_m[0] == -0.004
+    assert actuator.fixed[2].bulges == pytest.approx((0.0, 0.0, math.tan(math.pi / 8), 0.0))
+
+
+def test_a_pair_of_magnets_needs_no_coil():
+    actuator = actuator_from_toml(PAIR)
+    assert actuator.coils == actuator.circuits == ()
+    assert actuator.sweep.currents_A == (0.0,)
+    ring, ball = actuator.fixed[0].material, actuator.moving.regions[0].material
+    assert ring.direction == (1.0, 0.0)
+    assert ball.direction == pytest.approx((math.sqrt(0.5), math.sqrt(0.5)))
+    assert actuator.mechanics.gravity_m_s2 == pytest.approx(0.5 * 9.80665)
+
+
+def test_two_coils_have_a_circuit_and_currents_each():
+    actuator = actuator_from_toml(BEARING)
+    assert [circuit.name for circuit in actuator.circuits] == ["upper", "lower"]
+    assert actuator.circuits[0].drive.diode_V == 0.7
+    assert (actuator.sweep.currents_A, actuator.sweep.further_A) == ((0.0, 1.0, 2.0), ((0.0, 2.0),))
+
+
+@pytest.mark.parametrize("text", [VOICE_COIL, PAIR, BEARING])
+def test_a_record_rebuilds_the_actuator_and_the_manifest_is_json(text):
+    actuator = actuator_from_toml(text)
+    record = json.loads(json.dumps(asdict(actuator), allow_nan=False))
+    assert actuator_from_record(record, "record") == actuator
+    json.dumps(sweep_manifest_entry(actuator), allow_nan=False)
+
+
+MISTAKES = {
+    "spring given twice over": (
+        VOICE_COIL,
+        ("stiffness_N_per_mm = 1.5", "stiffness_N_per_mm = 1.5\nforce_N = [1, 2]"),
+        ["springs.spider must have either"],
+    ),
+    "preload without its place": (
+        VOICE_COIL,
+        ("stiffness_N_per_mm = 1.5", "stiffness_N_per_mm = 1.5\npreload_N = 2"),
+        ["preload_at_mm is missing"],
+    ),
+    "stop beyond the sweep": (VOICE_COIL, ("travel_mm = [-4, 2]", "travel_mm = [-4, 3]"), ["far_stop must lie within"]),
+    "circuit of an unknown coil": (VOICE_COIL, ('["-voice"]', '["-voise"]'), ["Did you mean 'voice'?"]),
+    "sensor of an unknown kind": (VOICE_COIL, ('kind = "hall"', 'kind = "holl"'), ["Did you mean 'hall'?"]),
+    "converter without a range": (VOICE_COIL, ("range_V = [-5, 5]\n", ""), ["range_V is missing"]),
+    "amplifier without limits": (VOICE_COIL, ("current_min_A = -2\n", ""), ["current_min_A and current_max_A"]),
+    "coil in the way": (VOICE_COIL, ("r_mm = [13, 14.5]", "r_mm = [11.5, 14.5]"), ["coils.voice collides"]),
+    "coil in no circuit": (
+        BEARING,
+        ("[supply]", '[circuits.one]\ncoils = ["upper"]\n[supply]'),
+        ["lower is in none"],
+    ),
+    "currents of one circuit for two": (
+        BEARING,
+        ("{ upper = { start = 0, stop = 2, step = 1 }, lower = [0, 2] }", "[0, 1]"),
+        ["each circuit", "upper, lower"],
+    ),
+    "diode beside a bridge": (BEARING, ("voltage_min_V = 0", "voltage_min_V = -24"), ["diode_V must be left out"]),
+    "no driver": (
+        BEARING,
+        ("[supply]\nvoltage_min_V = 0\nvoltage_max_V = 24\ndiode_V = 0.7\n", ""),
+        ["supply is missing"],
+    ),
+    "direction of no length": (PAIR, ("[1, 1]", "[0, 0]"), ["magnetization must have a direction"]),
+    "ball beside the axis": (PAIR, ("[0, 4, 4]", "[1, 4, 4]"), ["centre on the axis"]),
+    "schema 1 with tables of schema 2": (PAIR, ("schema = 2", "schema = 1"), ["needs schema = 2"]),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_says_where_and_what_to_do(mistake):
+    text, (old, new), fragments = MISTAKES[mistake]
+    assert text.count(old) == 1
+    changed = text.replace(old, new)
+    first, *_ = problems_of(changed)
+    for fragment in fragments:
+        assert fragment in first
