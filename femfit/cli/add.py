@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
 
 
 def add(
@@ -19,7 +19,7 @@ def add(
     coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
     magnet_temperature_C: Annotated[float | None, Parameter(name="--magnet-temperature-C")] = None,
     report: Path | None = None,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.

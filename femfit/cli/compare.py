@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
@@ -17,7 +17,7 @@ def compare(
     *,
     reference: Path | None = None,
     pictures: Path | None = None,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
 
 
 def diagnose(
@@ -17,7 +17,7 @@ def diagnose(
     bootstrap: Annotated[int, Parameter(validator=Number(gte=0))] = 40,
     seed: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
     report: Path | None = None,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Compare measurements with a model and name the physical effect that is missing.

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
 from femfit.core.errors import TableError
 
 
@@ -14,7 +14,7 @@ def suggest(
     data: Path | None = None,
     *,
     plan: Path | None = None,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Advise the cheapest measurement that separates what the data leave together, or examine a plan.

@@ -6,6 +6,7 @@ from typing import Annotated, TypedDict
 from cyclopts import Parameter
 
 from femfit.core.errors import TableError
+from femfit.tables.units import is_unit
 
 
 class Keywords(TypedDict):
@@ -24,8 +25,7 @@ class TableOptions:
     """HEADER=COLUMN, for example "Kanal 3=force_N"; once for each column."""
 
     unit: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
-    """HEADER=UNIT, for example Kraft=gf, or a number that multiplies the column to SI; once for each column. A unit
-    alone (gf) is that of the only column that it can be of."""
+    """HEADER=UNIT (Kraft=gf), HEADER=FACTOR to SI, or a unit alone (gf) for the only column that it can be of."""
 
     table: Annotated[str | None, Parameter(show_default=False)] = None
     """Sheet, group or struct of a file that holds several tables (XLSX, MAT, HDF5, TDMS)."""
@@ -38,10 +38,8 @@ class TableOptions:
     @property
     def units(self) -> dict[str, str]:
         """Header to unit."""
-        alone = [text.strip() for text in self.unit if text.strip() and "=" not in text]
-        return dict(_pair(text, "--unit", "mm") for text in self.unit if text.strip() not in alone) | {
-            unit: unit for unit in alone
-        }
+        alone = {text.strip(): text.strip() for text in self.unit if "=" not in text and is_unit(text)}
+        return alone | dict(_pair(text, "--unit", "mm") for text in self.unit if text.strip() not in alone)
 
     @property
     def keywords(self) -> Keywords:
@@ -49,11 +47,38 @@ class TableOptions:
         return {"columns": self.columns, "units": self.units, "table": self.table}
 
 
+class MeasurementKeywords(Keywords):
+    """Keywords of the functions that read measurements."""
+
+    noise: dict[str, float]
+
+
+@dataclass(frozen=True)
+class MeasurementOptions(TableOptions):
+    """What a measurement's columns are, and how large their noise is."""
+
+    noise: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
+    """CHANNEL=STANDARD DEVIATION of one reading (force_N=2e-4); it counts before what the sidecar says."""
+
+    @property
+    def keywords(self) -> MeasurementKeywords:
+        """All of them, as the functions that read measurements take them."""
+        noise = {}
+        for text in self.noise:
+            channel, value = _pair(text, "--noise", "2e-4", "force_N")
+            try:
+                noise[channel] = float(value)
+            except ValueError as error:
+                raise TableError(f"--noise must be a number, as in force_N=2e-4; instead received {text!r}.") from error
+        return {**super().keywords, "noise": noise}
+
+
 NO_TABLE_OPTIONS = TableOptions()
+NO_MEASUREMENT_OPTIONS = MeasurementOptions()
 
 
-def _pair(text: str, option: str, example: str) -> tuple[str, str]:
+def _pair(text: str, option: str, example: str, name: str = "HEADER") -> tuple[str, str]:
     header, mark, value = text.rpartition("=")
     if not (mark and header.strip() and value.strip()):
-        raise TableError(f"{option} must be HEADER={example} or the like; instead received {text!r}.")
+        raise TableError(f"{option} must be {name}={example} or the like; instead received {text!r}.")
     return header.strip(), value.strip()

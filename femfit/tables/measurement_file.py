@@ -1,6 +1,7 @@
 """Measured files of any kind, with an optional sidecar, to checked bench tables and time series."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from femfit.tables.measurement import (
     TimeSeries,
 )
 from femfit.tables.measurement_checks import branch_from_order, checked, in_measuring_order, without_copies
-from femfit.tables.measurement_sidecar import read_sidecar
+from femfit.tables.measurement_sidecar import Reading, read_sidecar, reading_of
 from femfit.tables.number_text import clock_seconds
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.suspected_units import suspected_by_size
@@ -39,6 +40,7 @@ def read_measurement(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     table: str | None = None,
+    noise: Mapping[str, float] | None = None,
 ) -> Measurement:
     """Read a measured file: a time series where it has a column of times, else a bench table.
 
@@ -54,6 +56,9 @@ def read_measurement(
         Header to its unit, or to a number that multiplies it to SI: ``{"Kraft": "gf"}``.
     table : str, optional
         Sheet, group or struct, where a file has several that could be meant.
+    noise : mapping of str to float, optional
+        Channel to the standard deviation of one reading: ``{"force_N": 2e-4}``. All of these may stand in the sidecar
+        instead, as ``[columns]``, ``[units]``, ``table`` and ``[noise]``; what is given here counts before it.
 
     Raises
     ------
@@ -68,16 +73,18 @@ def read_measurement(
     ('force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V')
     """
     path = Path(path)
-    raw = read_raw_table(path, table=table, wanted=has_columns((*BENCH_NEEDS, *SERIES_NEEDS), columns, units))
-    if "time_s" in (columns or {}).values():
-        return _time_series(raw, path, columns, units)
+    said = reading_of(path, columns, units, table, noise)
+    wanted = has_columns((*BENCH_NEEDS, *SERIES_NEEDS), said.columns, said.units)
+    raw = read_raw_table(path, table=said.table, wanted=wanted)
+    if "time_s" in said.columns.values():
+        return _time_series(raw, path, said)
     matched = {header: match_column(header, SERIES_COLUMNS) for header in raw.headers}
     clock = next((header for header, column in matched.items() if column and column.name == "time_s"), None)
     if clock is None:
-        return _bench_table(raw, path, columns, units)
+        return _bench_table(raw, path, said)
     if _is_protocol(raw, clock):
-        return _bench_table(raw, path, {clock: "order", **(columns or {})}, units)
-    return _time_series(raw, path, columns, units)
+        return _bench_table(raw, path, replace(said, columns={clock: "order", **said.columns}))
+    return _time_series(raw, path, said)
 
 
 def _is_protocol(raw: RawTable, header: str) -> bool:
@@ -95,6 +102,7 @@ def read_bench_table(
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     table: str | None = None,
+    noise: Mapping[str, float] | None = None,
 ) -> BenchTable:
     """Read and check a bench measurement, or a plan of one.
 
@@ -109,8 +117,9 @@ def read_bench_table(
         Rows in the order of measuring, with what the checks set aside as NaN and said in ``findings``.
     """
     path = Path(path)
-    raw = read_raw_table(path, table=table, wanted=has_columns(BENCH_NEEDS, columns, units))
-    return _bench_table(raw, path, columns, units, planned)
+    said = reading_of(path, columns, units, table, noise)
+    raw = read_raw_table(path, table=said.table, wanted=has_columns(BENCH_NEEDS, said.columns, said.units))
+    return _bench_table(raw, path, said, planned)
 
 
 def has_columns(
@@ -166,17 +175,11 @@ def read_columns(
     return values, used, notes + findings + said
 
 
-def _bench_table(
-    raw: RawTable,
-    path: Path,
-    columns: Mapping[str, str] | None,
-    units: Mapping[str, str] | None,
-    planned: bool = False,
-) -> BenchTable:
-    rows, used, findings = read_columns(raw, BENCH_COLUMNS, columns, units)
+def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False) -> BenchTable:
+    rows, used, findings = read_columns(raw, BENCH_COLUMNS, said.columns, said.units)
     unknown = [str(one) for one in findings if one.code == "unused-column"]
     _require_bench([column.name for column in used], path, unknown)
-    sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A"), used)
+    sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A"), used, said.noise)
     given = tuple(
         name
         for name in BENCH_COLUMNS
@@ -184,16 +187,16 @@ def _bench_table(
     )
     _require_bench(given, path)
     full, copies = (_complete_bench(rows), []) if planned else without_copies(_complete_bench(rows), given)
-    ordered, said = in_measuring_order(full, "run" in given)
+    ordered, remarks = in_measuring_order(full, "run" in given)
     if "branch" not in given:
         branch, assumed = branch_from_order(ordered)
-        said += assumed
+        remarks += assumed
         ordered = ordered if branch is None else ordered.assign(branch=branch)
     table = BenchTable(
         rows=ordered.assign(mount=ordered["mount"].fillna(ordered["run"])),
         given=given,
         declared_noise=sidecar.noise,
-        findings=(*findings, *copies, *said, *sidecar.findings),
+        findings=(*findings, *copies, *remarks, *sidecar.findings),
         source=path.name,
         test_object=sidecar.test_object,
         notes=sidecar.notes,
@@ -229,10 +232,8 @@ def _complete_bench(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _time_series(
-    raw: RawTable, path: Path, columns: Mapping[str, str] | None, units: Mapping[str, str] | None
-) -> TimeSeries:
-    values, used, findings = read_columns(raw, SERIES_COLUMNS, columns, units)
+def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
+    values, used, findings = read_columns(raw, SERIES_COLUMNS, said.columns, said.units)
     given = tuple(name for name in SERIES_COLUMNS if name in values and bool(values[name].notna().any()))
     missing = [] if "time_s" in given else ["time_s"]
     if not any(name in SERIES_CHANNELS for name in given):
@@ -243,7 +244,7 @@ def _time_series(
             f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). Rename the columns "
             "or add them."
         )
-    sidecar = read_sidecar(path, SERIES_CHANNELS, used)
+    sidecar = read_sidecar(path, SERIES_CHANNELS, used, said.noise)
     rows, lost = _complete_series(values)
     if lost:
         findings.append(Finding("cells", "info", f"{lost} rows without a time were left out.", size=float(lost)))

@@ -1,7 +1,7 @@
-"""The sidecar of a measurement: declared noise per channel, test object and notes, in a ``.toml`` beside it."""
+"""The sidecar of a measurement, a ``.toml`` beside it: noise, columns, units, test object and notes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -11,6 +11,9 @@ from femfit.core.quoted import quoted
 from femfit.tables.columns import UsedColumn, match_column
 from femfit.tables.header import same_header
 from femfit.tables.settings_file import finite_number, read_settings
+
+_EXAMPLE = "force_N = 2e-4"
+_EXAMPLES = {"columns": "force_N", "units": "gf"}
 
 
 @dataclass(frozen=True)
@@ -23,49 +26,124 @@ class Sidecar:
     findings: tuple[Finding, ...] = ()
 
 
-def read_sidecar(measurement: Path, channels: Sequence[str], used: Sequence[UsedColumn] = ()) -> Sidecar:
+@dataclass(frozen=True)
+class Reading:
+    """How a table is to be read: what columns are, their units, which table of a file, and the noise of channels."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    table: str | None = None
+    noise: Mapping[str, float] = field(default_factory=dict)
+
+
+def reading_of(
+    measurement: Path,
+    columns: Mapping[str, str] | None,
+    units: Mapping[str, str] | None,
+    table: str | None,
+    noise: Mapping[str, float] | None,
+) -> Reading:
+    """Return what the caller says of a table, before what its sidecar says."""
+    file = _sidecar_file(measurement)
+    data = {} if file is None else read_settings(file, _EXAMPLE)
+    said: dict[str, dict[str, str]] = {}
+    for key in ("columns", "units"):
+        value = data.get(key, {})
+        if not isinstance(value, dict) or not all(isinstance(text, str) for text in value.values()):
+            raise TableError(
+                f'[{key}] of {file} must hold lines like "Kanal 3" = "{_EXAMPLES[key]}"; instead received '
+                f"{quoted(value)}."
+            )
+        said[key] = value
+    if not isinstance(data.get("table", ""), str):
+        raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(data["table"])}.')
+    return Reading(
+        said["columns"] | dict(columns or {}),
+        said["units"] | dict(units or {}),
+        table if table is not None else data.get("table"),
+        noise or {},
+    )
+
+
+def read_sidecar(
+    measurement: Path,
+    channels: Sequence[str],
+    used: Sequence[UsedColumn] = (),
+    noise: Mapping[str, float] | None = None,
+) -> Sidecar:
     """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement.
+
+    Parameters
+    ----------
+    noise : mapping of str to float, optional
+        What the caller declares; it counts in place of what the sidecar says of the same channel.
 
     Returns
     -------
     Sidecar
-        Empty where there is none. A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or
-        ``force_mN = 0.2``, or with the header of its column, whose unit it then has.
+        A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
+        header of its column, whose unit it then has.
     """
-    for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
-        if file.is_file() and file != measurement:
-            return _parsed(file, channels, used)
-    return Sidecar()
+    file = _sidecar_file(measurement)
+    sidecar = Sidecar() if file is None else _parsed(file, channels, used)
+    declared: dict[str, float] = {}
+    for key, value in (noise or {}).items():
+        column = _channel(key, channels, used)
+        if column is None:
+            raise TableError(_no_channel(key, "the declared noise", channels))
+        declared[column.name] = _deviation(key, value, "the declared noise") * column.factor
+    return replace(sidecar, noise={**sidecar.noise, **declared})
+
+
+def _sidecar_file(measurement: Path) -> Path | None:
+    files = (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml"))
+    return next((file for file in files if file.is_file() and file != measurement), None)
 
 
 def _parsed(file: Path, channels: Sequence[str], used: Sequence[UsedColumn]) -> Sidecar:
-    data = read_settings(file, "force_N = 2e-4")
+    data = read_settings(file, _EXAMPLE)
+    for key in ("columns", "units", "table"):
+        data.pop(key, None)
     declared = data.pop("noise", {})
     if not isinstance(declared, dict):
-        raise TableError(f"[noise] of {file} must hold lines like force_N = 2e-4; instead received {quoted(declared)}.")
+        raise TableError(f"[noise] of {file} must hold lines like {_EXAMPLE}; instead received {quoted(declared)}.")
     noise: dict[str, float] = {}
     findings: list[Finding] = []
     texts = {key: str(data.pop(key)) for key in ("test_object", "notes") if key in data}
     for key, value in (data | declared).items():
-        own = (column for column in used if column.name in channels and same_header(key, column.header))
-        column = match_column(key, channels) if key in channels else next(own, match_column(key, channels))
+        column = _channel(key, channels, used)
         if key not in declared and isinstance(value, dict):
             column = None  # a table of another kind of file, a drawing's [hall] say
         if column is None:
             near = get_close_matches(key[:100], channels, n=1)
             if key in declared or (near and not isinstance(value, dict)):
-                raise TableError(
-                    f"{quoted(key)!r} in {file} is no channel of this kind of file, so that its noise would be lost. "
-                    f"{f'Did you mean {near[0]}? ' if near else ''}The channels are {', '.join(channels)}."
-                )
+                raise TableError(_no_channel(key, str(file), channels))
             text = f"{quoted(key)!r} in {file.name} is no channel of this kind of file ({', '.join(channels)})"
             findings.append(Finding("unused-setting", "info", f"{text} and was not used."))
             continue
-        sigma = finite_number(value)
-        if sigma is None or sigma <= 0.0:
-            raise TableError(
-                f"The noise {quoted(key)} in {file} must be a standard deviation > 0 in the unit of its name, for "
-                f"example 2e-4; instead received {quoted(value)}."
-            )
-        noise[column.name] = sigma * column.factor
+        noise[column.name] = _deviation(key, value, str(file)) * column.factor
     return Sidecar(noise, texts.get("test_object", ""), texts.get("notes", ""), tuple(findings))
+
+
+def _channel(key: str, channels: Sequence[str], used: Sequence[UsedColumn]) -> UsedColumn | None:
+    """The channel that a key means: by its name, with another unit, or by the header of its column."""
+    own = (column for column in used if column.name in channels and same_header(key, column.header))
+    return match_column(key, channels) if key in channels else next(own, match_column(key, channels))
+
+
+def _no_channel(key: str, where: str, channels: Sequence[str]) -> str:
+    near = get_close_matches(key[:100], channels, n=1)
+    return (
+        f"{quoted(key)!r} in {where} is no channel of this kind of file, so that its noise would be lost. "
+        f"{f'Did you mean {near[0]}? ' if near else ''}The channels are {', '.join(channels)}."
+    )
+
+
+def _deviation(key: str, value: object, where: str) -> float:
+    sigma = finite_number(value)
+    if sigma is None or sigma <= 0.0:
+        raise TableError(
+            f"The noise {quoted(key)} in {where} must be a standard deviation > 0 in the unit of its name, for "
+            f"example 2e-4; instead received {quoted(value)}."
+        )
+    return sigma

@@ -44,6 +44,19 @@ def test_a_model_that_holds_agrees_and_the_json_has_its_maps(files):
     assert (files / "pictures" / "misfit-force_N-1.png").is_file()
 
 
+def test_the_noise_of_a_single_sweep_is_declared_by_an_option(files, levitation_model):
+    campaign(levitation_model, 41, runs=1, mount_m=0.0).rows.to_csv(files / "single.csv", index=False)
+    said = ("--noise", "force_N=4e-4", "--noise", "hall_mV=3")
+    done = femfit("compare", files / "model.json", files / "single.csv", *said, "--json", files / "n.json")
+    assert done.returncode == 0, done.stderr
+    noise = {one["channel"]: one for one in json.loads((files / "n.json").read_text())["channels"]}
+    assert noise["force_N"]["noise_source"] == noise["hall_V"]["noise_source"] == "declared"
+    assert (noise["force_N"]["noise_floor"], noise["hall_V"]["noise_floor"]) == pytest.approx((4e-4, 3e-3))
+    wrong = femfit("compare", files / "model.json", files / "single.csv", "--noise", "force_N=little")
+    assert "--noise must be" in wrong.stderr
+    assert "force_N" in femfit("compare", files / "model.json", files / "single.csv", "--noise", "forc_N=1").stderr
+
+
 def test_an_imported_table_is_compared_through_its_coenergy(files):
     done = femfit("compare", files / "table.csv", files / "bench.csv")
     assert done.returncode == 0, done.stderr

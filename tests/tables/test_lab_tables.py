@@ -57,6 +57,26 @@ def test_columns_and_units_can_be_said(tmp_path):
     assert isinstance(timed, TimeSeries)
 
 
+def test_a_sidecar_says_columns_units_and_noise_and_options_count_before_it(tmp_path):
+    path = written(tmp_path / "a.csv", "Kanal 1;Kanal 2;Kanal 3")
+    lines = ['"Kanal 1" = "current_A"', '"Kanal 2" = "distance_m"', '"Kanal 3" = "force_N"']
+    units = ['"Kanal 2" = "mm"', '"Kanal 3" = "gf"']
+    noise = ["force_N = 0.01", "current_A = 0.002"]
+    text = "\n".join(["[columns]", *lines, "[units]", *units, "[noise]", *noise])
+    (tmp_path / "a.toml").write_text(text)
+    read = read_measurement(path)
+    assert read.rows["force_N"].tolist() == pytest.approx([GRAM_N * x for x in (250, 480, 70, 130)])
+    assert read.declared_noise == {"force_N": 0.01, "current_A": 0.002}
+    given = read_measurement(path, units={"Kanal 3": "mN"}, noise={"force_mN": 3.0})
+    assert given.rows["force_N"].max() == pytest.approx(0.48)
+    assert given.declared_noise == pytest.approx({"force_N": 0.003, "current_A": 0.002})
+    with pytest.raises(TableError, match="standard deviation"):
+        read_measurement(path, noise={"force_N": -1.0})
+    (tmp_path / "a.toml").write_text("units = 3")
+    with pytest.raises(TableError, match="units"):
+        read_measurement(path)
+
+
 def test_a_unit_alone_belongs_to_the_only_column_of_its_kind(tmp_path):
     path = written(tmp_path / "a.csv", "Strom;Luftspalt;Kraft")
     read = read_measurement(path, units={"gf": "gf", "mm": "mm"}).rows
