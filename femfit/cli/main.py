@@ -13,6 +13,7 @@ from femfit.core.errors import FemfitError
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     # name, target, one line of help
+    ("new", "femfit.cli.new:new", "Write a commented drawing to start from: a solenoid, a voice coil, a bearing ..."),
     ("run", "femfit.cli.run:run", "Sweep, fit, export, close the loop and report, in turn."),
     ("sweep", "femfit.cli.sweep:sweep", "Solve the field over an actuator's currents and distances."),
     ("view", "femfit.cli.view:view", "Draw geometry, mesh, flux lines, |B| and permeability; write a .vtu file."),

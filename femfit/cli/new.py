@@ -1,0 +1,41 @@
+"""``femfit new``: a commented drawing to start from."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+Kind = Literal["ball", "bearing", "levitation", "magnet-pair", "relay", "solenoid", "voice-coil"]
+
+
+def new(
+    kind: Kind,
+    *,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+) -> None:
+    """Write a commented actuator file that runs, to change into a drawing of your own.
+
+    Parameters
+    ----------
+    kind : str
+        The kind of actuator that is nearest to yours.
+    output : Path
+        The file; KIND.toml by default. A file that is there already is kept, and the command refused.
+    """
+    import re
+
+    from femfit.core.atomic import write_text
+    from femfit.core.errors import OutputError
+    from femfit.device.schema import NAME_PATTERN
+    from femfit.device.starters import starter_text
+
+    path = output or Path(f"{kind}.toml")
+    if path.suffix != ".toml":
+        raise OutputError(f"The file must end in .toml; instead received {path}. Give for example -o mine.toml.")
+    if path.exists():
+        raise OutputError(f"{path} is there already. Give another name with -o, or remove it.")
+    title = path.stem if re.match(NAME_PATTERN, path.stem) else None
+    write_text(path, starter_text(kind, title))
+    print(f"written: {path}")
+    print(f"See it:  femfit view {path} -o {path.stem}.png")
+    print(f"Run it:  femfit run {path}")

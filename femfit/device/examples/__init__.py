@@ -1,0 +1,1 @@
+"""Commented drawings to start from, one file each; ``femfit new`` copies them."""

@@ -1,0 +1,31 @@
+"""``femfit new``."""
+
+from typing import get_args
+
+import pytest
+
+from femfit.cli.new import Kind
+from femfit.device.load import read_actuator
+from femfit.device.starters import starter_names
+from support.command import femfit
+
+
+def test_every_drawing_can_be_asked_for():
+    assert get_args(Kind) == starter_names()
+
+
+@pytest.mark.parametrize("kind", starter_names())
+def test_a_drawing_is_read_under_the_name_of_its_file(kind, tmp_path):
+    path = tmp_path / "mine.toml"
+    done = femfit("new", kind, "-o", path)
+    assert done.returncode == 0, done.stderr
+    assert "femfit run" in done.stdout
+    assert read_actuator(path).name == "mine"
+
+
+def test_a_file_that_is_there_is_kept(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text("mine")
+    done = femfit("new", "ball", "-o", path)
+    assert done.returncode == 1
+    assert path.read_text() == "mine"
