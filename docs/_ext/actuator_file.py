@@ -6,22 +6,42 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from femfit.device import schema
+from femfit.device import schema, schema_device
 from femfit.device.materials import LIBRARY
 
-EXAMPLE = Path(__file__).parents[1] / "reference" / "every-key.toml"
+REFERENCE = Path(__file__).parents[1] / "reference"
+EXAMPLES = [REFERENCE / "every-key-2.toml", REFERENCE / "every-key.toml"]  # the later one's come first
 
 # Table as it is written, what it describes, and the class of the schema that reads it
 TABLES = (
     ("", "These keys stand above all tables, and these tables follow.", schema.FileEntry),
     ("[materials.NAME]", "A linear material: a magnet, a ferrite, or steel far from saturation.", schema.MaterialEntry),
     ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", schema.CurveEntry),
-    ("[electromagnet.regions.NAME]", "A part of the fixed core.", schema.RegionEntry),
-    ("[coil]", "The winding.", schema.CoilEntry),
+    (
+        "[fixed.regions.NAME]",
+        "A part that stands still; `[electromagnet.regions.NAME]` is the same, as schema 1 calls it.",
+        schema.RegionEntry,
+    ),
+    ("[coil]", "The winding, where there is one that stands still.", schema.CoilEntry),
+    ("[coils.NAME]", "One of several windings, or one that moves (schema 2).", schema_device.WindingEntry),
+    (
+        "[circuits.NAME]",
+        "Coils in series and what feeds them (schema 2). Without it each coil has a circuit of its name, fed by "
+        "`[supply]`.",
+        schema_device.CircuitEntry,
+    ),
     ("[moving]", "The moving part.", schema.MovingEntry),
     ("[moving.regions.NAME]", "A magnetic part of the moving body.", schema.RegionEntry),
-    ("[hall]", "A Hall element, where there is one.", schema.HallEntry),
-    ("[supply]", "The driver.", schema.SupplyEntry),
+    ("[mechanics]", "What acts on the moving part (schema 2).", schema_device.MechanicsEntry),
+    ("[mechanics.springs.NAME]", "A spring, by its stiffness or as measured.", schema_device.SpringEntry),
+    ("[mechanics.near_stop]", "A stop; `[mechanics.far_stop]` has the same keys.", schema_device.StopEntry),
+    ("[hall]", "A Hall element; in schema 2 also as `[sensors.NAME]`.", schema.HallEntry),
+    ("[sensors.NAME] current", "A sensor of a circuit's current (schema 2).", schema_device.CurrentSensorEntry),
+    ("[sensors.NAME] position", "A sensor of the distance (schema 2).", schema_device.PositionSensorEntry),
+    ("[sensors.NAME] pickup coil", "A winding without current (schema 2).", schema_device.PickupCoilEntry),
+    ("[sensors.NAME] acceleration", "An accelerometer (schema 2).", schema_device.AccelerationSensorEntry),
+    ("[sensors.NAME] force", "A load cell (schema 2).", schema_device.ForceSensorEntry),
+    ("[supply]", "The driver of every circuit without limits of its own.", schema.SupplyEntry),
     ("[sweep]", "The points that are solved.", schema.SweepEntry),
     ("[sweep.parameters.NAME]", "A name of your own for one or more keys that are swept.", schema.NamedParameterEntry),
     ("{ key, factor, offset }", "A key that follows a named parameter.", schema.KeyEntry),
@@ -34,14 +54,17 @@ TABLES = (
 LONGEST_EXAMPLE = 50
 
 UNITS = (
-    ("_V_per_T", "V/T"), ("_A_per_m", "A/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
+    ("_N_per_mm", "N/mm"), ("_V_per_mm", "V/mm"), ("_N_s_per_m", "N s/m"), ("_m_per_s2", "m/s²"), ("_mH", "mH"),
+    ("_Hz", "Hz"), ("_deg", "°"), ("_N", "N"), ("_V_per_T", "V/T"), ("_A_per_m", "A/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
     ("_T", "T"), ("_A", "A"), ("_V", "V"), ("_g", "g"), ("_C", "°C"),
 )  # fmt: skip
 
 
 def page() -> str:
     """The whole page."""
-    examples = dict(_examples(tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))))
+    examples = {}
+    for path in EXAMPLES:
+        examples |= dict(_examples(tomllib.loads(path.read_text(encoding="utf-8"))))
     materials = "".join(f"| `{name}` | {_cell(entry.reference)} |\n" for name, entry in LIBRARY.items())
     return _HEAD + "".join(_section(*table, examples) for table in TABLES) + _TAIL.format(materials=materials)
 
@@ -135,7 +158,11 @@ own coordinates, its nearest face at `z = 0`.
 
 femfit reports every mistake in a file at once, with the key, what it found and what to write instead.
 
-[`every-key.toml`](../reference/every-key.toml) is a complete file that uses every key below; the examples come from it.
+`schema = 2` draws any actuator that moves along one axis. Files of `schema = 1`, with one coil, one Hall element and
+faces at `z = 0`, read as they did. `femfit new` writes a commented drawing to start from.
+
+[`every-key.toml`](../reference/every-key.toml) and [`every-key-2.toml`](../reference/every-key-2.toml) use every key
+below; the examples come from them.
 """
 
 _TAIL = """
@@ -146,9 +173,13 @@ _TAIL = """
 | name | where its values come from |
 |---|---|
 {materials}
-## The whole example
+## The whole examples
 
 ```{{literalinclude}} ../reference/every-key.toml
+:language: toml
+```
+
+```{{literalinclude}} ../reference/every-key-2.toml
 :language: toml
 ```
 """

@@ -13,7 +13,7 @@ from cyclopts import CycloptsError
 
 import femfit
 from femfit.cli.main import build_app
-from femfit.device import schema
+from femfit.device import schema, schema_device
 from femfit.device.variants import read_variants
 from femfit.effects.catalogue import BUILT_IN
 
@@ -71,11 +71,14 @@ def test_the_tutorials_run_in_the_site(tmp_path):
 
 
 def test_the_example_file_uses_every_key():
-    assert not [variant for variant in read_variants(DOCS / "reference" / "every-key.toml").variants if variant.problem]
-    keys = set(re.findall(r"[\w.]+(?= *=)", (DOCS / "reference" / "every-key.toml").read_text()))
-    tables = set(re.findall(r"^\[(\w+)", (DOCS / "reference" / "every-key.toml").read_text(), flags=re.MULTILINE))
+    paths = [DOCS / "reference" / name for name in ("every-key.toml", "every-key-2.toml")]
+    assert not [variant for path in paths for variant in read_variants(path).variants if variant.problem]
+    text = "\n".join(path.read_text() for path in paths)
+    keys = set(re.findall(r"[\w.]+(?= *=)", text))
+    tables = set(re.findall(r"^\[(?:mechanics\.)?(\w+)", text, flags=re.MULTILINE))
     wanted = {"regions", "parameters"}
-    entries = [value for value in vars(schema).values() if isinstance(value, type) and issubclass(value, schema.Entry)]
+    known = [*vars(schema).values(), *vars(schema_device).values()]
+    entries = [value for value in known if isinstance(value, type) and issubclass(value, schema.Entry)]
     for entry in entries:
         wanted |= set(entry.model_json_schema(by_alias=True).get("properties", {}))
     assert wanted - keys - tables <= {"regions", "parameters"}
