@@ -9,8 +9,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
+from femfit.device.mechanics import Mechanics
 from femfit.field.sweep import run_sweep
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ValidityBox
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 from support.actuators import GEOMETRY
@@ -54,7 +55,7 @@ def levitation_model() -> ActuatorModel:
         magnetics=CoenergySpline(REFERENCE_DISTANCE, fitted_spline(_coenergy, currents, 2)),
         validity=ValidityBox(0.015, 0.045, 0.0, 1.4),
         circuit=Circuit(2.69, 0.5, 3.0),
-        motion=Motion(4.35e-3),
+        motion=Mechanics(4.35e-3),
         sensor=HallSensor(
             field=HallSpline(REFERENCE_DISTANCE, fitted_spline(_hall_field, currents, 1)),
             sensitivity_V_per_T=50.0,

@@ -327,7 +327,8 @@ def _current_at(model: ActuatorModel, distance: float, carried: CarriedRange) ->
     ends = np.array([carried.current_min_A, min(max(0.0, carried.current_min_A), carried.current_max_A)])
     least = ends[np.argmin(model.magnetics.force(np.full(2, distance), ends))]
     i = np.linspace(least, carried.current_max_A, 201)
-    return float(np.interp(carried.weight_N, model.magnetics.force(np.full_like(i, distance), i), i))
+    needed = float(model.require_motion().static_force(np.asarray(distance)))
+    return float(np.interp(needed, model.magnetics.force(np.full_like(i, distance), i), i))
 
 
 def _sensor(sensor: HallSensor, d: FloatArray, i: FloatArray) -> list[AuditFinding]:

@@ -33,6 +33,7 @@ class CarriedRange:
     low_m: float | None
     high_m: float | None
     step_m: float  # Step of the distances at which the two were found
+    sprung: bool = False  # Whether springs or a load act beside the weight
 
     def __str__(self) -> str:
         if self.supply_A > self.current_max_A:
@@ -40,6 +41,7 @@ class CarriedRange:
         else:
             feed = f"{self.voltage_max_V:g} V with the coil at {self.coil_C:g} °C"
         weight = f"the moving part's weight of {amount(self.weight_N, 'N', 3)}"
+        weight += " with its springs and load" if self.sprung else ""
         if self.low_m is None or self.high_m is None:
             return f"{feed} can balance {weight} nowhere"
         return f"{feed} can balance {weight} from {amount(self.low_m, 'm', 3)} to {amount(self.high_m, 'm', 3)}"
@@ -56,12 +58,16 @@ def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange
     ohm = resistance_at(circuit.resistance_ohm, celsius)
     lowest = float(np.clip(circuit.voltage_min_V / ohm, box.current_min_A, box.current_max_A))
     highest = float(np.clip(circuit.voltage_max_V / ohm, box.current_min_A, box.current_max_A))
-    weight = motion.mass_kg * motion.gravity_m_s2
     d = np.linspace(box.distance_min_m, box.distance_max_m, _DISTANCES)
+    needed = motion.static_force(d)
+    weight = motion.mass_kg * motion.gravity_m_s2
     ends = (lowest, *model.attracting_range(lowest, highest))  # steel is attracted by either sign of the current
     forces = [model.magnetics.force(d, np.full_like(d, i)) for i in ends]
-    held: FloatArray = d[(np.min(forces, axis=0) <= weight) & (np.max(forces, axis=0) >= weight)]
+    held: FloatArray = d[(np.min(forces, axis=0) <= needed) & (np.max(forces, axis=0) >= needed)]
     low, high = (float(held[0]), float(held[-1])) if len(held) else (None, None)
+    sprung = bool(motion.springs or motion.load_N)
     supply = max(circuit.voltage_max_V / ohm, highest)
     supply = supply if supply > highest * (1.0 + 1e-9) else highest
-    return CarriedRange(celsius, circuit.voltage_max_V, lowest, highest, supply, weight, low, high, float(d[1] - d[0]))
+    return CarriedRange(
+        celsius, circuit.voltage_max_V, lowest, highest, supply, weight, low, high, float(d[1] - d[0]), sprung
+    )

@@ -13,6 +13,7 @@
     ├── FieldSolverError (RuntimeError)   a mesh or a field solution that failed
     ├── ClusterError (ConnectionError)    a Dask cluster that cannot be used, or was lost
     ├── FilterError (ArithmeticError)     a filter that lost its covariance or its innovations
+    ├── SimulationError (ArithmeticError) a motion that cannot be followed
     ├── RunDirectoryError (OSError)       a run directory that cannot be used or resumed
     ├── OutputError (OSError)             a result that would replace an input, or a file of another kind
     └── MissingPartError (LookupError)    a model without the part that a command needs
@@ -106,6 +107,10 @@ class ClusterError(FemfitError, ConnectionError):
 
 class FilterError(FemfitError, ArithmeticError):
     """A filter whose covariance or innovations broke down."""
+
+
+class SimulationError(FemfitError, ArithmeticError):
+    """A motion in open loop that cannot be followed."""
 
 
 class RunDirectoryError(FemfitError, OSError):

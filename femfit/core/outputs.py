@@ -19,6 +19,7 @@ RAW_SIDECAR, NOTES, DRAWING, FEMM = "a raw record's sidecar", "a table's sidecar
 TABLE, PARQUET, RAW = "a table", "a Parquet table", "a binary record"
 SWEEP, BENCH = "a sweep table of femfit", "a bench table of femfit"
 INTEGRATED, LOOP = "an integrated record of femfit", "a simulated loop's record"
+OPEN_LOOP = "a simulated motion's record"
 PAGE, PICTURE, PARAVIEW, TEXT = "an HTML page", "a picture", "a ParaView file", "a text"
 
 _BY_SUFFIX = {
@@ -37,7 +38,7 @@ _BY_MARK = (
     (PICTURE, (b"<svg",)),
     (FEMM, (b"[format]",)),
 )
-_OWN_COLUMNS = {LOOP: b"estimated_distance_m", INTEGRATED: b"offset_v"}
+_OWN_COLUMNS = {LOOP: b"estimated_distance_m", INTEGRATED: b"offset_v", OPEN_LOOP: b"static_force_n"}
 """Columns that only tables of femfit have: of simulate and integrate, in lower case."""
 
 _OF_COLUMNS = (TABLE, PARQUET, RAW, RAW_SIDECAR)
@@ -81,7 +82,7 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
         if path.is_dir():
             raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
         wanted = kind or _BY_SUFFIX.get(path.suffix.lower(), TEXT)
-        if columns := kind in (SWEEP, BENCH, INTEGRATED, LOOP):
+        if columns := kind in (SWEEP, BENCH, INTEGRATED, LOOP, OPEN_LOOP):
             by_suffix = _BY_SUFFIX.get(path.suffix.lower())
             wanted = by_suffix if by_suffix in (TABLE, PARQUET, RAW) else TABLE
         present = kind_of(path)

@@ -51,11 +51,11 @@ class Mechanics:
     far_stop: Stop | None = None
 
     def static_force(self, distance: FloatArray) -> FloatArray:
-        """Weight, springs and load at distances in m of any shape: along growing distance, in N."""
-        force = np.full(np.shape(distance), self.mass_kg * self.gravity_m_s2 + self.load_N)
-        for spring in self.springs:
-            force = force + spring_force(spring, distance)
-        return force
+        """Weight, springs and load at distances in m of any shape: along growing distance, in N.
+
+        It is what the magnetic force balances where the body is at rest.
+        """
+        return self.mass_kg * self.gravity_m_s2 + np.zeros(np.shape(distance)) + self.beside_weight(distance)
 
     def static_gradient(self, distance: FloatArray) -> FloatArray:
         """Slope of :meth:`static_force` in N/m."""
@@ -63,6 +63,60 @@ class Mechanics:
         for spring in self.springs:
             slope = slope + spring_gradient(spring, distance)
         return slope
+
+    def friction(self, velocity: FloatArray, sample_time_s: float) -> FloatArray:
+        """Friction's force along growing distance in N, for equations that are solved in steps.
+
+        Dry friction is F tanh(v / v_0): v_0 is the speed that it takes from the body within one sample, so that it
+        stops a body and does not throw it back.
+        """
+        force = -self.viscous_N_s_per_m * velocity
+        if self.coulomb_N:
+            force = force - self.coulomb_N * np.tanh(velocity / self._creep(sample_time_s))
+        return np.asarray(force)
+
+    def friction_slope(self, velocity: FloatArray, sample_time_s: float) -> FloatArray:
+        """Slope of :meth:`friction` along the velocity in N s/m."""
+        slope = np.full(np.shape(velocity), -self.viscous_N_s_per_m)
+        if self.coulomb_N:
+            creep = self._creep(sample_time_s)
+            slope = slope - self.coulomb_N / creep / np.cosh(np.minimum(np.abs(velocity / creep), 300.0)) ** 2
+        return slope
+
+    def acceleration(
+        self, distance: FloatArray, velocity: FloatArray, force: FloatArray, sample_time_s: float
+    ) -> FloatArray:
+        """Acceleration along growing distance in m/s^2 under a magnetic force in N; stops are not part of it."""
+        further = self.beside_weight(distance)
+        if self.viscous_N_s_per_m or self.coulomb_N:
+            further = further + self.friction(velocity, sample_time_s)
+        return self.gravity_m_s2 + (further - force) / self.mass_kg
+
+    def force_to_accelerate(
+        self, distance: FloatArray, velocity: FloatArray | float, acceleration: FloatArray | float
+    ) -> FloatArray:
+        """The magnetic force in N for which the body has an acceleration in m/s^2, dry friction left aside."""
+        inertia = self.mass_kg * (self.gravity_m_s2 - np.asarray(acceleration))
+        return inertia + (self.beside_weight(distance) - self.viscous_N_s_per_m * np.asarray(velocity))
+
+    @property
+    def linear_terms(self) -> tuple[float, float, float] | None:
+        """Force beside the weight as constant in N, slope in N/m and slope in N s/m; None where it is not linear."""
+        springs = [spring for spring in self.springs if isinstance(spring, Spring)]
+        if self.coulomb_N or len(springs) < len(self.springs):
+            return None
+        constant = sum((one.preload_N + one.stiffness_N_per_m * one.distance_m for one in springs), self.load_N)
+        return constant, -sum(one.stiffness_N_per_m for one in springs), -self.viscous_N_s_per_m
+
+    def beside_weight(self, distance: FloatArray) -> FloatArray | float:
+        """Springs and load along growing distance, in N."""
+        force: FloatArray | float = self.load_N
+        for spring in self.springs:
+            force = force + spring_force(spring, distance)
+        return force
+
+    def _creep(self, sample_time_s: float) -> float:
+        return self.coulomb_N * sample_time_s / self.mass_kg
 
 
 def spring_force(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:

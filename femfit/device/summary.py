@@ -44,16 +44,22 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
 
 
 def _of_one_circuit(actuator: Actuator) -> dict[str, Any]:
-    """The numbers of an actuator with one coil and a voltage source; nothing for others."""
-    if len(actuator.coils) != 1 or len(actuator.circuits) != 1 or actuator.circuits[0].drive.kind != "voltage":
+    """The numbers of an actuator with one coil whose driver's voltages are known; nothing for others."""
+    if len(actuator.coils) != 1 or len(actuator.circuits) != 1:
         return {}
-    circuit, coil = actuator.circuits[0], actuator.coil
+    circuit, coil, supply = actuator.circuits[0], actuator.coil, actuator.supply
+    if circuit.drive.kind == "voltage":
+        lowest, highest = circuit.drive.minimum, circuit.drive.maximum
+    elif supply is not None:  # what a current amplifier has to give
+        lowest, highest = supply.voltage_min_V, supply.voltage_max_V
+    else:
+        return {}
     return {
         "resistance_ohm": circuit.resistance_ohm,
         "turns": coil.turns,
         "wire_diameter_m": coil.wire_diameter_m,
-        "voltage_min_V": circuit.drive.minimum,
-        "voltage_max_V": circuit.drive.maximum,
+        "voltage_min_V": lowest,
+        "voltage_max_V": highest,
     }
 
 

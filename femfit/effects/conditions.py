@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.constants import GRAVITY
 
 REFERENCE_TEMPERATURE_C = 20.0
 """Where a model's remanence and resistance hold unless it says otherwise."""
@@ -59,8 +60,8 @@ class Nominal:
 
     @property
     def weight_N(self) -> float:  # noqa: N802 - the unit
-        """Weight of the moving part; NaN where the model has no motion."""
-        return self.mass_kg * abs(self.gravity_m_s2)
+        """Weight of the moving part, that on Earth where it moves level; NaN where the model has no motion."""
+        return self.mass_kg * (abs(self.gravity_m_s2) or GRAVITY)
 
 
 @dataclass(frozen=True)

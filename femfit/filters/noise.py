@@ -58,13 +58,16 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
         White noise of the Hall voltage in V; the sensor's own where None.
     """
     circuit, motion = model.require_circuit(), model.require_motion()
-    pole = unstable_pole(model, operating_distance(model) if distance is None else distance)
-    relative = UNKNOWN_FORCE_ERROR
-    if model.misfit is not None:  # which states no part of the weight where the forces are far above it
-        share, weight = model.misfit.force_rms_of_weight, motion.mass_kg * motion.gravity_m_s2
-        relative = model.misfit.force_rms_N / weight if share is None else share
+    distance = operating_distance(model) if distance is None else distance
+    pole = unstable_pole(model, distance)
+    weight = motion.mass_kg * abs(motion.gravity_m_s2)
+    if model.misfit is None:
+        error = UNKNOWN_FORCE_ERROR * max(weight, abs(float(motion.static_force(np.asarray(distance)))))
+    else:  # a share of the weight is not stated where the forces are far above it
+        share = model.misfit.force_rms_of_weight
+        error = model.misfit.force_rms_N if share is None or not weight else share * weight
     return FilterNoise(
-        acceleration_density=2.0 * (relative * motion.gravity_m_s2) ** 2 / pole,
+        acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / pole,
         voltage_V=DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V)),
         hall_V=hall_noise(model.require_sensor(), noise_V),
     )

@@ -1,9 +1,9 @@
 """What any filter can reach at an operating point, and whether its innovations are as large as it says.
 
-At constant current the body obeys d'' = lambda^2 d with lambda^2 = -(dF/dd) / m about the point where F = m g. Without
-process noise a steady Kalman filter mirrors the unstable pole to -lambda, and its error variance is 2 lambda times the
-measurement's spectral density R t_s. Hence standard deviation of the measurement over that of the estimate is at most
-1 / sqrt(2 lambda t_s).
+At constant current the body obeys d'' = lambda^2 d with lambda^2 = (dF_0/dd - dF/dd) / m about the point where the
+force F balances weight, springs and load, F_0. Without process noise a steady Kalman filter mirrors the unstable pole
+to -lambda, and its error variance is 2 lambda times the measurement's spectral density R t_s. Hence standard deviation
+of the measurement over that of the estimate is at most 1 / sqrt(2 lambda t_s).
 
 References
 ----------
@@ -24,25 +24,26 @@ from femfit.model.actuator_model import ActuatorModel
 
 
 def holding_current(model: ActuatorModel, distance: float) -> float:
-    """Current at which the force equals the weight."""
+    """Current at which the force balances weight, springs and load."""
     motion, box = model.require_motion(), model.validity
     model.validity.require(np.asarray(distance), np.asarray(box.current_min_A))
-    weight = motion.mass_kg * motion.gravity_m_s2
+    needed = float(motion.static_force(np.asarray(distance)))
+    against = "weight, springs and load" if motion.springs or motion.load_N else "a weight"
 
     force = partial(_force, model, distance)
     lower, upper = model.attracting_range(box.current_min_A, box.current_max_A)
-    if force(lower) > weight or force(upper) < weight:
+    if force(lower) > needed or force(upper) < needed:
         raise DomainError(
             f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
             f"{box.current_min_A:g}..{box.current_max_A:g} A, where the model was fitted; its forces there are "
-            f"{force(lower):g} to {force(upper):g} N against a weight of {weight:g} N. Choose another distance or "
+            f"{force(lower):g} to {force(upper):g} N against {against} of {needed:g} N. Choose another distance or "
             "sweep wider."
         )
     while True:
         middle = 0.5 * (lower + upper)
         if middle in {lower, upper}:
             return middle
-        lower, upper = (middle, upper) if force(middle) < weight else (lower, middle)
+        lower, upper = (middle, upper) if force(middle) < needed else (lower, middle)
 
 
 def _force(model: ActuatorModel, distance: float, current: float) -> float:
@@ -50,13 +51,16 @@ def _force(model: ActuatorModel, distance: float, current: float) -> float:
 
 
 def unstable_pole(model: ActuatorModel, distance: float) -> float:
-    """Unstable pole lambda = sqrt(-(dF/dd) / m) where the body is held."""
+    """Unstable pole lambda = sqrt((dF_0/dd - dF/dd) / m) where the body is held."""
     current = holding_current(model, distance)
-    gradient = float(model.magnetics.force_gradient(np.asarray(distance), np.asarray(current)))
+    at = np.asarray(distance)
+    gradient = float(model.magnetics.force_gradient(at, np.asarray(current)))
+    gradient -= float(model.require_motion().static_gradient(at))
     if gradient >= 0.0:
         raise DomainError(
-            f"The force must fall with the distance for the levitation to be unstable; at {1e3 * distance:g} mm and "
-            f"{current:g} A its slope is {gradient:g} N/m, and no bound on the noise ratio follows."
+            "Force and springs together must fall with the distance for the levitation to be unstable; at "
+            f"{1e3 * distance:g} mm and {current:g} A its slope is {gradient:g} N/m, and no bound on the noise ratio "
+            "follows."
         )
     return float(np.sqrt(-gradient / model.require_motion().mass_kg))
 

@@ -19,7 +19,7 @@ from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows
-from femfit.fit.model_parts import kind_of, model_parts, number, sample_time
+from femfit.fit.model_parts import kind_of, mechanics_of, model_parts, number, sample_time
 from femfit.fit.ranking import MAY_MISS, rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
@@ -98,7 +98,8 @@ def fit_model(
         table = read_sweep_table(Path(table))
     table = choose_variant(table, dict(where or {}))
     entry = _actuator_entry(table, actuator, mass_kg, resistance_ohm, supply_V)
-    rows = rows_of_table(table, None if entry.get("mass_kg") is None else number(entry, "mass_kg"), GRAVITY)
+    mechanics = None if entry.get("mass_kg") is None else mechanics_of(entry)
+    rows = rows_of_table(table, *((mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)))
 
     law_fit, ranking = None, None
     if law == ALL:

@@ -21,6 +21,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.device.load import read_actuator
+from femfit.device.mechanics import Mechanics
 from femfit.fit.bounded_qp import non_negative
 from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
@@ -28,7 +29,7 @@ from femfit.fit.model_parts import sample_time
 from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
-from femfit.model.actuator_model import ActuatorModel, Circuit, Motion, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, Circuit, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.inductance_table import InductanceTable
 
@@ -182,7 +183,7 @@ def _linear(law: ForceLaw, shape: Mapping[str, float], table: InductanceTable) -
 
 def _parts(
     mass_kg: float | None, resistance_ohm: float | None, supply_V: tuple[float, float] | None
-) -> tuple[Circuit | None, Motion | None, tuple[str, ...]]:
+) -> tuple[Circuit | None, Mechanics | None, tuple[str, ...]]:
     circuit, motion, notes = None, None, []
     if resistance_ohm is not None and supply_V is not None:
         circuit = Circuit(resistance_ohm, *supply_V)
@@ -191,7 +192,7 @@ def _parts(
             "No circuit in the model: give --actuator ACTUATOR.toml, or --resistance-ohm and --supply-V LOW:HIGH."
         )
     if mass_kg is not None:
-        motion = Motion(mass_kg)
+        motion = Mechanics(mass_kg)
     else:
         notes.append("No motion in the model: give --actuator ACTUATOR.toml or --mass-g.")
     return circuit, motion, tuple(notes)

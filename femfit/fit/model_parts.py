@@ -3,17 +3,23 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import TableError
+from femfit.device.mechanics import Mechanics
+from femfit.device.parts import Drive as DrawnDrive
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Motion
+from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor
+from femfit.model.drive import Drive
 
-Parts = tuple[Circuit | None, Motion | None, HallSensor | None, tuple[str, ...]]
+Part = TypeVar("Part")
+
+Parts = tuple[Circuit | None, Mechanics | None, HallSensor | None, tuple[str, ...]]
 """The parts of a model as far as they are known, and what is missing."""
 
 
@@ -32,12 +38,13 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
             + (", and --inductance-H since the table has no flux linkage." if rows.flux_linkage is None else ".")
         )
     else:
-        circuit = Circuit(*(number(entry, key) for key in keys))
+        resistance, lowest, highest = (number(entry, key) for key in keys)
+        circuit = Circuit(resistance, lowest, highest, _drive(entry))
     motion = None
     if entry.get("mass_kg") is None:
         notes.append("No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
     else:
-        motion = Motion(number(entry, "mass_kg"))
+        motion = mechanics_of(entry)
     sensor = None
     element = entry.get("hall")
     if hall is None or not element:
@@ -47,6 +54,28 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
         values = {name: number(element, name) for name in names}
         sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)
     return circuit, motion, sensor, tuple(notes)
+
+
+def mechanics_of(entry: Mapping[str, Any]) -> Mechanics:
+    """The mechanics of a manifest's actuator entry; the mass alone where it is of an earlier version."""
+    return _recorded(Mechanics, "mechanics", {**(entry.get("mechanics") or {}), "mass_kg": number(entry, "mass_kg")})
+
+
+def _drive(entry: Mapping[str, Any]) -> Drive:
+    """What feeds the winding, as the drawing has it; a bridge where the entry says nothing."""
+    circuits = entry.get("circuits") or [{}]
+    drawn = _recorded(DrawnDrive, "drive", circuits[0].get("drive") or {})
+    if drawn.kind == "voltage":
+        return Drive(diode_V=drawn.diode_V)
+    return Drive("current", None, drawn.minimum, drawn.maximum, drawn.bandwidth_Hz)
+
+
+def _recorded(kind: type[Part], name: str, record: Mapping[str, Any]) -> Part:
+    try:
+        return TypeAdapter(kind).validate_python(record)
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
+        raise TableError(f"The manifest's {name} is damaged: {faults}. Give --actuator ACTUATOR.toml.") from error
 
 
 def sample_time(model: ActuatorModel) -> float:

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError, MissingPartError
+from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
+from femfit.model.drive import BRIDGE, Drive
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
@@ -32,14 +33,7 @@ class Circuit:
     resistance_ohm: float = limited(metadata={"positive": True})
     voltage_min_V: float
     voltage_max_V: float = limited(metadata={"not_below": "voltage_min_V"})
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A body hanging under the electromagnet: m d'' = m g - F."""
-
-    mass_kg: float = limited(metadata={"positive": True})
-    gravity_m_s2: float = GRAVITY
+    drive: Drive = BRIDGE
 
 
 @dataclass(frozen=True)
@@ -141,7 +135,7 @@ class ActuatorModel:
     magnetics : Magnetics
         Co-energy spline or force law.
     circuit, motion, sensor : optional
-        Absent where the sweep's source did not give them.
+        Winding and what feeds it, mechanics, Hall element; absent where the sweep's source did not give them.
     sample_time_s : float
         Period of the controller and filter; a millisecond where neither a drawing nor the device says otherwise.
     reference_distances_m : tuple of float
@@ -176,7 +170,7 @@ class ActuatorModel:
     magnetics: Magnetics
     validity: ValidityBox
     circuit: Circuit | None = None
-    motion: Motion | None = None
+    motion: Mechanics | None = None
     sensor: HallSensor | None = None
     misfit: Misfit | None = None
     sample_time_s: float = 1e-3
@@ -298,7 +292,7 @@ class ActuatorModel:
             raise MissingPartError(self._missing("circuit (winding resistance and supply)", "[coil] and [supply]"))
         return self.circuit
 
-    def require_motion(self) -> Motion:
+    def require_motion(self) -> Mechanics:
         """The motion, or :class:`MissingPartError` with the remedy."""
         if self.motion is None:
             raise MissingPartError(self._missing("motion (moving mass)", "[moving] mass_g"))

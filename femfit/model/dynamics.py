@@ -1,7 +1,7 @@
 """The equations of motion that plant and filters share.
 
-State (d, v, i): d' = v, v' = g - F(d, i) / m, and from U = R i + d(flux linkage)/dt with
-d(flux linkage)/dt = L i' - k_m v, i' = (U - R i + k_m v) / L.
+State (d, v, i): d' = v, v' = g + (springs and load - friction - F(d, i)) / m, and from U = R i + d(flux linkage)/dt
+with d(flux linkage)/dt = L i' - k_m v, i' = (U - R i + k_m v) / L. Stops are left to :mod:`femfit.open_loop`.
 
 In all functions ``state`` has the shape (..., n): distance in m, velocity in m/s (positive: falling away), current in
 A, and after them ``model.memory_names``. ``voltage``, across the winding in V, and ``disturbance``, a further force
@@ -27,12 +27,12 @@ def state_derivative(
     """Time derivative of (distance, velocity, current), and of the states that the model's effects add."""
     circuit, motion = model.require_circuit(), model.require_motion()
     if model.dynamics is not None and model.dynamics.drives:
-        return model.dynamics.derivative(state, voltage, disturbance, motion.mass_kg, motion.gravity_m_s2)
+        return model.dynamics.derivative(state, voltage, disturbance, motion, model.sample_time_s)
     distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
     magnetic = model.magnetics.state(distance, current)
     rates = np.empty((3, *distance.shape))  # a component's values together, whatever the order of ``state``
     rates[0] = velocity
-    rates[1] = motion.gravity_m_s2 + (disturbance - magnetic.force) / motion.mass_kg
+    rates[1] = motion.acceleration(distance, velocity, magnetic.force - disturbance, model.sample_time_s)
     rates[2] = (
         voltage - circuit.resistance_ohm * current + magnetic.motional_constant * velocity
     ) / magnetic.inductance
@@ -79,7 +79,8 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
     rate = (voltage - circuit.resistance_ohm * current - di_w * velocity) / inductance
     result = np.zeros((*state.shape[:-1], 3, 3))
     result[..., 0, 1] = 1.0
-    result[..., 1, 0] = dd_w / motion.mass_kg
+    result[..., 1, 0] = (dd_w + motion.static_gradient(distance)) / motion.mass_kg
+    result[..., 1, 1] = motion.friction_slope(velocity, model.sample_time_s) / motion.mass_kg
     result[..., 1, 2] = di_w / motion.mass_kg
     result[..., 2, 0] = (-ddi_w * velocity - rate * dii_w) / inductance
     result[..., 2, 1] = -di_w / inductance

@@ -1,7 +1,7 @@
 """Motion, current and Hall reading under effects that act while something moves or changes.
 
 State (d, v, i, z): z are the effects' own states (lag, hysteresis). With W'(d, i, z) as the effects change it,
-v' = g + (disturbance - F) / m, F = -dW'/dd + friction, and from U = R i + d(flux linkage)/dt
+v' is that of the mechanics under F = -dW'/dd + what the effects add, and from U = R i + d(flux linkage)/dt
 
     (L + dl/dz . dz'/di') i' = U - R i + k_m v - dl/dz . z'(i' = 0),
 
@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Memory
 from femfit.effects.stages import changed_coenergy, circuit_of, hall_point, recorded, with_further_force
@@ -87,10 +88,17 @@ class EffectDynamics:
         state: FloatArray,
         voltage: FloatArray,
         disturbance: FloatArray | float,
-        mass: float,
-        gravity: float,
+        mechanics: Mechanics,
+        sample_time_s: float,
+        current_rate: float | None = None,
     ) -> FloatArray:
-        """Time derivative of (distance, velocity, current, states); arguments as in :mod:`femfit.model.dynamics`."""
+        """Time derivative of (distance, velocity, current, states); arguments as in :mod:`femfit.model.dynamics`.
+
+        Parameters
+        ----------
+        current_rate : float or None
+            In A/s where something else than the voltage decides it: an amplifier, or a diode that blocks.
+        """
         flat = state.reshape(-1, state.shape[-1])
         d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         volts = np.broadcast_to(voltage, state.shape[:-1]).ravel()
@@ -111,9 +119,12 @@ class EffectDynamics:
             least = _LEAKAGE * inductance
             inductance = np.maximum(inductance + (slopes * slope).sum(axis=0), least)
             rates = still + slope * (driving / inductance)
+        if current_rate is not None:
+            driving = np.full_like(i, current_rate) * inductance
+            rates = self._rates(memory, i, np.full_like(i, current_rate), at) if self.names else rates
         if np.ndim(disturbance):
             disturbance = np.broadcast_to(disturbance, state.shape[:-1]).ravel()
-        acceleration = gravity + (disturbance - force) / mass
+        acceleration = mechanics.acceleration(d, v, force - disturbance, sample_time_s)
         return np.concatenate([[v, acceleration, driving / inductance], rates]).T.reshape(state.shape)
 
     def _rates(

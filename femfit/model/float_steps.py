@@ -21,10 +21,12 @@ def float_euler_step(model: ActuatorModel) -> Callable[[Columns, float], Columns
     None where this module does not cover the model.
     """
     magnetics, step = model.magnetics, model.sample_time_s
-    if model.dynamics is not None or type(magnetics) is not CoenergySpline:
-        return None
     circuit, motion = model.require_circuit(), model.require_motion()
+    linear = motion.linear_terms
+    if model.dynamics is not None or type(magnetics) is not CoenergySpline or linear is None:
+        return None
     resistance, mass, gravity = circuit.resistance_ohm, motion.mass_kg, motion.gravity_m_s2
+    constant, per_distance, per_velocity = linear
     reference, shift = magnetics.reference_distance_m, magnetics.distance_shift_m
     derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
 
@@ -37,7 +39,8 @@ def float_euler_step(model: ActuatorModel) -> Callable[[Columns, float], Columns
             d, v, i = distance[k], velocity[k], current[k]
             per_metre = u[k] / (d + shift)
             moved_d.append(d + step * v)
-            moved_v.append(v + step * (gravity - per_metre * slope / mass))
+            further = constant + per_distance * d + per_velocity * v
+            moved_v.append(v + step * (gravity + (further - per_metre * slope) / mass))
             moved_i.append(i + step * ((voltage - resistance * i + per_metre * mixed * v) / inductance))
         return [moved_d, moved_v, moved_i, *others]
 

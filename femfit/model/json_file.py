@@ -12,14 +12,17 @@ import numpy as np
 from femfit.core.atomic import write_text
 from femfit.core.errors import ModelFileError
 from femfit.core.outputs import MODEL, require_outputs
+from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.laws.catalogue import law_by_name
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, Motion, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ValidityBox
 from femfit.model.bspline import TensorSpline, is_clamped
+from femfit.model.drive import BRIDGE, Drive
 from femfit.model.hall import HallSpline
+from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
 from femfit.model.json_section import Section
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
 from femfit.model.with_effects import with_effects
@@ -129,6 +132,8 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
             "current_degree": spline.y_degree,
             "coefficients": spline.coefficients.tolist(),
         }
+    if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive):
+        return {name: _plain(one) for name, one in unusual(value).items()}
     data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, LawMagnetics):
         return {"kind": "law", "law": data.pop("law_name"), **data}
@@ -161,8 +166,8 @@ def _build(top: Section) -> ActuatorModel:
         name=top.text("name"),
         magnetics=_magnetics_from(top.section("magnetics")),
         validity=top.section("validity").record(ValidityBox),
-        circuit=circuit.record(Circuit) if circuit else None,
-        motion=motion.record(Motion) if motion else None,
+        circuit=_circuit_from(circuit) if circuit else None,
+        motion=mechanics_from(motion) if motion else None,
         sensor=sensor.record(HallSensor, field=HallSpline(*_spline_from(sensor.section("field")))) if sensor else None,
         misfit=misfit.record(Misfit) if misfit else None,
         sample_time_s=top.number("sample_time_s", positive=True),
@@ -175,6 +180,11 @@ def _build(top: Section) -> ActuatorModel:
     )
     added = top.sections("effects") if top.data.get("effects") else ()
     return with_effects(base, [_effect_from(section) for section in added])
+
+
+def _circuit_from(section: Section) -> Circuit:
+    drive = section.optional_section("drive")
+    return section.record(Circuit, drive=drive_from(drive) if drive else BRIDGE)
 
 
 def _effect_from(section: Section) -> AddedEffect:

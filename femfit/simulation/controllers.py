@@ -59,7 +59,7 @@ class Backstepping(Controller):
 
     Two steps back, from the distance error e = d - r over the velocity to the force:
 
-        a = r'' - k_v (v - r') - k_p (d - r),      F(d, i*) = m (g - a),      U = R i* + K_i (i* - i),
+        a = r'' - k_v (v - r') - k_p (d - r),      F(d, i*) = F_0(d) - c v - m a,      U = R i* + K_i (i* - i),
 
     the second equation inverted on the model. The back-EMF is left to act: it adds to k_v.
 
@@ -85,7 +85,7 @@ class Backstepping(Controller):
             - self.velocity_gain * (velocity - reference.velocity)
             - self.position_gain * (estimate[:, 0] - reference.distance)
         )
-        wanted = current_for_acceleration(self.model, distance, acceleration, near=current)
+        wanted = current_for_acceleration(self.model, distance, acceleration, velocity, near=current)
         voltage = circuit.resistance_ohm * wanted + self.current_gain_ohm * (wanted - current)
         return np.clip(voltage, circuit.voltage_min_V, circuit.voltage_max_V), memory
 
@@ -122,7 +122,8 @@ class Pid(Controller):
 
     an integrator (z = 1), a derivative filter (z = p) and a numerator. What the recursion remembers is the clamped
     voltage less u_r, which stops windup. u_r is the voltage that the reference itself needs, R i with
-    F(r, i) = m (g - r''); without it, as in (35), the integrator alone would find it and lag behind by millimetres.
+    F(r, i) = F_0(r) - c r' - m r''; without it, as in (35), the integrator alone would find it and lag behind by
+    millimetres.
 
     References
     ----------
@@ -143,7 +144,7 @@ class Pid(Controller):
         current = reference.current
         if current is None:
             r, a = np.atleast_1d(reference.distance), np.atleast_1d(reference.acceleration)
-            current = current_for_acceleration(self.model, r, a)
+            current = current_for_acceleration(self.model, r, a, reference.velocity)
         needed = circuit.resistance_ohm * current
         error = reference.distance - estimate[:, 0]
         w = (1.0 + self.filter_pole) * w1 - self.filter_pole * w2 + b0 * error + b1 * e1 + b2 * e2

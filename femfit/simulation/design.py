@@ -150,12 +150,12 @@ def _derived_targets(model: ActuatorModel) -> tuple[float, ...]:
     box, motion = model.validity, model.require_motion()
     low, high = current_range(model)
     d = np.linspace(box.distance_min_m, box.distance_max_m, 301)
-    weight = motion.mass_kg * motion.gravity_m_s2
+    needed = motion.static_force(d)
     weakest, strongest = model.magnetics.force(d, np.asarray(low)), model.magnetics.force(d, np.asarray(high))
-    holdable = d[(weakest <= weight) & (strongest >= weight)]
+    holdable = d[(weakest <= needed) & (strongest >= needed)]
     if holdable.size < 3:
         _refuse_to_hold(model, d, weakest, strongest)
-    current = current_for_force(model, holdable, np.full_like(holdable, weight))
+    current = current_for_force(model, holdable, motion.static_force(holdable))
     seen = holdable[_sensed(model, holdable, current)]
     if seen.size < 3:
         _require_sensed(model, holdable, current)
@@ -165,8 +165,8 @@ def _derived_targets(model: ActuatorModel) -> tuple[float, ...]:
 
 def _refuse_to_hold(model: ActuatorModel, d: FloatArray, weakest: FloatArray, strongest: FloatArray) -> NoReturn:
     motion, (low, high) = model.require_motion(), current_range(model)
-    weight = motion.mass_kg * motion.gravity_m_s2
-    repelled = d[(weakest >= weight) & (strongest <= weight)]
+    needed = motion.static_force(d)
+    repelled = d[(weakest >= needed) & (strongest <= needed)]
     if repelled.size:
         raise DomainError(
             f"A positive current must attract the body of model {model.name!r}; at {1e3 * repelled[0]:.4g} mm its "
@@ -176,9 +176,17 @@ def _refuse_to_hold(model: ActuatorModel, d: FloatArray, weakest: FloatArray, st
     forces = np.concatenate([weakest, strongest])
     raise DomainError(
         f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in {1e3 * d[0]:g}.."
-        f"{1e3 * d[-1]:g} mm: the weight is {1e3 * weight:.4g} mN, and with {low:.3g}..{high:.3g} A the force is "
+        f"{1e3 * d[-1]:g} mm: {_range_mN(needed)}, and with {low:.3g}..{high:.3g} A the force is "
         f"{1e3 * forces.min():.4g}..{1e3 * forces.max():.4g} mN. It is not an actuator that levitates this body; "
         "change mass or supply to simulate one that is."
+    )
+
+
+def _range_mN(needed: FloatArray) -> str:  # noqa: N802  the unit
+    """What it takes to hold the body, in words."""
+    low, high = 1e3 * needed.min(), 1e3 * needed.max()
+    return (
+        f"the weight is {low:.4g} mN" if low == high else f"weight, springs and load ask for {low:.4g}..{high:.4g} mN"
     )
 
 

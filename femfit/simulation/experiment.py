@@ -115,7 +115,7 @@ def _paths(design: LoopDesign, experiments: Sequence[Experiment], steps: int) ->
     for e in experiments:
         if e.targets_m not in known:
             path = reference_steps(e.targets_m, steps, design.model.sample_time_s, design.reference_rate_rad_s)
-            current = current_for_acceleration(design.model, path.distance, path.acceleration)
+            current = current_for_acceleration(design.model, path.distance, path.acceleration, path.velocity)
             known[e.targets_m] = replace(path, current=current)
     return [known[e.targets_m] for e in experiments]
 

@@ -1,10 +1,11 @@
 """Where the body hangs at rest, and the linear model around it.
 
-At rest F(d, i) = m g and U = R i. Around that point, with x = (distance, velocity, current),
+At rest F(d, i) = F_0(d), the weight with springs and load, and U = R i. Around that point, with
+x = (distance, velocity, current) and the viscous friction c,
 
-    x' = A x + B u,    A = [[0, 1, 0], [-F_d/m, 0, -k_m/m], [0, k_m/L, -R/L]],    B = [0, 0, 1/L].
+    x' = A x + B u,    A = [[0, 1, 0], [-S/m, -c/m, -k_m/m], [0, k_m/L, -R/L]],    B = [0, 0, 1/L].
 
-F_d < 0 makes the point unstable: the mechanical pole without back-EMF is sqrt(-F_d/m).
+S = F_d - F_0' < 0 makes the point unstable: the mechanical pole without back-EMF and friction is sqrt(-S/m).
 
 References
 ----------
@@ -32,7 +33,7 @@ class OperatingPoint:
     distance_m: float
     current_A: float
     voltage_V: float
-    unstable_pole_rad_s: float  # sqrt(-F_d/m) where the point is unstable, 0 where it is stable
+    unstable_pole_rad_s: float  # sqrt(-S/m) where the point is unstable, 0 where it is stable
     coil_pole_rad_s: float
     inductance_H: float
     # x' = A x + B u with x in (m, m/s, A) and u in V; shapes (3, 3) and (3,)
@@ -57,13 +58,13 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
         )
     d, i = np.array([distance]), np.array([current])
     magnetic = model.magnetics.state(d, i)
-    gradient = float(model.magnetics.force_gradient(d, i)[0])
+    gradient = float((model.magnetics.force_gradient(d, i) - motion.static_gradient(d))[0])
     inductance, motional = float(magnetic.inductance[0]), float(magnetic.motional_constant[0])
     mass, resistance = motion.mass_kg, circuit.resistance_ohm
     A = np.array(
         [
             [0.0, 1.0, 0.0],
-            [-gradient / mass, 0.0, -motional / mass],
+            [-gradient / mass, -motion.viscous_N_s_per_m / mass, -motional / mass],
             [0.0, motional / inductance, -resistance / inductance],
         ]
     )
@@ -136,11 +137,18 @@ def _newton(
 
 
 def current_for_acceleration(
-    model: ActuatorModel, distance: FloatArray, acceleration: FloatArray, near: FloatArray | None = None
+    model: ActuatorModel,
+    distance: FloatArray,
+    acceleration: FloatArray,
+    velocity: FloatArray | float = 0.0,
+    near: FloatArray | None = None,
 ) -> FloatArray:
-    """The current for which F(d, i) = m (g - a), a along growing distance, as :func:`current_for_force`."""
+    """The current for which F(d, i) = F_0(d) - c v - m a, a along growing distance, as :func:`current_for_force`.
+
+    Dry friction is left to the feedback: taken from an estimate of the velocity it would chatter about rest.
+    """
     motion = model.require_motion()
-    return current_for_force(model, distance, motion.mass_kg * (motion.gravity_m_s2 - acceleration), near)
+    return current_for_force(model, distance, motion.force_to_accelerate(distance, velocity, acceleration), near)
 
 
 def zero_order_hold(A: FloatArray, B: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

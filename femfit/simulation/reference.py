@@ -6,7 +6,7 @@ A step of the wanted distance passes three equal first-order filters,
 
 which give r, r' and r'' that belong together. w is the largest for which the voltage that is needed,
 
-    u = R i + L i' - k_m r',    F(r, i) = m (g - r''),
+    u = R i + L i' - k_m r',    F(r, i) = F_0(r) - c r' - m r'',
 
 uses at most a part of the way from the holding voltage to the clamp, so that the rest is left to the feedback.
 """
@@ -98,7 +98,7 @@ def _fits(model: ActuatorModel, pair: tuple[float, float], rate: float) -> bool:
 
 def _voltage(model: ActuatorModel, r: FloatArray, v: FloatArray, a: FloatArray, step: float) -> FloatArray:
     circuit = model.require_circuit()
-    current = current_for_acceleration(model, r, a)
+    current = current_for_acceleration(model, r, a, v)
     magnetic = model.magnetics.state(r, current)
     rate = np.gradient(current) / step
     voltage = circuit.resistance_ohm * current + magnetic.inductance * rate - magnetic.motional_constant * v

@@ -7,8 +7,9 @@ import pytest
 
 from femfit.audit.audit_model import audit_model
 from femfit.audit.carried import carried_range
+from femfit.device.mechanics import Mechanics
 from femfit.fit.build import fit_model
-from femfit.model.actuator_model import Circuit, Motion
+from femfit.model.actuator_model import Circuit
 from femfit.model.json_file import write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.sweep_table import write_sweep_table
@@ -46,7 +47,7 @@ def test_a_consistent_rig_passes_clean(levitation_model):
         (lambda m: replace(m, reference_distances_m=(0.022, 0.044)), "held_range"),
         (lambda m: replace(m, sample_time_s=0.02), "sample_time"),
         (lambda m: replace(m, circuit=Circuit(2.69, 3.0, 0.5)), "positive"),
-        (lambda m: replace(m, motion=Motion(-1e-3)), "positive"),
+        (lambda m: replace(m, motion=Mechanics(-1e-3)), "positive"),
         (lambda m: replace(law(m), magnetics=replace(law(m).magnetics, constant_inductance_H=0.0)), "inductance"),
         (lambda m: law(m, value=3.6e-5, bounds=(0.0, 1e-7)), "outside_bounds"),
     ],

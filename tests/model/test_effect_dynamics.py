@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from femfit.core.differences import central_differences
+from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.model.actuator_model import Motion
 from femfit.model.dynamics import hall_voltage, runge_kutta_jacobian, runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
@@ -29,7 +29,7 @@ def usual(effect):
 
 def held(model):
     """A body too heavy to move within a test."""
-    return replace(model, motion=Motion(1e9, 0.0))
+    return replace(model, motion=Mechanics(1e9, 0.0))
 
 
 def states(model, runs=5):

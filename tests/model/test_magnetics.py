@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.device.mechanics import Mechanics
 from femfit.laws.catalogue import BUILT_IN
-from femfit.model.actuator_model import Circuit, Motion
+from femfit.model.actuator_model import Circuit
 from femfit.model.dynamics import (
     euler_jacobian,
     euler_step,
@@ -110,7 +111,7 @@ def states():
 
 
 def test_energy_is_conserved_without_resistance_and_gravity(levitation_model):
-    model = replace(levitation_model, circuit=Circuit(1e-300, 0.0, 3.0), motion=Motion(4.35e-3, 0.0))
+    model = replace(levitation_model, circuit=Circuit(1e-300, 0.0, 3.0), motion=Mechanics(4.35e-3, 0.0))
     state = np.array([[0.025, -0.05, 0.6]])
 
     def energy(s):

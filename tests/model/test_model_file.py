@@ -10,8 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femfit.core.errors import DomainError, MissingPartError, ModelFileError, OutputError
+from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel, ValidityBox
+from femfit.model.drive import Drive
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
 
@@ -26,9 +28,26 @@ def law_model(levitation_model):
     return replace(levitation_model, magnetics=magnetics, covariance=np.diag([1e-20, 1.0 / 7.0]))
 
 
-@pytest.fixture(params=["spline", "law"])
-def model(request, levitation_model, law_model):
-    return levitation_model if request.param == "spline" else law_model
+@pytest.fixture
+def sprung_model(law_model):
+    """With every kind of spring, both stops, friction, a load and a diode."""
+    mechanics = Mechanics(
+        0.1 + 0.2,
+        -9.81,
+        springs=(Spring(1.0 / 3.0, -0.7, 0.02), ForceTable((0.01, 0.03), (0.1, -0.2 / 3.0))),
+        viscous_N_s_per_m=0.3,
+        coulomb_N=0.01,
+        load_N=-0.2,
+        near_stop=Stop(0.016, 0.3, 1e5),
+        far_stop=Stop(0.044),
+    )
+    circuit = replace(law_model.circuit, drive=Drive(diode_V=0.7))
+    return replace(law_model, motion=mechanics, circuit=circuit)
+
+
+@pytest.fixture(params=["spline", "law", "sprung"])
+def model(request, levitation_model, law_model, sprung_model):
+    return {"spline": levitation_model, "law": law_model, "sprung": sprung_model}[request.param]
 
 
 def test_writing_and_reading_keeps_every_digit(model, tmp_path):
@@ -39,6 +58,8 @@ def test_writing_and_reading_keeps_every_digit(model, tmp_path):
     np.testing.assert_array_equal(again.magnetics.force(d, i), model.magnetics.force(d, i))
     np.testing.assert_array_equal(again.sensor.voltage(d, i), model.sensor.voltage(d, i))
     assert again.misfit == model.misfit
+    assert again.motion == model.motion
+    assert again.circuit == model.circuit
     assert again.reference_distances_m == model.reference_distances_m
     assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
 
@@ -219,8 +240,48 @@ def test_any_mutation_gives_a_model_or_one_clear_error(model, data, junk, delete
     except ModelFileError:
         return
     assert np.isfinite(again.magnetics.force(np.asarray(0.02), np.asarray(0.5)))
-    for part in (again.circuit, again.motion):
-        assert part is None or all(isinstance(value, float) for value in asdict(part).values())
+    numbers = [value for part in (again.circuit, again.motion) if part for value in flat(asdict(part))]
+    assert all(
+        isinstance(value, float) for value in numbers if value is not None and value not in {"voltage", "current"}
+    )
+
+
+def flat(value):
+    """All values of nested mappings and sequences."""
+    if not isinstance(value, dict | tuple):
+        return [value]
+    return [one for member in (value.values() if isinstance(value, dict) else value) for one in flat(member)]
+
+
+@pytest.mark.parametrize("drive", [Drive("current"), Drive("current", None, -1.0, 2.0, 500.0), Drive(diode_V=24.7)])
+def test_what_feeds_the_winding_survives_the_file(levitation_model, drive):
+    model = replace(levitation_model, circuit=replace(levitation_model.circuit, drive=drive))
+    assert model_from_dict(json.loads(json.dumps(model_to_dict(model)))).circuit.drive == drive
+
+
+def test_a_file_of_a_hanging_body_is_what_it_was(levitation_model):
+    data = model_to_dict(levitation_model)
+    assert data["motion"] == {"mass_kg": 4.35e-3, "gravity_m_s2": 9.80665}
+    assert set(data["circuit"]) == {"resistance_ohm", "voltage_min_V", "voltage_max_V"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("springs", [{"stiffness": 3.0}], r"unknown key motion.springs\[0\].stiffness"),
+        ("springs", [{"distances_m": [0.0, 0.0], "forces_N": [1.0, 2.0]}], "ascending"),
+        ("springs", [{"distances_m": [0.0, 1.0], "forces_N": [1.0]}], "2 forces"),
+        ("coulomb_N", -1.0, "motion.coulomb_N must be a finite number >= 0"),
+        ("near_stop", {"distance_m": 0.05}, "at a larger distance than near_stop"),
+        ("far_stop", {"distance_m": 0.05, "restitution": 1.5}, "0 to 1"),
+        ("far_stop", {"distance_m": 0.05, "stiffness_N_per_m": 0.0}, "> 0"),
+    ],
+)
+def test_damaged_mechanics_are_refused_by_their_key(sprung_model, key, value, message):
+    data = model_to_dict(sprung_model)
+    data["motion"][key] = value
+    with pytest.raises(ModelFileError, match=message):
+        model_from_dict(data, "m.json")
 
 
 def test_every_field_of_the_model_is_written(model):

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import (
@@ -36,7 +37,6 @@ from femfit.effects.stages import (
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.actuator_model import Motion as BaseMotion
 
 FORCE_BALANCE, VOLTAGE_BALANCE = "force_balance_N", "voltage_balance_V"
 
@@ -109,12 +109,20 @@ def _excited(coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEf
 
 
 def _inertia(
-    base: BaseMotion, motion: Motion, weights: Weights, distance: FloatArray, effects: Sequence[AddedEffect]
+    base: Mechanics, motion: Motion, weights: Weights, distance: FloatArray, effects: Sequence[AddedEffect]
 ) -> tuple[float, FloatArray]:
-    """(m_0 / m, m_0 times what the recorded acceleration lacks): another mass must not weigh its noise."""
-    mass = moving_mass(effects, base.mass_kg)
-    lacking = weights.curvature @ (distance - motion.distance_m)
-    return base.mass_kg / mass, np.asarray(base.mass_kg * lacking)
+    """(m_0 / m, m_0 times what the recorded acceleration lacks): another mass must not weigh its noise.
+
+    Springs, load and friction stand on the measured side, which another mass leaves alone.
+    """
+    share = base.mass_kg / moving_mass(effects, base.mass_kg)
+    lacking = base.mass_kg * (weights.curvature @ (distance - motion.distance_m))
+    if share != 1.0:
+        further = base.beside_weight(distance) + base.friction(
+            np.asarray(motion.at.velocity_m_s), motion.at.nominal.sample_time_s
+        )
+        lacking = lacking + (1.0 - share) * (weights.mean @ (further + np.zeros_like(distance)))
+    return share, np.asarray(lacking)
 
 
 def _drop(resistance: float, motion: Motion, point: _Point, effects: Sequence[AddedEffect]) -> FloatArray:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
 from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE
 from femfit.identify.series.noise import SensorNoise, carried, converter_step, propagated, white_noise
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
-from femfit.model.actuator_model import ActuatorModel, Circuit, Motion
+from femfit.model.actuator_model import ActuatorModel, Circuit
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,16 +150,19 @@ def measure_sensors(
 
 
 def _force_balance(
-    motion: Motion, nominal: Nominal, samples: Samples, field: SampleField, noise: Noise, windows: Windows
+    motion: Mechanics, nominal: Nominal, samples: Samples, field: SampleField, noise: Noise, windows: Windows
 ) -> MeasuredChannel:
     state = window_weights(windows, samples.time, samples.segment, samples.usable)
     distance = np.nan_to_num(samples.columns["distance_m"])
+    stiffness = field.force_d - motion.static_gradient(distance)
     sigma = propagated(
         state.mean,
-        (motion.mass_kg * state.curvature + carried(state.mean, field.force_d), noise["distance_m"]),
+        (motion.mass_kg * state.curvature + carried(state.mean, stiffness), noise["distance_m"]),
         (carried(state.mean, field.force_i), noise["current_A"]),
     )
-    measured = motion.mass_kg * (motion.gravity_m_s2 - state.curvature @ distance)
+    friction = motion.friction(state.slope @ distance, nominal.sample_time_s)
+    further = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + friction
+    measured = motion.mass_kg * (motion.gravity_m_s2 - state.curvature @ distance) + further
     return MeasuredChannel(
         FORCE_BALANCE, measured, state.mean @ field.force, np.hypot(sigma, _METHOD * nominal.force_N), state.valid
     )

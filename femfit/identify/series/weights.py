@@ -217,4 +217,5 @@ def _pole(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> fl
         return 100.0
     pick = slice(None, None, max(1, len(distance) // 500))
     stiffness = model.magnetics.coenergy_derivatives(distance[pick], current[pick], ((2, 0),))[0]
+    stiffness = stiffness + model.motion.static_gradient(distance[pick])
     return float(np.sqrt(np.median(np.abs(stiffness)) / model.motion.mass_kg)) or 100.0

@@ -1,0 +1,25 @@
+"""What feeds a winding: a bridge, a one-sided driver with a freewheel diode, or a current amplifier."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How a command becomes voltage or current; the limits of the voltage are those of the circuit.
+
+    A voltage source gives what is commanded, within its limits. With a freewheel diode it is one-sided: it gives
+    positive voltages alone, and without one the current goes on through the diode until it is zero.
+    """
+
+    kind: Literal["voltage", "current"] = "voltage"
+    # Forward drop of the freewheel diode in V, with that of a Zener diode in series; None for a bridge
+    diode_V: float | None = None
+    # Of a current amplifier; without limits it follows every command, without a bandwidth as fast as its voltage allows
+    current_min_A: float | None = None
+    current_max_A: float | None = None
+    bandwidth_Hz: float | None = None
+
+
+BRIDGE = Drive()
+"""Gives voltages of both signs, as far as the circuit's limits go."""

@@ -1,0 +1,33 @@
+"""Force, motional constants and inductances at one point, as cheaply as one point allows."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.model.magnetics import CoenergySpline, Magnetics
+
+PointMagnetics = Callable[[float, FloatArray], tuple[float, FloatArray, FloatArray]]
+"""(distance in m, currents in A, shape (n,)) -> F in N, dF/di in N/A, shape (n,), and L in H, shape (n, n)."""
+
+
+def point_magnetics(magnetics: Magnetics) -> PointMagnetics:
+    """Force, motional constants and inductances of a co-energy; n is one."""
+    if type(magnetics) is not CoenergySpline:
+
+        def by_arrays(distance: float, currents: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+            state = magnetics.state(np.array([distance]), currents)
+            return float(state.force[0]), state.motional_constant, state.inductance[:, None]
+
+        return by_arrays
+
+    reference, shift = magnetics.reference_distance_m, magnetics.distance_shift_m
+    derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
+
+    def in_floats(distance: float, currents: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        shifted = distance + shift
+        u = reference / shifted
+        ((slope, mixed, inductance),) = derivatives([u], [float(currents[0])])
+        return u / shifted * slope, np.array([u / shifted * mixed]), np.array([[inductance]])
+
+    return in_floats
