@@ -22,6 +22,8 @@ _PLACES = {
     "FitResult": "femfit.fit.result:FitResult",
     "ImportedTable": "femfit.tables.foreign.read:ImportedTable",
     "LoopSummary": "femfit.simulation.close_loop:LoopSummary",
+    "OpenLoop": "femfit.open_loop.result:OpenLoop",
+    "Profile": "femfit.open_loop.profile:Profile",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
     "TimeSeries": "femfit.tables.measurement:TimeSeries",
     # From the drawing to a model
@@ -33,8 +35,9 @@ _PLACES = {
     "list_laws": "femfit.laws.catalogue:all_laws",
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",
-    # Filters, the loop and the target
+    # Motion, filters, the loop and the target
     "kalman_filter": "femfit.filters.kalman_filter:kalman_filter",
+    "simulate": "femfit.open_loop.simulate:simulate",
     "close_loop": "femfit.simulation.close_loop:close_loop",
     "export": "femfit.targets.targets:export",
     # Why the bench disagrees

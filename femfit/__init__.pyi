@@ -22,6 +22,9 @@ from femfit.laws.catalogue import all_laws as list_laws
 from femfit.model.actuator_model import ActuatorModel as ActuatorModel
 from femfit.model.json_file import read_model as read_model
 from femfit.model.json_file import write_model as write_model
+from femfit.open_loop.profile import Profile as Profile
+from femfit.open_loop.result import OpenLoop as OpenLoop
+from femfit.open_loop.simulate import simulate as simulate
 from femfit.report.write import write_report as write_report
 from femfit.simulation.close_loop import LoopSummary as LoopSummary
 from femfit.simulation.close_loop import close_loop as close_loop
@@ -47,6 +50,8 @@ __all__ = [
     "FitResult",
     "ImportedTable",
     "LoopSummary",
+    "OpenLoop",
+    "Profile",
     "SweepTable",
     "TimeSeries",
     "add_effects",
@@ -65,6 +70,7 @@ __all__ = [
     "read_model",
     "read_sweep",
     "run_sweep",
+    "simulate",
     "suggest",
     "write_model",
     "write_report",

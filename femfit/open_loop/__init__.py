@@ -1,0 +1,1 @@
+"""Open loop: a profile of voltage or current in, motion and switching out."""

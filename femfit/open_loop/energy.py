@@ -1,0 +1,85 @@
+"""Where the energy went: what the source gave, what was stored and what was lost.
+
+    source = copper + diode + friction + impact + growth of (magnetic + kinetic + springs + weight and load)
+
+The magnetic energy is i . flux linkage - W'(d, i); its growth is i . d(flux linkage) less the work on the body.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.device.mechanics import ForceTable, Mechanics, Spring
+from femfit.model.actuator_model import ActuatorModel
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Energies in J of a motion in open loop.
+
+    Parameters
+    ----------
+    source_J : float
+        From the driver; what a bridge takes back counts against it.
+    copper_J, diode_J, friction_J, impact_J : float
+        Lost in the winding, the freewheel diode, viscous and dry friction, and given to the stops.
+    magnetic_J, kinetic_J, springs_J, potential_J : float
+        Growth of what is stored in field, motion, springs, and weight with load.
+    remainder_J : float
+        What is left over: the integration's error, and with it what the model's effects take.
+    """
+
+    source_J: float
+    copper_J: float
+    diode_J: float
+    friction_J: float
+    impact_J: float
+    magnetic_J: float
+    kinetic_J: float
+    springs_J: float
+    potential_J: float
+    remainder_J: float
+
+    @property
+    def supplied_J(self) -> float:  # noqa: N802  the unit
+        """From the source and from what was stored."""
+        stored = (self.magnetic_J, self.kinetic_J, self.springs_J, self.potential_J)
+        return max(self.source_J, 0.0) + sum(max(-growth, 0.0) for growth in stored)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {**asdict(self), "supplied_J": self.supplied_J}
+
+
+def balance(
+    model: ActuatorModel, mechanics: Mechanics, first: FloatArray, last: FloatArray, gone: FloatArray
+) -> EnergyBalance:
+    """The balance between two states (distance, velocity, current); ``gone`` is what the integration summed up."""
+    source, copper, diode, friction, impact = (float(one) for one in gone)
+    d, v, i = (np.array([first[k], last[k]]) for k in range(3))
+    coenergy, flux = model.magnetics.coenergy_derivatives(d, i, ((0, 0), (0, 1)))
+    springs = sum((_spring_energy(spring, d) for spring in mechanics.springs), np.zeros(2))
+    stored = [
+        i * flux - coenergy,
+        0.5 * mechanics.mass_kg * v**2,
+        springs,
+        -(mechanics.mass_kg * mechanics.gravity_m_s2 + mechanics.load_N) * d,
+    ]
+    magnetic, kinetic, strain, potential = (float(one[1] - one[0]) for one in stored)
+    gone_to = (copper, diode, friction, impact, magnetic, kinetic, strain, potential)
+    return EnergyBalance(source, *gone_to, source - sum(gone_to))
+
+
+def _spring_energy(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:
+    if isinstance(spring, Spring):
+        stretched = distance - spring.distance_m
+        return np.asarray(0.5 * spring.stiffness_N_per_m * stretched**2 - spring.preload_N * stretched)
+    at, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(at))])
+    inside = np.clip(distance, at[0], at[-1])
+    k = np.clip(np.searchsorted(at, inside, side="right") - 1, 0, len(at) - 2)
+    there = np.interp(inside, at, force)
+    done = work[k] + 0.5 * (force[k] + there) * (inside - at[k]) + there * (distance - inside)
+    return np.asarray(-done)

@@ -1,0 +1,132 @@
+"""What is commanded over time: a voltage or a current, held from point to point or interpolated."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.tables.columns import UsedColumn, column_values, match_column
+from femfit.tables.measurement_file import read_raw_table
+
+Interpolation = Literal["held", "linear"]
+
+COLUMNS = ("time_s", "voltage_V", "current_A")
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A command over time.
+
+    Parameters
+    ----------
+    kind : str
+        What is commanded: ``voltage`` in V or ``current`` in A.
+    time_s, value : array, shape (n,)
+        Points with ascending times; before the first and after the last their values hold.
+    interpolation : str
+        ``held``: each value holds until the next point. ``linear``: straight lines between the points.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> pulse = ff.Profile("voltage", [0.0, 0.02], [12.0, 0.0])
+    >>> pulse.at(0.01), pulse.at(0.03)
+    (12.0, 0.0)
+    """
+
+    kind: Literal["voltage", "current"]
+    time_s: FloatArray
+    value: FloatArray
+    interpolation: Interpolation = "held"
+
+    def __post_init__(self) -> None:
+        """Refuse what is no function of time."""
+        time, value = (np.asarray(given, dtype=np.float64) for given in (self.time_s, self.value))
+        if self.kind not in {"voltage", "current"} or self.interpolation not in {"held", "linear"}:
+            raise TableError(
+                "A profile must be of kind voltage or current, and held or linear; instead received "
+                f"{self.kind!r} and {self.interpolation!r}."
+            )
+        if time.ndim != 1 or time.shape != value.shape or not len(time):
+            raise TableError(
+                f"A profile needs as many values as times, at least one; instead received {time.shape} times and "
+                f"{value.shape} values."
+            )
+        if not (np.all(np.isfinite(time)) and np.all(np.isfinite(value)) and np.all(np.diff(time) > 0.0)):
+            raise TableError("A profile's times must ascend, and its times and values must be finite. Sort its rows.")
+        object.__setattr__(self, "time_s", time)
+        object.__setattr__(self, "value", value)
+
+    @cached_property
+    def turns_s(self) -> FloatArray:
+        """Times at which the command jumps, or changes its slope: between them it is one straight line."""
+        time, value = self.time_s, self.value
+        if self.interpolation == "held":
+            return np.asarray(time[1:][np.diff(value) != 0.0])
+        if len(time) == 1:
+            return np.zeros(0)
+        slope = np.concatenate([[0.0], np.diff(value) / np.diff(time), [0.0]])
+        return np.asarray(time[np.abs(np.diff(slope)) > 1e-12 * np.abs(slope).max()])
+
+    def within(self, low: float, high: float) -> "Profile":
+        """The profile as a driver with these limits gives it, turning where it meets them."""
+        time, value = self.time_s, self.value
+        if self.interpolation == "linear":
+            for limit in (low, high):
+                over = (value[:-1] - limit) * (value[1:] - limit) < 0.0
+                met = time[:-1][over] + np.diff(time)[over] * ((limit - value[:-1]) / np.diff(value))[over]
+                value = np.insert(value, np.flatnonzero(over) + 1, limit)
+                time = np.insert(time, np.flatnonzero(over) + 1, met)
+        return Profile(self.kind, time, np.clip(value, low, high), self.interpolation)
+
+    def line(self, time: float) -> tuple[float, float]:
+        """The straight line that begins at a time: (value there, slope)."""
+        k = int(np.searchsorted(self.time_s, time, side="right")) - 1
+        if k < 0 or k >= len(self.time_s) - 1 or self.interpolation == "held":
+            return float(self.value[max(k, 0)]), 0.0
+        slope = (self.value[k + 1] - self.value[k]) / (self.time_s[k + 1] - self.time_s[k])
+        return float(self.value[k] + slope * (time - self.time_s[k])), float(slope)
+
+    def at(self, time: float) -> float:
+        """The command at a time in s; at a jump, the value after it."""
+        return self.line(time)[0]
+
+
+def read_profile(path: str | Path, interpolation: Interpolation = "held") -> Profile:
+    """Read a profile: columns ``time_s`` and either ``voltage_V`` or ``current_A``.
+
+    Parameters
+    ----------
+    path : str or Path
+        A table in any form that measured tables may have.
+    interpolation : str
+        ``held`` or ``linear``.
+
+    Raises
+    ------
+    TableError
+        If there is no such table, or it has not these columns.
+    """
+    path = Path(path)
+    raw = read_raw_table(path)
+    used: dict[str, UsedColumn] = {}
+    for header in raw.headers:
+        column = match_column(header, COLUMNS)
+        if column is not None and column.name not in used:
+            used[column.name] = column
+    commands = [name for name in COLUMNS[1:] if name in used]
+    if "time_s" not in used or len(commands) != 1:
+        raise TableError(
+            f"{path} must have a column time_s and one of voltage_V and current_A; its columns are "
+            f"{', '.join(raw.headers)}. Name them so, and leave one of the two out."
+        )
+    values, _ = column_values(raw, [used["time_s"], used[commands[0]]])
+    kind: Literal["voltage", "current"] = "voltage" if commands[0] == "voltage_V" else "current"
+    try:
+        return Profile(kind, values["time_s"].to_numpy(), values[commands[0]].to_numpy(), interpolation)
+    except TableError as error:
+        raise TableError(f"{path}: {error}") from error

@@ -1,0 +1,152 @@
+"""What came of a simulation in open loop."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femfit.core import atomic
+from femfit.core.amount import amount
+from femfit.core.arrays import FloatArray
+from femfit.core.outputs import OPEN_LOOP, require_outputs
+from femfit.model.actuator_model import ActuatorModel
+from femfit.open_loop.energy import EnergyBalance
+from femfit.open_loop.profile import Profile
+from femfit.open_loop.run import Event
+from femfit.open_loop.switching import Switching
+
+_WORDS = {"pull_in": "Pull-in", "drop_out": "Drop-out"}
+
+_LEAST_SHARE = 1e-3
+"""Conventional: part of the energy supplied below which a share of it is not printed."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoop:
+    """A motion in open loop; printed, it says how the actuator switched and where the energy went.
+
+    Parameters
+    ----------
+    table : mapping of str to array
+        Columns at equal steps: time_s, distance_m, velocity_m_s, current_A, voltage_V (across the winding), force_N
+        (magnetic, towards smaller distance), static_force_N (weight, springs and load, towards larger distance) and
+        flux_linkage_Wb.
+    events : tuple of Event
+        Each with its time, and the state before it.
+    switchings : tuple of Switching
+        Every way to a stop.
+    end_s : float
+        Where the simulation ended: at ``duration_s``, or where the validity domain was left.
+    left_domain : tuple of (str, float)
+        distance or current, and when it left the validity domain.
+    extrapolated : bool
+        Whether what comes after that is the model continued beyond its domain.
+    notes : tuple of str
+        What was not done as it was asked for.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> motion = ff.simulate("model.json", voltage_V=1.5, duration_s=0.005, start_m=0.022)
+    >>> print(motion)
+    The body reached no stop in 5.0 ms; ...
+    >>> abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
+    True
+    """
+
+    model: ActuatorModel
+    profile: Profile
+    duration_s: float
+    table: Mapping[str, FloatArray]
+    events: tuple[Event, ...]
+    switchings: tuple[Switching, ...]
+    energy: EnergyBalance
+    end_s: float
+    left_domain: tuple[tuple[str, float], ...]
+    extrapolated: bool
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return "\n".join([*self._domain_lines(), *self._switching_lines(), *self.notes, *self._energy_lines()])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+    def _domain_lines(self) -> list[str]:
+        lines = []
+        for name, time in self.left_domain:
+            event = next(e for e in self.events if e.name == f"{name}_leaves_domain" and e.time_s == time)
+            value = amount(event.distance_m, "m", 3) if name == "distance" else amount(event.current_A, "A", 3)
+            then = "The simulation ends there: give the body stops, sweep wider, or extrapolate (--extrapolate)."
+            if self.extrapolated:
+                then = "What follows is extrapolated."
+            lines.append(f"The {name} leaves the validity domain after {amount(time, 's', 3)}, at {value}. {then}")
+        return lines
+
+    def _switching_lines(self) -> list[str]:
+        if not self.switchings:
+            d, v = self.table["distance_m"][-1], self.table["velocity_m_s"][-1]
+            at = (
+                f"The body reached no stop in {amount(self.end_s, 's')}; at the end it is at {amount(d, 'm', 3)} and "
+                f"moves with {amount(v, 'm')}/s, the current is {amount(self.table['current_A'][-1], 'A', 3)}."
+            )
+            return [at]
+        lines = []
+        for one in self.switchings:
+            bounces = {0: "no bounce", 1: "1 bounce"}.get(one.bounces, f"{one.bounces} bounces")
+            rest = ""
+            if one.rested_s is not None and one.bounces:
+                rest = f", at rest after {amount(one.rested_s - one.command_s, 's', 3)}"
+            lines.append(
+                f"{_WORDS[one.kind]} {amount(one.switching_time_s, 's', 3)} after the command: the body starts after "
+                f"{amount(one.started_s - one.command_s, 's', 3)} and seats with "
+                f"{amount(one.seating_velocity_m_s, 'm', 3)}/s, {bounces}{rest}."
+            )
+        return lines
+
+    def _energy_lines(self) -> list[str]:
+        energy = self.energy
+        total = energy.supplied_J
+        if total <= 0.0:
+            return []
+        shares = {
+            "copper": energy.copper_J,
+            "diode": energy.diode_J,
+            "friction": energy.friction_J,
+            "stops": energy.impact_J,
+            "field": energy.magnetic_J,
+            "motion": energy.kinetic_J,
+            "springs": energy.springs_J,
+            "weight and load": energy.potential_J,
+            "back to the source": -energy.source_J,
+        }
+        said = [f"{name} {amount(value / total, '')}" for name, value in shares.items() if value > _LEAST_SHARE * total]
+        line = f"Of {amount(total, 'J', 3)} went to: {', '.join(said)}."
+        if self.model.dynamics is not None and self.model.dynamics.drives:
+            return [line, f"The model's effects took {amount(energy.remainder_J, 'J')}."]
+        return [line, f"The balance closes to {abs(energy.remainder_J) / total:.1g} of it."]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The numbers without the table, ready for JSON."""
+        return {
+            "model": self.model.name,
+            "duration_s": self.duration_s,
+            "end_s": self.end_s,
+            "switchings": [asdict(one) | {"switching_time_s": one.switching_time_s} for one in self.switchings],
+            "events": [asdict(event) for event in self.events],
+            "energy": self.energy.to_dict(),
+            "left_domain": [{"name": name, "time_s": time} for name, time in self.left_domain],
+            "extrapolated": self.extrapolated,
+            "notes": list(self.notes),
+        }
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write the table, one row a step."""
+        require_outputs([], (Path(path), OPEN_LOOP))
+        names = list(self.table)
+        rows = np.column_stack([self.table[name] for name in names])
+        with atomic.replacing(path) as partial:
+            np.savetxt(partial, rows, delimiter=",", header=",".join(names), comments="", fmt="%.9g")

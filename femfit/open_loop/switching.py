@@ -1,0 +1,65 @@
+"""Pull-in and drop-out: when the body leaves one stop and reaches the other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from femfit.open_loop.run import Event
+from femfit.open_loop.system import Side
+
+
+@dataclass(frozen=True)
+class Switching:
+    """One way to a stop.
+
+    Parameters
+    ----------
+    kind : str
+        ``pull_in`` to the near stop, ``drop_out`` to the far one.
+    command_s : float
+        The last change of the command before the body started.
+    started_s, reached_s : float
+        When it started, and when it first touched the stop.
+    rested_s : float or None
+        When it came to rest on it; None where it has not, or the stop gives way.
+    seating_velocity_m_s : float
+        Speed of the first touch.
+    bounces : int
+        Touches after the first.
+    """
+
+    kind: Literal["pull_in", "drop_out"]
+    command_s: float
+    started_s: float
+    reached_s: float
+    rested_s: float | None
+    seating_velocity_m_s: float
+    bounces: int
+
+    @property
+    def switching_time_s(self) -> float:
+        """From the command to the first touch."""
+        return self.reached_s - self.command_s
+
+
+def switchings(events: Sequence[Event], begun_at: Side | None, turns_s: Sequence[float]) -> tuple[Switching, ...]:
+    """Every way to a stop in a list of events, from a start on a stop or in the air."""
+    found: list[Switching] = []
+    at, started = begun_at, 0.0
+    for event in events:
+        action, _, place = event.name.partition("_")
+        side: Side | None = "near" if place == "near" else "far" if place == "far" else None
+        if event.name == "starts":
+            started = event.time_s
+        elif action == "rests" and found:
+            found[-1] = replace(found[-1], rested_s=event.time_s)
+        elif action == "hits" and side == at and found:
+            found[-1] = replace(found[-1], bounces=found[-1].bounces + 1, rested_s=None)
+        elif action == "hits" and side != at:
+            before = [turn for turn in (0.0, *turns_s) if turn <= started]
+            kind: Literal["pull_in", "drop_out"] = "pull_in" if side == "near" else "drop_out"
+            found.append(Switching(kind, before[-1], started, event.time_s, None, abs(event.velocity_m_s), 0))
+            at = side
+        if action in {"hits", "leaves"}:  # where it goes on without resting
+            started = event.time_s
+    return tuple(found)

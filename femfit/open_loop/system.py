@@ -1,0 +1,204 @@
+"""Body, stops, friction and circuits between two events: smooth equations in one mode.
+
+State: distance, velocity, currents, states of effects; after them the energies in J of :data:`ENERGIES` that have gone
+so far, which the integrator sums up with the same care as the motion.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.device.mechanics import Mechanics, Stop
+from femfit.model.actuator_model import ValidityBox
+from femfit.open_loop.contact import damping, push
+from femfit.open_loop.feed import AT_MAX, AT_MIN, BLOCKED, FOLLOWING, Feed, Line
+
+Side = Literal["near", "far"]
+
+SIDES: tuple[Side, ...] = ("near", "far")
+
+Reading = Callable[[float, FloatArray], float]
+"""A number at a time and a state."""
+
+ENERGIES = ("source", "copper", "diode", "friction", "impact")
+
+LEAST_REBOUND = 1e-7
+"""Conventional: height of a rebound over the travel below which a body stays on its stop."""
+
+SLACK = 1e-6
+"""Conventional: part of the validity domain's width by which a point may lie outside of it, as one at its edge does."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Which of the smooth equations hold."""
+
+    feed: str
+    sliding: int = 0  # Direction of the motion that dry friction brakes; 0 where there is none
+    held: bool = False  # At rest, on a stop or by dry friction
+    support: Side | None = None  # The rigid stop that it rests on
+    touching: Side | None = None  # The stop that gives way and is pressed
+
+
+@dataclass(frozen=True)
+class Watch:
+    """An event: its name, a function of time and state whose zero it is, and the direction that counts."""
+
+    name: str
+    value: Reading
+    direction: float
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """An actuator in open loop."""
+
+    feed: Feed
+    mechanics: Mechanics
+    domain: ValidityBox
+    size: int  # Number of states without the energies
+    force_scale_N: float
+
+    @property
+    def least_rebound_m(self) -> float:
+        """Height of a rebound that counts."""
+        return LEAST_REBOUND * (self.domain.distance_max_m - self.domain.distance_min_m)
+
+    def stop(self, side: Side) -> Stop | None:
+        """The stop at a side."""
+        return self.mechanics.near_stop if side == "near" else self.mechanics.far_stop
+
+    def contact(self, mode: Mode, state: FloatArray) -> float:
+        """Force of a stop that gives way, along growing distance, in N."""
+        stop = None if mode.touching is None else self.stop(mode.touching)
+        if stop is None:
+            return 0.0
+        away = 1.0 if mode.touching == "near" else -1.0
+        depth, speed = away * (stop.distance_m - float(state[0])), -away * float(state[1])
+        return away * push(stop, damping(stop, self.mechanics.mass_kg), depth, speed)
+
+    def net_force(self, mode: Mode, line: Line, time: float, state: FloatArray) -> float:
+        """On the body along growing distance, without dry friction and rigid stops."""
+        flow = self.feed.flow(mode.feed, line, time, state[: self.size])
+        return flow.net_N + self.contact(mode, state)
+
+    def rates(self, mode: Mode, line: Line) -> Callable[[float, FloatArray], FloatArray]:
+        """The derivative of the state in a mode."""
+        size, circuits, mechanics = self.size, self.feed.equations.circuits, self.mechanics
+        resistance, friction = self.feed.equations.resistance_ohm, mode.sliding * mechanics.coulomb_N
+
+        def derivative(time: float, state: FloatArray) -> FloatArray:
+            flow = self.feed.flow(mode.feed, line, time, state[:size])
+            contact = self.contact(mode, state)
+            velocity, currents = 0.0 if mode.held else float(state[1]), state[2 : 2 + circuits]
+            result = np.zeros_like(state)
+            if not mode.held:
+                result[0] = velocity
+                result[1] = (flow.net_N + contact - friction) / mechanics.mass_kg
+            result[2 : 2 + circuits] = flow.current_rate_A_s
+            result[2 + circuits : size] = flow.effect_rates
+            result[size] = 0.0 if flow.diode_V else float(flow.voltage_V @ currents)
+            result[size + 1] = float(resistance @ currents**2)
+            result[size + 2] = flow.diode_V * float(currents[0])
+            result[size + 3] = (mechanics.viscous_N_s_per_m * velocity + friction) * velocity
+            result[size + 4] = -contact * velocity
+            return result
+
+        return derivative
+
+    def watches(self, mode: Mode, line: Line, ignored: tuple[str, ...]) -> list[Watch]:
+        """The events that end a mode, or the simulation."""
+        found = [*self._of_motion(mode, line), *self._of_feed(mode, line), *self._of_domain()]
+        return [watch for watch in found if watch.name not in ignored]
+
+    def _of_motion(self, mode: Mode, line: Line) -> list[Watch]:
+        if mode.held:
+            least = self.breakaway()
+
+            def upwards(time: float, state: FloatArray) -> float:
+                return self.net_force(mode, line, time, state) - least
+
+            def downwards(time: float, state: FloatArray) -> float:
+                return -self.net_force(mode, line, time, state) - least
+
+            found = [] if mode.support == "far" else [Watch("up", upwards, 1.0)]
+            return found if mode.support == "near" else [*found, Watch("down", downwards, 1.0)]
+        found = []
+        for side in SIDES:
+            sign = -1.0 if side == "near" else 1.0
+            stop = self.stop(side)
+            if stop is None:
+                continue
+
+            def depth(_: float, state: FloatArray, stop: Stop = stop, sign: float = sign) -> float:
+                return sign * (float(state[0]) - stop.distance_m)
+
+            if stop.stiffness_N_per_m is None:
+                found.append(Watch(f"hits_{side}", depth, 1.0))
+            elif mode.touching == side:  # a body that rises by less is not said to leave
+
+                def risen(time: float, state: FloatArray, at: Reading = depth) -> float:
+                    return at(time, state) + self.least_rebound_m
+
+                found.append(Watch(f"leaves_{side}", risen, -1.0))
+            else:
+                found.append(Watch(f"touches_{side}", depth, 1.0))
+        if mode.sliding:
+            found.append(Watch("still", lambda _, state: float(state[1]), -float(mode.sliding)))
+        return found
+
+    def _of_feed(self, mode: Mode, line: Line) -> list[Watch]:
+        feed, circuit, size = self.feed, self.feed.circuit, self.size
+        if mode.feed == BLOCKED:
+            return [Watch("conducts", lambda time, state: feed.conducts(line, time, state[:size]), 1.0)]
+        if mode.feed == FOLLOWING:
+
+            def volts(time: float, state: FloatArray) -> float:
+                return float(feed.flow(FOLLOWING, line, time, state[:size]).voltage_V[0])
+
+            slack = 1e-9 * max(abs(circuit.voltage_max_V), abs(circuit.voltage_min_V))
+            return [
+                Watch("lags", lambda time, state: volts(time, state) - circuit.voltage_max_V - slack, 1.0),
+                Watch("leads", lambda time, state: circuit.voltage_min_V - slack - volts(time, state), 1.0),
+            ]
+        if mode.feed in {AT_MAX, AT_MIN}:
+            sign = 1.0 if mode.feed == AT_MAX else -1.0
+            return [Watch("reaches", lambda time, state: sign * (line.at(time) - float(state[2])), -1.0)]
+        return [] if feed.diode_V is None else [Watch("blocks", lambda _, state: float(state[2]), -1.0)]
+
+    def _of_domain(self) -> list[Watch]:
+        box = self.domain
+        ranges = {
+            "distance": (0, box.distance_min_m, box.distance_max_m),
+            "current": (2, box.current_min_A, box.current_max_A),
+        }
+        found = []
+        for name, (index, low, high) in ranges.items():
+            slack = SLACK * (high - low)
+
+            def inside(
+                _: float, state: FloatArray, k: int = index, low: float = low - slack, high: float = high + slack
+            ) -> float:
+                return min(float(state[k]) - low, high - float(state[k]))
+
+            found.append(Watch(name, inside, -1.0))
+        return found
+
+    def breakaway(self) -> float:
+        """The least net force in N that moves a body at rest; above the dry friction by what rounding may make."""
+        return self.mechanics.coulomb_N + 1e-9 * self.force_scale_N
+
+    def from_rest(self, mode: Mode, support: Side | None, net: float) -> Mode:
+        """Whether a body at rest stays so or moves, and where to."""
+        up = net > self.breakaway() and support != "far"
+        down = net < -self.breakaway() and support != "near"
+        if not (up or down):
+            return replace(mode, held=True, support=support, sliding=0)
+        return replace(mode, held=False, support=None, sliding=self.slides(1 if up else -1))
+
+    def slides(self, direction: int) -> int:
+        """The direction that dry friction brakes; 0 where there is none."""
+        return direction if self.mechanics.coulomb_N else 0

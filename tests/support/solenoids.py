@@ -1,0 +1,68 @@
+"""Solenoids of which everything is known in closed form."""
+
+import numpy as np
+
+from femfit.device.mechanics import Mechanics, Spring, Stop
+from femfit.model.actuator_model import ActuatorModel, Circuit, ValidityBox
+from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.drive import Drive
+from femfit.model.magnetics import CoenergySpline, Magnetics
+
+LEAKAGE_H, REACH_H_M, SHIFT_M, REFERENCE_M = 5e-3, 3e-5, 1e-3, 2e-3
+"""L(d) = LEAKAGE_H + REACH_H_M / (d + SHIFT_M): 35 mH closed, 11 mH at 4 mm."""
+
+
+def inductance(distance):
+    """L(d) of :func:`solenoid`."""
+    return LEAKAGE_H + REACH_H_M / (distance + SHIFT_M)
+
+
+def solenoid(mechanics: Mechanics | None = None, drive: Drive | None = None, cells: int = 12) -> ActuatorModel:
+    """W' = L(d) i^2 / 2 as a spline in d_0 / (d + s) and i, which holds it to rounding; 12 V, 20 ohm, 25 g."""
+    u = REFERENCE_M / (np.array([6e-3, -0.5e-3]) + SHIFT_M)
+    inner = np.linspace(*u, cells + 1)[1:-1]
+    u_knots, i_knots = np.r_[[u[0]] * 5, inner, [u[1]] * 5], np.r_[[-2.0] * 3, [2.0] * 3]
+    grid, currents = np.linspace(*u, 200), np.linspace(-2.0, 2.0, 7)
+    rows, columns = basis_matrix(grid, u_knots, 4), basis_matrix(currents, i_knots, 2)
+    values = 0.5 * (LEAKAGE_H + REACH_H_M / REFERENCE_M * grid)[:, None] * currents**2
+    coefficients = np.linalg.lstsq(rows, values @ np.linalg.pinv(columns).T, rcond=None)[0]
+    return ActuatorModel(
+        name="solenoid",
+        magnetics=CoenergySpline(REFERENCE_M, TensorSpline(u_knots, i_knots, 4, 2, coefficients), SHIFT_M),
+        validity=ValidityBox(-0.4e-3, 6e-3, -2.0, 2.0),
+        circuit=Circuit(20.0, 0.0 if drive else -12.0, 12.0, drive or Drive()),
+        motion=mechanics
+        or Mechanics(
+            0.025,
+            0.0,
+            springs=(Spring(200.0, 0.1, 4e-3),),
+            near_stop=Stop(0.2e-3, 0.2),
+            far_stop=Stop(4e-3, 0.2),
+        ),
+    )
+
+
+class NoField(Magnetics):
+    """A winding of 10 mH that pulls nothing."""
+
+    def _derivatives(self, _, current, orders):
+        values = {(0, 0): 0.005 * current**2, (0, 1): 0.01 * current, (0, 2): np.full_like(current, 0.01)}
+        return [values.get(order, np.zeros_like(current)) for order in orders]
+
+
+class LinearInductance(Magnetics):
+    """L(d) = L_0 - a d with a constant slope: F = a i^2 / 2."""
+
+    def __init__(self, at_zero_H=0.05, slope_H_m=5.0):
+        self.at_zero, self.slope = at_zero_H, slope_H_m
+
+    def _derivatives(self, distance, current, orders):
+        whole = self.at_zero - self.slope * distance
+        values = {
+            (0, 0): 0.5 * whole * current**2,
+            (1, 0): -0.5 * self.slope * current**2,
+            (0, 1): whole * current,
+            (1, 1): -self.slope * current,
+            (0, 2): whole,
+        }
+        return [np.asarray(values.get(order, np.zeros_like(current))) for order in orders]
