@@ -15,7 +15,6 @@ def compare(
     model: Path,
     data: Path,
     *,
-    reference: Path | None = None,
     pictures: Path | None = None,
     table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
     json: Path | None = None,
@@ -25,13 +24,11 @@ def compare(
     Parameters
     ----------
     model : Path
-        Model file (co-energy reference or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
+        Model file (co-energy or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
         fitted on the fly.
     data : Path
         Bench table, or record over time (with a column time_s), CSV or Parquet; a .toml beside it may declare the
         noise.
-    reference : Path
-        Co-energy model or sweep table that a law was fitted to: tells where the law's own shape is wrong.
     pictures : Path
         Directory for pictures of the misfit over distance and current, and over what else it changes with.
     json : Path
@@ -42,10 +39,10 @@ def compare(
     from femfit.identify.comparison.compare import compare as compared
     from femfit.tables.measurement_file import read_measurement
 
-    require_outputs([model, data, reference], (json, RESULT))
+    require_outputs([model, data], (json, RESULT))
     with status("Comparing"):
         measured = read_measurement(data, **table_options.keywords)
-        comparison = compared(_model(model), measured, reference=None if reference is None else _model(reference))
+        comparison = compared(_model(model), measured)
     written = []
     if pictures is not None:
         from femfit.report.bench_report import save_comparison_pictures

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import DomainError, TableError
+from femfit.core.errors import TableError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
@@ -102,16 +102,6 @@ def test_a_law_is_blamed_for_its_own_shape_before_any_measurement(levitation_mod
     assert comparison.shape.wrong
     assert comparison.shape.force_rms_N == rms
     assert "wrong shape before any measurement" in comparison.shape.sentence
-    beside = compare(law, campaign(levitation_model, 14), reference=levitation_model).shape
-    assert beside.against == "co-energy reference"
-    elsewhere = replace(
-        levitation_model,
-        validity=replace(levitation_model.validity, distance_min_m=0.1, distance_max_m=0.2),
-    )
-    with pytest.raises(DomainError, match=r"valid in 100\.\.200 mm"):
-        compare(law, campaign(levitation_model, 14), reference=elsewhere)
-    assert beside.force_rms_N == pytest.approx(rms, rel=0.1)  # another grid over the same box
-    assert "The law's force is " in beside.sentence
     assert compare(levitation_model, campaign(levitation_model, 14)).shape is None
 
 

@@ -98,7 +98,7 @@ class Comparison:
     mount_assumed : bool
         Whether it is assumed rather than estimated, since there are few mounts.
     shape : ShapeMisfit or None
-        Of a law: how far it is from its own reference, before any measurement.
+        Of a law: how far it is from its own table, before any measurement.
 
     Examples
     --------
@@ -159,12 +159,7 @@ class Comparison:
         return f"<pre>{escape(str(self))}</pre>"
 
 
-def compare(
-    model: ActuatorModel | str | Path,
-    data: Measurement | str | Path,
-    *,
-    reference: ActuatorModel | str | Path | None = None,
-) -> Comparison:
+def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -> Comparison:
     """Compare a model with measurements: misfit per channel against its noise, lack of fit, and where it fails.
 
     Parameters
@@ -172,8 +167,6 @@ def compare(
     model : ActuatorModel or path
     data : BenchTable or TimeSeries, or a path
         What was measured.
-    reference : ActuatorModel, path or None
-        The co-energy that a law was fitted to; without it, the law's file says its misfit to the sweep alone.
 
     Raises
     ------
@@ -186,7 +179,7 @@ def compare(
     >>> comparison.verdict, comparison.where.channel
     ('fails', 'voltage_V')
     """
-    model, reference = model_of(model), None if reference is None else model_of(reference)
+    model = model_of(model)
     observations = placed(model, data)
     campaign = gather(observations, considered_effects())
     if isinstance(campaign, Finding):
@@ -208,7 +201,7 @@ def compare(
         structure=test.lack_of_fit if test else None,
         mount_m=(noise.mount_m or None) if noise else None,
         mount_assumed=bool(noise and noise.mount_assumed),
-        shape=shape_misfit(model, reference, floor.get("force_N")),
+        shape=shape_misfit(model, floor.get("force_N")),
         maps=misfit_maps(observations),
         observations=observations,
         model=model,
