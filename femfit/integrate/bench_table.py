@@ -19,7 +19,7 @@ from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
 from femfit.integrate.plateaus import OffsetMethod, PlateauFlux, PlateauOptions, plateau_flux
 from femfit.integrate.record_watch import RecordWatch
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_block import CoilBlock
@@ -113,7 +113,7 @@ def make_bench_table(
     begins = f"taken as {first:g} Wb"
     if model is not None:
         begins = f"taken from {model.name if isinstance(model, ActuatorModel) else Path(model).name}"
-        first = model if isinstance(model, ActuatorModel) else read_model(Path(model))
+        first = model_of(model)
     rows = _read(record)
     rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
     table, sigma, findings = _table(rows, PlateauOptions(method, settling_s, still_A, still_m), first)

@@ -203,7 +203,7 @@ class ActuatorModel:
         Raises
         ------
         DomainError
-            If a point lies outside of the validity domain and ``extrapolate`` is false.
+            If a point lies outside of the validity domain and ``extrapolate`` is false, or the shapes do not broadcast.
         """
         return self._evaluate(self.magnetics.force, distance, current, extrapolate)
 
@@ -222,7 +222,14 @@ class ActuatorModel:
         current: ArrayLike,
         extrapolate: bool,
     ) -> FloatArray:
-        d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        try:
+            d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+            np.broadcast_shapes(d.shape, i.shape)
+        except (TypeError, ValueError) as error:
+            raise DomainError(
+                "Distance and current must be numbers, or arrays of numbers whose shapes broadcast; instead received "
+                f"{_shape_of(distance)} and {_shape_of(current)}. For a grid, give distance[:, None] and current."
+            ) from error
         if not extrapolate:
             self.validity.require(d, i)
         value: FloatArray = quantity(d, i)[()]  # a number for two numbers
@@ -338,3 +345,10 @@ class ActuatorModel:
             f"Model {self.name!r} must have a {part} for this; it has none. Fit it again with an actuator file that "
             f"gives {keys} (for an imported table: femfit fit TABLE --actuator ACTUATOR.toml)."
         )
+
+
+def _shape_of(values: ArrayLike) -> str:
+    try:
+        return f"shape {np.asarray(values, dtype=np.float64).shape}"
+    except (TypeError, ValueError):
+        return "what is no such array"

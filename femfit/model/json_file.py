@@ -36,7 +36,7 @@ def write_model(model: ActuatorModel, path: str | Path) -> None:
     Raises
     ------
     ModelFileError
-        If a value is not finite, or of a kind that JSON does not have.
+        If it is no model, a value is not finite, or of a kind that JSON does not have.
     OutputError
         If the file there is no model file.
 
@@ -46,6 +46,11 @@ def write_model(model: ActuatorModel, path: str | Path) -> None:
     >>> model = ff.fit_model("runs/rig").model
     >>> ff.write_model(model, "model.json")
     """
+    if not isinstance(model, ActuatorModel):
+        raise ModelFileError(
+            f"What is written must be an ActuatorModel; instead received {type(model).__name__}. Give what read_model "
+            "or fit_model(...).model returns."
+        )
     try:
         text = json.dumps(model_to_dict(model), indent=1, allow_nan=False) + "\n"
     except (TypeError, ValueError) as error:
@@ -63,7 +68,7 @@ def read_model(path: str | Path) -> ActuatorModel:
     Raises
     ------
     ModelFileError
-        If the file is missing, no JSON, newer than this femfit, or damaged.
+        If it is no path, or the file is missing, no JSON, newer than this femfit, or damaged.
 
     Examples
     --------
@@ -72,6 +77,11 @@ def read_model(path: str | Path) -> ActuatorModel:
     >>> model.validity.distance_min_m, model.validity.current_max_A
     (0.015, 1.4)
     """
+    if not isinstance(path, str | Path):
+        raise ModelFileError(
+            f"A model must be an ActuatorModel or the path of a model file; instead received {type(path).__name__}. "
+            "Give what read_model or fit_model(...).model returns."
+        )
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
@@ -79,6 +89,11 @@ def read_model(path: str | Path) -> ActuatorModel:
     except (ValueError, RecursionError) as error:
         raise ModelFileError(f"Model file {path} must be JSON; {error}.") from error
     return model_from_dict(data, str(path))
+
+
+def model_of(model: ActuatorModel | str | Path) -> ActuatorModel:
+    """The model, read where a path is given."""
+    return model if isinstance(model, ActuatorModel) else read_model(model)
 
 
 if TYPE_CHECKING:

@@ -15,9 +15,10 @@ from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
 from femfit.core.outputs import LOOP, require_outputs
+from femfit.core.random_numbers import random_generator
 from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
@@ -210,7 +211,7 @@ def close_loop(
     MissingPartError
         If the model has no circuit, motion or sensor.
     DomainError
-        If the body cannot be held at the reference distances, or there is no such controller, estimator or time.
+        If the body cannot be held at the reference distances, or an argument has no such value.
 
     Examples
     --------
@@ -224,11 +225,15 @@ def close_loop(
     for given, value, known in (("controller", controller, CONTROLLERS), ("estimator", estimator, OBSERVERS)):
         if value not in known:
             raise DomainError(f"There is no {given} {value!r}. Give one of {', '.join(known)}.")
-    if runs < 1:
-        raise DomainError(f"A closed loop must be run at least once; instead received runs={runs}. Give 1 or more.")
+    for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0)):
+        if not isinstance(count, int | np.integer) or count < least:
+            raise DomainError(
+                f"{name} must be a whole number >= {least}; instead received {name}={count!r}. Give 20, say."
+            )
     if seconds is not None and not 0.0 < seconds < np.inf:
         raise DomainError(f"A closed loop must last a time > 0 s; instead received seconds={seconds:g}. Give 1, say.")
-    believed, truth = _model(model), None if plant is None else _model(plant)
+    random = random_generator(rng)
+    believed, truth = model_of(model), None if plant is None else model_of(plant)
     if targets_m is not None:
         believed = replace(believed, reference_distances_m=tuple(float(d) for d in targets_m))
     design = design_loop(believed, noise_V)
@@ -243,9 +248,7 @@ def close_loop(
         dropout_probability=dropout,
     )
     duration = float(len(design.targets_m)) if seconds is None else seconds
-    return run_loops(
-        design, experiment, np.random.default_rng(rng), runs=runs, duration_s=duration, recorded=recorded, plant=truth
-    )
+    return run_loops(design, experiment, random, runs=runs, duration_s=duration, recorded=recorded, plant=truth)
 
 
 def run_loops(
@@ -302,10 +305,6 @@ def run_loops(
         else why_lost(LostLoop(design, experiment, before, runs, steps, supported, plant), result),
         result=result,
     )
-
-
-def _model(model: ActuatorModel | str | Path) -> ActuatorModel:
-    return model if isinstance(model, ActuatorModel) else read_model(Path(model))
 
 
 def _spread(values: FloatArray) -> Spread:

@@ -48,7 +48,7 @@ def match_columns(
     source: str,
     names: Sequence[str],
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
     *,
     guess: bool = False,
     optional: Collection[str] = (),
@@ -81,8 +81,9 @@ def match_columns(
             raise TableError(
                 f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
             )
-    said = _units_by_header(headers, units or {})
-    for_name = {} if guess else units or {}
+    units = {key: str(unit) for key, unit in (units or {}).items()}
+    said = _units_by_header(headers, units)
+    for_name = {} if guess else units
     chosen = {name: headers.index(header) for header, name in given.items()}
     findings: list[Finding] = []
     rivals: dict[str, list[int]] = {}
@@ -112,7 +113,7 @@ def match_columns(
             undecided |= set(rivals[name])
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
-        unit = (units or {}).get(name, said.get(headers[k]))
+        unit = units.get(name, said.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
     unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
     return used, rivals, findings + _unused(unused, names)
@@ -123,7 +124,7 @@ def recognise(
     source: str,
     names: Sequence[str] = BENCH_COLUMNS,
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
 ) -> tuple[list[UsedColumn], list[Finding]]:
     """Find the columns of a measurement, whose headers are names and nothing else, as :func:`match_columns` does."""
     headers = list(headers)

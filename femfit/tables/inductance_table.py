@@ -42,7 +42,7 @@ def is_inductance_table(path: Path) -> bool:
 
 
 def read_inductance_table(
-    path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+    path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str | float] | None = None
 ) -> InductanceTable:
     """Read measured inductances; columns as in :data:`COLUMNS` or in other units (``distance_mm, inductance_mH``)."""
     raw = read_raw_table(path)

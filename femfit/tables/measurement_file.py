@@ -30,7 +30,7 @@ _PROTOCOL_STEP_S = 1.0
 
 
 def read_measurement(
-    path: str | Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+    path: str | Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str | float] | None = None
 ) -> Measurement:
     """Read a measured file: a time series where it has a column of times, else a bench table.
 
@@ -47,7 +47,7 @@ def read_measurement(
     Raises
     ------
     TableError
-        If there is no such file, or it is not such a table.
+        If it is no path, there is no such file, or it is not such a table.
 
     Examples
     --------
@@ -56,6 +56,11 @@ def read_measurement(
     >>> bench.channels
     ('force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V')
     """
+    if not isinstance(path, str | Path):
+        raise TableError(
+            f"A measurement must be what read_measurement returns, or the path of a file; instead received "
+            f"{type(path).__name__}. Give the path of a .csv or .parquet file."
+        )
     path = Path(path)
     raw = read_raw_table(path)
     if "time_s" in (columns or {}).values():
@@ -82,7 +87,7 @@ def read_bench_table(
     *,
     planned: bool = False,
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
 ) -> BenchTable:
     """Read and check a bench measurement, or a plan of one.
 
@@ -120,7 +125,7 @@ def read_columns(
     raw: RawTable,
     names: Sequence[str],
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
 ) -> tuple[pd.DataFrame, list[UsedColumn], list[Finding]]:
     """Read what a file has of some columns, in SI."""
     filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts[k])]
@@ -136,7 +141,7 @@ def _bench_table(
     raw: RawTable,
     path: Path,
     columns: Mapping[str, str] | None,
-    units: Mapping[str, str] | None,
+    units: Mapping[str, str | float] | None,
     planned: bool = False,
 ) -> BenchTable:
     rows, used, findings = read_columns(raw, BENCH_COLUMNS, columns, units)
@@ -196,7 +201,7 @@ def _complete_bench(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _time_series(
-    raw: RawTable, path: Path, columns: Mapping[str, str] | None, units: Mapping[str, str] | None
+    raw: RawTable, path: Path, columns: Mapping[str, str] | None, units: Mapping[str, str | float] | None
 ) -> TimeSeries:
     values, used, findings = read_columns(raw, SERIES_COLUMNS, columns, units)
     given = tuple(name for name in SERIES_COLUMNS if name in values and bool(values[name].notna().any()))

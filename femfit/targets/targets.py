@@ -8,7 +8,7 @@ from typing import Any
 
 from femfit.core.errors import MissingPartError
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.targets.estimator import export_estimator
 
 
@@ -82,6 +82,4 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
     if target is None:
         known = "; ".join(f"{target.name} ({target.description[:-1]})" for target in TARGETS)
         raise MissingPartError(f"Export target must be one of: {known}; instead received {to!r}.")
-    if not isinstance(model, ActuatorModel):
-        model = read_model(Path(model))
-    return Export(target.name, Path(directory), target.export(model, Path(directory)))
+    return Export(target.name, Path(directory), target.export(model_of(model), Path(directory)))

@@ -53,6 +53,8 @@ def test_columns_and_units_can_be_said(tmp_path):
         assert sorted(table.rows["force_N"]) == pytest.approx([GRAM_N * x for x in (70, 130, 250, 480)])
     factor = read_measurement(path, columns=columns, units={"Kanal 2": "1e-3", "Kanal 3": "0.00980665"})
     assert factor.rows["force_N"].tolist() == pytest.approx(read.rows["force_N"].tolist())
+    number = read_measurement(path, columns=columns, units={"Kanal 2": 1e-3, "force_N": 0.00980665})
+    assert number.rows["force_N"].tolist() == pytest.approx(read.rows["force_N"].tolist())
     timed = read_measurement(path, columns=columns | {"Kanal 1": "time_s"})
     assert isinstance(timed, TimeSeries)
 

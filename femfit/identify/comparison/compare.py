@@ -20,8 +20,9 @@ from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import model_of, notes, placed, suspicions
+from femfit.identify.readings.place import notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
 from femfit.tables.measurement import CHANNEL_WORDS, Measurement
 
 CompareVerdict = Literal["agrees", "fails", "wrong_shape", "compare_only"]

@@ -8,6 +8,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
+from femfit.core.random_numbers import random_generator
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.where import Where, where_it_fails
@@ -20,9 +21,10 @@ from femfit.identify.decision.magnitude import detectable_magnitudes, explained_
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.simulate import simulated_noise
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import model_of, placed
+from femfit.identify.readings.place import placed
 from femfit.identify.refit.refit import is_plausible
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement
 
 Progress = Callable[[str], None]
@@ -61,6 +63,8 @@ def diagnose(
     ------
     TableError
         If no reading can be compared, or ``bootstrap`` is negative.
+    DomainError
+        If ``rng`` is no seed.
 
     Examples
     --------
@@ -74,6 +78,7 @@ def diagnose(
             f"The number of simulated clean campaigns must be >= 0; instead received {bootstrap}. Give bootstrap=0 "
             "for none."
         )
+    rng = random_generator(rng)
     say("Reading")
     model = model_of(model)
     return diagnose_observations(model, placed(model, data), exclude=exclude, bootstrap=bootstrap, rng=rng, say=say)
@@ -98,7 +103,7 @@ def diagnose_observations(
     clean = None
     if bootstrap:
         say("Simulating clean campaigns")
-        clean = clean_campaigns(campaign, bootstrap, np.random.default_rng(0 if rng is None else rng))
+        clean = clean_campaigns(campaign, bootstrap, random_generator(rng))
     return replace(_diagnosis(model, campaign, decision, clean), excluded=tuple(dict.fromkeys(exclude)))
 
 

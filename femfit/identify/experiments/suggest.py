@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
 from femfit.effects.catalogue import all_effects, catalogue_order
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration
@@ -36,13 +37,13 @@ from femfit.identify.experiments.separation import (
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.place import model_of
+from femfit.identify.readings.place import measurement_of
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.refit.refit import Refit
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
 from femfit.tables.measurement import CHANNELS, BenchTable, Measurement
-from femfit.tables.measurement_file import read_measurement
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ def suggest(
     Raises
     ------
     TableError
-        If no reading can be compared.
+        If no reading can be compared, or ``diagnosis`` is none.
 
     Examples
     --------
@@ -127,9 +128,14 @@ def suggest(
     >>> len(advice.explanations) > 0
     True
     """
+    if not isinstance(diagnosis, Diagnosis | None):
+        raise TableError(
+            f"What was found in the data must be a Diagnosis; instead received {type(diagnosis).__name__}. Give what "
+            "diagnose returns, or leave it out."
+        )
     say = progress or (lambda _: None)
     model = model_of(model)
-    measured = read_measurement(data) if isinstance(data, str | Path) else data
+    measured = measurement_of(data)
     found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
     explanations, least = _left_together(found)
     names = tuple(" + ".join(fit.names) for fit in explanations)

@@ -5,7 +5,7 @@ prior: without them an effect would mop up a base that is slightly off. They are
 error on runs left out.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -25,7 +25,7 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import model_of, placed
+from femfit.identify.readings.place import measurement_of, placed
 from femfit.identify.refit.add_result import AddResult, Step
 from femfit.identify.refit.refit import Refit, refit
 from femfit.identify.refit.sizes import effect_sizes, suspicious_values
@@ -33,9 +33,9 @@ from femfit.identify.refit.start import Start, starting_point
 from femfit.identify.refit.unseen import UnseenError, channel_rms, unseen_error
 from femfit.identify.signatures.columns import effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
-from femfit.tables.measurement_file import read_measurement
 
 _HELPS = 9.0
 """Conventional: fall of the weighted error on runs left out from which tolerances are used (three deviations)."""
@@ -116,7 +116,7 @@ def add_effects(
     say = progress or (lambda _: None)
     say("Reading")
     model = model_of(model)
-    measured = read_measurement(data) if isinstance(data, str | Path) else data
+    measured = measurement_of(data)
     kept, given, new = _split(model, _names(effects), measured)
     readings = _readings(placed(with_effects(model, kept), measured))
     observations, whitening = readings.observations, readings.whitening
@@ -186,7 +186,7 @@ def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
         if not effects.missing:
             raise TableError("The diagnosis names no effect, so there is nothing to add. Give the names of effects.")
         return [one.name for one in effects.missing]
-    names = [effects] if isinstance(effects, str) else list(effects)
+    names = [effects] if isinstance(effects, str) else list(effects) if isinstance(effects, Iterable) else []
     if not names:
         raise TableError(
             "No effect is given, so there is nothing to add. Give names that list_effects has, or a diagnosis."
