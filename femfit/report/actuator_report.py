@@ -18,7 +18,7 @@ from femfit.fit.ranking import TARGET, Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.content import ReportContent
-from femfit.report.cutaway import OffScreenPicture, draw_off_screen
+from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
 from femfit.report.field_figures import field_figure, line_flux
 from femfit.report.field_sample import FieldSample
@@ -32,16 +32,17 @@ from femfit.report.force_figures import (
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
 from femfit.report.numbers import quantity, significant
-from femfit.report.page import Drawing, picture_uri, render
+from femfit.report.page import Drawing, render
 from femfit.report.parts import all_regions, saturates
 from femfit.report.rating import SMALL, USUAL_KNEES, Rating, copper_share, growth, iron_loads, rate
+from femfit.report.style import data_uri, svg_uri
 from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
 
-Draw = Callable[[Actuator, FieldSample], OffScreenPicture]
+Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
-CUTAWAY, HOW = "cutaway", "how the cut-away was drawn"
+CUTAWAY, NO_CUTAWAY = "cutaway", "why there is no cut-away"
 
 
 def draw_figures(
@@ -56,11 +57,10 @@ def draw_figures(
             cutaway = background.submit(draw, actuator, sample)
         for name, make in _figures(content).items():
             if name not in pictures:
-                pictures[name] = picture_uri(name, make)
+                pictures[name] = svg_uri(make(), name)
         if cutaway is not None:
-            result = cutaway.result()
-            pictures[CUTAWAY] = "" if result.image is None else picture_uri(CUTAWAY, lambda: result.image or b"")
-            pictures[HOW] = result.how
+            image, pictures[NO_CUTAWAY] = cutaway.result()
+            pictures[CUTAWAY] = "" if image is None else data_uri("image/png", image)
     return pictures
 
 

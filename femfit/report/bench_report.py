@@ -37,8 +37,8 @@ from femfit.report.misfit_figures import (
     worst_first,
 )
 from femfit.report.numbers import NOTHING, formula_markup, percent, plain, quantity, significant
-from femfit.report.page import Drawing, picture_uri, render
-from femfit.report.style import style
+from femfit.report.page import Drawing, render
+from femfit.report.style import style, svg_uri
 from femfit.tables.measurement import CHANNEL_WORDS, Measurement
 
 SHOWN = 6
@@ -223,7 +223,7 @@ def save_comparison_pictures(comparison: Comparison, directory: Path) -> list[Pa
 
 
 def _render(facts: Mapping[str, Any], sections: Sequence[str], figures: Mapping[str, Drawing]) -> str:
-    drawn = {name: picture_uri(name, draw) for name, draw in figures.items()}
+    drawn = {name: svg_uri(draw(), name) for name, draw in figures.items()}
     return render("bench.html.j2", {**facts, "sections": sections}, drawn)
 
 

@@ -11,7 +11,7 @@ from femfit import __version__
 from femfit.core.atomic import write_text
 from femfit.core.errors import RunDirectoryError
 from femfit.report.numbers import NOTHING, formula_markup, p_value, percent, plain, quantity, significant
-from femfit.report.style import data_uri, svg_uri, words
+from femfit.report.style import words
 from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
@@ -21,19 +21,12 @@ if TYPE_CHECKING:
 LARGEST_BYTES = 3_000_000
 """A report is one file that can be sent by mail."""
 
-Drawing = Callable[[], "Figure | bytes"]
-"""Makes a picture: a figure, or the bytes of a PNG file."""
+Drawing = Callable[[], "Figure"]
 
 
 def render(template: str, facts: Mapping[str, Any], figures: Mapping[str, str]) -> str:
     """Fill a template with numbers and with the data URIs of pictures by name."""
     return _environment().get_template(template).render(facts, figures=figures)
-
-
-def picture_uri(name: str, draw: Drawing) -> str:
-    """Draw a picture and give its data URI."""
-    drawn = draw()
-    return data_uri("image/png", drawn) if isinstance(drawn, bytes) else svg_uri(drawn, name)
 
 
 @cache

@@ -35,7 +35,7 @@ HALL = hidden("hall_offset", offset_V=0.02)
 @pytest.fixture
 def undrawn(monkeypatch):
     """Pages of which only the words and the names of the pictures are read."""
-    monkeypatch.setattr("femfit.report.bench_report.picture_uri", lambda name, draw: "data:image/svg+xml,")
+    monkeypatch.setattr("femfit.report.bench_report.svg_uri", lambda figure, name: "data:image/svg+xml,")
 
 
 def page_of(model, table, added=(), **more):
