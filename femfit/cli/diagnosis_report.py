@@ -27,19 +27,12 @@ def write_report(
     measured : BenchTable or TimeSeries
         As read from its file.
     """
-    from hashlib import sha256
-
     from femfit.identify.experiments.suggest import suggest
-    from femfit.report.bench_report import content_of, render_diagnosis
+    from femfit.report.bench_report import render_diagnosis
     from femfit.report.page import write_page
+    from femfit.report.write import hashes
 
     advice = suggest(diagnosis.model, measured, diagnosis, progress=say)
     say("Writing the report")
-    content = content_of(
-        measured,
-        diagnosis,
-        suggestions=advice.suggestions,
-        added=added,
-        hashes=tuple((file.name, sha256(file.read_bytes()).hexdigest()) for file in files),
-    )
-    write_page(render_diagnosis(content), path)
+    page = render_diagnosis(diagnosis, measured, suggestions=advice.suggestions, added=added, hashes=hashes(files))
+    write_page(page, path)

@@ -32,10 +32,10 @@ from femfit.report.force_figures import (
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
 from femfit.report.numbers import quantity, significant
-from femfit.report.page import Drawing, render
+from femfit.report.page import render
 from femfit.report.parts import all_regions, saturates
 from femfit.report.rating import SMALL, USUAL_KNEES, Rating, copper_share, growth, iron_loads, rate
-from femfit.report.style import data_uri, svg_uri
+from femfit.report.style import Drawing, data_uri, svg_uri
 from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
@@ -57,7 +57,7 @@ def draw_figures(
             cutaway = background.submit(draw, actuator, sample)
         for name, make in _figures(content).items():
             if name not in pictures:
-                pictures[name] = svg_uri(make(), name)
+                pictures[name] = svg_uri(make, name)
         if cutaway is not None:
             image, pictures[NO_CUTAWAY] = cutaway.result()
             pictures[CUTAWAY] = "" if image is None else data_uri("image/png", image)

@@ -1,7 +1,7 @@
 """A page from a template: the words stand in ``templates/``, the numbers come from the rooms below."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -16,12 +16,9 @@ from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-    from matplotlib.figure import Figure
 
 LARGEST_BYTES = 3_000_000
 """A report is one file that can be sent by mail."""
-
-Drawing = Callable[[], "Figure"]
 
 
 def render(template: str, facts: Mapping[str, Any], figures: Mapping[str, str]) -> str:
