@@ -115,7 +115,7 @@ def ordered_colours(count: int) -> list[tuple[float, float, float, float]]:
 
 
 def svg_uri(draw: Drawing, name: str) -> str:
-    """Draw a figure as the data URI of an SVG image: lines and text stay lines, what is rasterised becomes PNG inside."""
+    """Draw a figure as the data URI of an SVG image; text becomes lines, and what is rasterised PNG inside."""
     buffer = io.BytesIO()
     with style(svg__hashsalt=name):
         draw().savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
