@@ -1,4 +1,4 @@
-"""The pages that are made from femfit itself: actuator file, commands, library, columns and effects.
+"""The pages that are made from femfit itself: actuator file, commands, library, columns, constants and effects.
 
 They are written to ``docs/generated`` before each build, so that no page can say what femfit does not do.
 """
@@ -7,6 +7,7 @@ from pathlib import Path
 from shutil import copyfile
 
 import actuator_file
+import constants
 import effect_pages
 import library
 from sphinx.application import Sphinx
@@ -49,6 +50,7 @@ def _pages() -> dict[str, str]:
         "commands.md": _commands(),
         "library.md": library.page(),
         "columns.md": _columns(),
+        "constants.md": constants.page(),
         **effect_pages.pages(),
     }
 

@@ -11,7 +11,7 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import EffectParameter
 from femfit.effects.words import smallest_visible
 from femfit.identify.comparison.fall import ErrorFall
-from femfit.identify.decision.constants import LEVEL_AFTER
+from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 from femfit.identify.experiments.suggest import Suggestion
 from femfit.identify.readings.observations import Observations

@@ -1,6 +1,7 @@
 """The house rules: format, lint, types, layers, docstrings. One command, pytest, runs them all."""
 
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -31,6 +32,26 @@ def test_tool_finds_nothing(name):
 def test_rooms_import_downwards_only():
     result = run([str(Path(sys.executable).with_name("lint-imports"))])
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+KINDS = ("Derived", "Conventional", "Calibrated", "Assumed", "Numerical")
+NO_DECISION = {
+    "comparison/curves.py": "what a picture shows",
+    "comparison/misfit_maps.py": "what a picture shows",
+    "decision/diagnosis_text.py": "how many names a sentence lists",
+    "series/balances.py": "orders of a Taylor series that is kept for use again",
+}
+
+
+def test_constants_of_the_diagnosis_stand_in_one_file_a_decision_each_with_its_kind():
+    constants = runpy.run_path(str(ROOT / "docs" / "_ext" / "constants.py"))
+    room, files, constants_of = constants["IDENTIFY"], set(constants["FILES"].values()), constants["constants_of"]
+    elsewhere = {
+        path.relative_to(room).as_posix() for path in room.rglob("*.py") if path not in files and constants_of(path)
+    }
+    assert elsewhere == set(NO_DECISION)
+    without_kind = [one.names for path in files for one in constants_of(path) if not one.text.startswith(KINDS)]
+    assert not without_kind
 
 
 def test_continuous_integration_runs_the_readmes_test_command():

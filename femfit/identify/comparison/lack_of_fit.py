@@ -15,15 +15,10 @@ from scipy import stats
 
 from femfit.core.arrays import FloatArray
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
+from femfit.identify.constants import COARSE, SPANNED
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.repeats import repeat_cells
-
-_SPANNED = 1e-4
-"""Squared sine below which a pattern lies in the fitted columns (numerical)."""
-
-_COARSE = (2, 3)
-"""Degrees up to which patterns are tested apart from the finer ones, which would drown a broad misfit."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +61,9 @@ class Group:
         if not fitted.shape[1]:
             return float(along @ along), count
         _, cosine, directions = np.linalg.svd(fitted.T @ self.basis, full_matrices=False)
-        spanned = 1.0 - cosine**2 < _SPANNED
+        spanned = 1.0 - cosine**2 < SPANNED
         part = (directions @ along) ** 2
-        gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, _SPANNED))
+        gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, SPANNED))
         return float(along @ along + part @ gain), count - int(np.count_nonzero(spanned))
 
     def test(self, residual: FloatArray, fitted: FloatArray, variance: float) -> LackOfFit:
@@ -143,8 +138,8 @@ def pattern_space(observations: Observations, whitening: Whitening) -> PatternSp
     columns, degrees = whitening.full(patterns.columns), whitening.noise.degrees_of_freedom
     everything = np.ones(len(patterns.channel), dtype=bool)
     of_channel = [patterns.channel == c for c in np.unique(patterns.channel)]
-    picked = [here & (patterns.degree <= cut) for here in of_channel for cut in _COARSE]
-    picked += [*of_channel, patterns.degree <= _COARSE[0], everything]
+    picked = [here & (patterns.degree <= cut) for here in of_channel for cut in COARSE]
+    picked += [*of_channel, patterns.degree <= COARSE[0], everything]
     distinct = {part.tobytes(): part for part in picked if part.any()}  # a single channel is all of them
     groups = [
         Group(orthonormal_basis(columns[:, part]), float(np.sum(degrees[np.unique(patterns.channel[part])])))

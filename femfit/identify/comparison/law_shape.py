@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 from femfit.core.amount import amount
+from femfit.identify.constants import WRONG_SHAPE
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
-
-_WRONG = 1.0
-"""A law that misses its table by more standard deviations of a reading (rms) has the wrong shape."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ def shape_misfit(model: ActuatorModel, noise_N: float | None) -> ShapeMisfit | N
     ratio = None if noise_N is None else rms / noise_N
     text = f"{name} misses its {misfit.against} by {amount(rms, 'force_N')} rms, at most {amount(largest, 'force_N')}"
     text += "" if ratio is None else f": {ratio:.2g} times the noise of a force reading"
-    wrong = None if ratio is None else ratio > _WRONG
+    wrong = None if ratio is None else ratio > WRONG_SHAPE
     if wrong:
         text += ". The law has the wrong shape before any measurement; compare the co-energy reference instead"
     return ShapeMisfit(name, misfit.against, rms, largest, ratio, wrong, f"{text}.")

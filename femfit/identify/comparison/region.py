@@ -16,30 +16,18 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.ties import first_best
+from femfit.identify.constants import (
+    LEAST_SCORE,
+    LEFT_BY_SHARE,
+    NEXT_TO_NOTHING,
+    NOTHING,
+    OTHER_SIGN,
+    SAME_SHARE,
+    SECOND_WORTH,
+    THRESHOLDS,
+)
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS
-
-_THRESHOLDS = 15
-_LEAST_SCORE = 0.2
-"""Share of the squared misfit beyond the share of readings below which a misfit is everywhere."""
-
-_LEFT_BY_SHARE = 0.05
-"""Part of the squared misfit that one share of the prediction may leave for the misfit to be that share everywhere."""
-
-_SAME_SHARE = 0.25
-"""Part by which the share of the smaller half of the readings may then differ from that of all."""
-
-_NOTHING = 1e-9
-"""Numerical: a misfit over the prediction that is rounding."""
-
-_NEXT_TO_NOTHING = 1e-3
-"""Assumed: part of the largest prediction below which its sign is the fit's own error; as for a magnet that is none."""
-
-_SECOND_WORTH = 0.06
-"""What a second threshold must add to that."""
-
-_OTHER_SIGN = 0.25
-"""Share of the squared misfit from which its other sign is described too."""
 
 _PLACES = {
     "distance_m": ("above {}", "below {}"),
@@ -119,7 +107,7 @@ def misfit_sentence(
     branch : array, shape (n,), or None
         Where the misfit changes with it: +1 and -1.
     """
-    if np.sum(misfit**2) <= _NOTHING**2 * np.sum(base**2):
+    if np.sum(misfit**2) <= NOTHING**2 * np.sum(base**2):
         return f"{subject} is as predicted."
     s, everything = smooth if smooth.any() else misfit, np.ones(len(smooth), dtype=bool)
     scope = everything if branch is None else _stronger_branch(branch, s)
@@ -138,7 +126,7 @@ def misfit_sentence(
     elif both:
         text += ", in both branches"
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
-    if not share and opposite > _OTHER_SIGN * np.sum(s[scope] ** 2):
+    if not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2):
         text += f", and {described(_region(values, s, scope, -sign), -sign)}"
     named = {half.name for half in halves}
     changing = [words for name, words in _CHANGES.items() if name in values and name not in named and not share]
@@ -174,9 +162,9 @@ def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, s
     single = int(np.argmax(np.diag(score)))
     same = np.array([[a.name == b.name for b in halves] for a in halves])
     pair = np.unravel_index(int(np.argmax(np.where(same, -1.0, score))), score.shape)
-    if max(score[single, single], score[pair]) < _LEAST_SCORE:
+    if max(score[single, single], score[pair]) < LEAST_SCORE:
         return []
-    if score[pair] > score[single, single] + _SECOND_WORTH:
+    if score[pair] > score[single, single] + SECOND_WORTH:
         return sorted((halves[int(k)] for k in pair), key=lambda half: half.name)
     return [halves[single]]
 
@@ -185,7 +173,7 @@ def _halves(name: str, x: FloatArray) -> list[_Half]:
     levels = np.unique(x[np.isfinite(x)])
     if len(levels) < 2:
         return []
-    cuts = np.unique(np.linspace(0, len(levels) - 2, min(_THRESHOLDS, len(levels) - 1)).astype(int))
+    cuts = np.unique(np.linspace(0, len(levels) - 2, min(THRESHOLDS, len(levels) - 1)).astype(int))
     values = [_round_between(float(levels[k]), float(levels[k + 1])) for k in cuts]
     return [_Half(name, v, above, np.asarray(x > v if above else x < v)) for v in values for above in (True, False)]
 
@@ -213,13 +201,13 @@ def _is_share(misfit: FloatArray, base: FloatArray, scope: BoolArray) -> bool:
     small = np.abs(b) <= np.median(np.abs(b))
     shares = [float(s[k] @ b[k]) / max(float(b[k] @ b[k]), 1e-300) for k in (np.ones(len(s), dtype=bool), small)]
     left = float(np.sum((s - shares[0] * b) ** 2))
-    same = abs(shares[1] - shares[0]) < _SAME_SHARE * abs(shares[0])
-    return bool(_has_one_sign(b) and same and left < _LEFT_BY_SHARE * np.sum(s**2))
+    same = abs(shares[1] - shares[0]) < SAME_SHARE * abs(shares[0])
+    return bool(_has_one_sign(b) and same and left < LEFT_BY_SHARE * np.sum(s**2))
 
 
 def _has_one_sign(base: FloatArray) -> bool:
     """Whether a prediction never changes its sign, but for readings where it is next to nothing (without current)."""
-    counts = np.abs(base) > _NEXT_TO_NOTHING * np.abs(base).max(initial=0.0)
+    counts = np.abs(base) > NEXT_TO_NOTHING * np.abs(base).max(initial=0.0)
     return bool(np.all(base[counts] > 0.0) or np.all(base[counts] < 0.0))
 
 

@@ -8,11 +8,9 @@ from femfit.core.arrays import FloatArray
 from femfit.core.ties import first_best
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
 from femfit.identify.comparison.region import describe_region
+from femfit.identify.constants import COVARIATE_SHARE
 from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-
-_LEAST_SHARE = 0.05
-"""Part of a channel's structure that a covariate must add to be reported."""
 
 _ALIASES = {"elapsed": "order"}
 """Clocks that mean the same to a reader."""
@@ -101,7 +99,7 @@ def _covariates(
     while len(chosen) < len(names):
         shares = {name: _share(explained([*chosen, name]) - reached, total) for name in names if name not in chosen}
         best = list(shares)[first_best(list(shares.values()))]
-        if shares[best] < _LEAST_SHARE:
+        if shares[best] < COVARIATE_SHARE:
             break
         chosen.append(best)
         reached = explained(chosen)

@@ -12,9 +12,8 @@ from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
-from femfit.identify.decision.constants import OWN_MISFIT
+from femfit.identify.constants import LEAST_REPEATS_AGAINST_DECLARED, OWN_MISFIT
 from femfit.identify.noise.components import estimate_noise, never_varying
-from femfit.identify.noise.constants import LEAST_REPEATS_AGAINST_DECLARED
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start

@@ -18,9 +18,9 @@ from scipy import optimize, stats
 
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import ROUNDING, ranked
+from femfit.identify.constants import LEVEL_AFTER, POWER, TIE
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.candidate import Candidate
-from femfit.identify.decision.constants import LEVEL_AFTER, POWER, TIE
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.tables.measurement import CHANNEL_WORDS
 

@@ -12,10 +12,10 @@ from femfit.core.random_numbers import random_generator
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.where import Where, where_it_fails
+from femfit.identify.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.campaign import Campaign, campaign_remarks, considered_effects, gather
 from femfit.identify.decision.candidate import Candidate
 from femfit.identify.decision.confidence import look_alikes
-from femfit.identify.decision.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.magnitude import detectable_magnitudes, explained_share
 from femfit.identify.decision.naming import Decision, decide

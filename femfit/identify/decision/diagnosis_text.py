@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from femfit.core.amount import amount, probability
 from femfit.effects.catalogue import all_effects
 from femfit.effects.words import smallest_visible
-from femfit.identify.decision.constants import LEVEL_AFTER
+from femfit.identify.constants import BEYOND_NOISE, LEVEL_AFTER
 from femfit.identify.readings.place import notes, suspicions
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -87,7 +87,7 @@ def _scatter(diagnosis: "Diagnosis") -> str:
 
 def beyond_noise(ratio: float, readings: int) -> bool:
     """Whether an error over the noise is more than noise makes it: by three standard deviations of 1 / sqrt(2 n)."""
-    return ratio > 1.0 + 3.0 / math.sqrt(2.0 * readings)
+    return ratio > 1.0 + BEYOND_NOISE / math.sqrt(2.0 * readings)
 
 
 def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:

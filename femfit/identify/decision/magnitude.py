@@ -9,8 +9,8 @@ M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-valida
 import numpy as np
 from scipy import optimize, stats
 
+from femfit.identify.constants import POWER
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import POWER
 from femfit.identify.refit.refit import Refit
 from femfit.identify.refit.start import bounded_amplitudes
 from femfit.identify.refit.unseen import left_out_groups

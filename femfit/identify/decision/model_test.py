@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from femfit.identify.comparison.lack_of_fit import LackOfFit
+from femfit.identify.constants import LEVEL, OWN_MISFIT
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import LEVEL, OWN_MISFIT
 from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.decision.scoring import score_effects
 from femfit.identify.refit.start import Start

@@ -14,8 +14,8 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import first_best, ranked
 from femfit.identify.comparison.lack_of_fit import tail_probability
+from femfit.identify.constants import PAIR_PRICE, ROUNDING, SEEN
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import PAIR_PRICE, ROUNDING, SEEN
 from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.refit.start import Start, bounded_amplitudes

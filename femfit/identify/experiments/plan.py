@@ -14,8 +14,8 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.constants import LEVEL, TIE
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import LEVEL, TIE
 from femfit.identify.decision.magnitude import detectable_magnitudes
 from femfit.identify.experiments.constants import SMALL, VISIBLE
 from femfit.identify.experiments.noise import planned_noise

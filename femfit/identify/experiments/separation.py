@@ -17,17 +17,14 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import ROUNDING
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.decision.constants import NONLINEAR_PRICE, TIE
+from femfit.identify.constants import NONLINEAR_PRICE, TIE
 from femfit.identify.decision.scoring import parameter_price
-from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING
+from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING, VARIANTS
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import refit
 from femfit.identify.refit.start import Start, bounded_amplitudes
 from femfit.identify.signatures.columns import EffectColumns, columns_at, effect_columns
-
-_VARIANTS = 12
-"""Combinations of trial values of two effects' nonlinear parameters that are tried; more would take too long."""
 
 
 def needed_distance(tie: float = TIE) -> float:
@@ -110,7 +107,7 @@ def starting_points(
             found = [*columns_at(fitted[k], observations), *found]
         if found:
             variants.append([_start(one, whitening) for one in found])
-    return [list(starts) for starts, _ in zip(product(*variants), range(_VARIANTS), strict=False)] if variants else []
+    return [list(starts) for starts, _ in zip(product(*variants), range(VARIANTS), strict=False)] if variants else []
 
 
 def _start(one: EffectColumns, whitening: Whitening) -> Start:

@@ -19,8 +19,8 @@ from femfit.core.errors import TableError
 from femfit.effects.catalogue import all_effects, catalogue_order
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration
+from femfit.identify.constants import TIE
 from femfit.identify.decision.confidence import equally_good
-from femfit.identify.decision.constants import TIE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.naming import tie

@@ -19,7 +19,7 @@ from scipy import optimize, stats
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
-from femfit.identify.noise.constants import (
+from femfit.identify.constants import (
     CORRELATION_PRICE,
     LARGEST_CORRELATION,
     LEAST_REPEATS,
@@ -28,15 +28,13 @@ from femfit.identify.noise.constants import (
     PRIOR_MOUNT_M,
     PRIOR_RUN,
     PRIOR_RUN_DOF,
+    SAME_READING,
     TEST_LEVEL,
     UNKNOWN_CHANNEL,
 )
 from femfit.identify.noise.whitening import Chains, NoiseModel, Whitening, chains_of, orthonormal_basis, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.repeats import pure_error, repeat_cells
-
-_ROUNDING = 1e-12
-"""Derived: some thousand roundings of a float, over the largest reading."""
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
@@ -101,7 +99,7 @@ def never_varying(observations: Observations, cells: IntArray | None = None) -> 
         value = pd.Series(observations.value[here]).groupby(cells[here])
         spread = (value.max() - value.min()).to_numpy()
         repeated = int(np.sum(value.size() - 1))
-        if repeated >= LEAST_REPEATS and spread.max() <= _ROUNDING * float(np.abs(observations.value[here]).max()):
+        if repeated >= LEAST_REPEATS and spread.max() <= SAME_READING * float(np.abs(observations.value[here]).max()):
             names.append(name)
     return names
 

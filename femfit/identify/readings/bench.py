@@ -12,6 +12,7 @@ from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
+from femfit.identify.constants import IN_ORDER
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
@@ -19,9 +20,6 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import STILL_CURRENT
-
-_IN_ORDER = 0.75
-"""Assumed: part of the current's steps that must agree with the branches where rows stand in the order of measuring."""
 
 
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
@@ -186,7 +184,7 @@ def _recalled(covariates: pd.DataFrame, nominal: Nominal) -> Mapping[str, FloatA
     same_place = np.append(False, np.diff(in_order["distance_m"].to_numpy()) == 0.0)
     # A branch that changes while the current stands still contradicts the order, but for a turning point read twice
     known = same_place & (branch != 0.0) & ((step != 0.0) | np.append(False, branch[1:] != branch[:-1]))
-    if not known.any() or np.mean(np.sign(step[known]) == branch[known]) < _IN_ORDER:
+    if not known.any() or np.mean(np.sign(step[known]) == branch[known]) < IN_ORDER:
         return {}
     place = np.argsort(in_order.index.to_numpy())
     return {

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.identify.noise.constants import SAME_SETTING
+from femfit.identify.constants import SAME_SETTING
 from femfit.identify.readings.observations import Observations
 
 

@@ -20,6 +20,7 @@ from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.constants import HARMS, HELPS, SETTLED
 from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
@@ -36,15 +37,6 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
-
-_HELPS = 9.0
-"""Conventional: fall of the weighted error on runs left out from which tolerances are used (three deviations)."""
-
-_HARMS = 1.05
-"""Assumed: rise of a channel's error on runs left out from which they are not, whatever the other channels gain."""
-
-_SETTLED = 2.0
-"""Assumed: time constants that the longest run must last for it to show where an effect settles (to 14 %)."""
 
 Base = Literal["auto", "always", "never"]
 
@@ -260,7 +252,7 @@ def _unsettled(observations: Observations, fit: Refit) -> dict[str, dict[str, fl
     into the circuit that nobody has seen.
     """
     clock = observations.column("time_s" if "time_s" in observations.covariates else "order")
-    longest = float(clock.max()) / _SETTLED
+    longest = float(clock.max()) / SETTLED
     result: dict[str, dict[str, float]] = {}
     for k, p in fit.free:
         added = fit.effects[k]
@@ -300,9 +292,9 @@ def _with_tolerances(readings: _Readings, alone: _Fitted, base: Base) -> tuple[_
         return alone, [] if base == "never" else dropped
     start = [*starting_point(observations, readings.whitening, visible, at_null=True), *_restart(alone.fit)]
     together = _fitted(readings, start, {effect.name: TOLERANCE_SD for effect in visible})
-    helps = together.error.chi2 < alone.error.chi2 - _HELPS
+    helps = together.error.chi2 < alone.error.chi2 - HELPS
     limits = alone.error.rms_beside_random
-    harms = any(rms > _HARMS * limits[name] for name, rms in together.error.rms_beside_random.items())
+    harms = any(rms > HARMS * limits[name] for name, rms in together.error.rms_beside_random.items())
     return together if base == "always" or (helps and not harms) else alone, dropped
 
 

@@ -11,7 +11,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
-from femfit.identify.decision.constants import LEVEL_AFTER
+from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.refit.sizes import EffectSize

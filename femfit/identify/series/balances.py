@@ -34,6 +34,7 @@ from femfit.effects.stages import (
     with_further_force,
 )
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.identify.series.constants import SLOWEST
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.actuator_model import Motion as BaseMotion
@@ -125,10 +126,6 @@ def _drop(resistance: float, motion: Motion, point: _Point, effects: Sequence[Ad
     return np.asarray(ohms * point.current + motion.voltage_V - volts)
 
 
-_SLOWEST = 1e-12
-"""Decay over a step below which a state only adds up."""
-
-
 def states_along(
     added: AddedEffect,
     time: FloatArray,
@@ -163,7 +160,7 @@ def states_along(
     )
     result = {}
     for name in memory.names:
-        decay = np.maximum((at_zero[name] - at_one[name]) * np.where(moves, step, 0.0), _SLOWEST)
+        decay = np.maximum((at_zero[name] - at_one[name]) * np.where(moves, step, 0.0), SLOWEST)
         kept = np.where(fresh, 0.0, np.exp(-decay))
         gained = np.where(moves, at_zero[name] * step * -np.expm1(-decay) / decay, 0.0)
         result[name] = _recurrence(np.append(0.0, kept), np.append(0.0, gained))

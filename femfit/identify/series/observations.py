@@ -25,6 +25,7 @@ from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.bench import model_tolerance
 from femfit.identify.readings.observations import Observations
 from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE, model_balances, model_readings, remembered
+from femfit.identify.series.constants import MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.series.measured import (
     MeasuredChannel,
     measure_balances,
@@ -39,12 +40,6 @@ from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.measurement import CHANNEL_WORDS, TimeSeries
-
-_RESTLESS = 1.25
-"""Successive windows that scatter this many times more than the sensors' noise makes have another noise."""
-
-_CHANCE = 3.5
-"""Three standard deviations of a median of magnitudes, times the root of their number (Hampel, 1974)."""
 
 _SHOWN_BY = {FORCE_BALANCE: "force_N", VOLTAGE_BALANCE: "flux_linkage_Wb"}
 """What a bench would have to read to show as much as a balance does."""
@@ -166,8 +161,7 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
             covariates["velocity_m_s"] / (box.distance_max_m - box.distance_min_m),
             covariates["current_rate_A_s"] / (box.current_max_A - box.current_min_A),
         )
-        # A misfit that turns its sign some five times over the domain
-        result[VOLTAGE_BALANCE] = 5.0 * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
+        result[VOLTAGE_BALANCE] = TURNS_OF_MISFIT * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
     return result
 
 
@@ -182,7 +176,7 @@ def _with_scatter(observations: Observations) -> Observations:
         scatter = residual[here] - basis @ (basis.T @ residual[here])
         follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
         seen, known = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
-        if np.isfinite(seen) and not seen <= max(_RESTLESS, 1.0 + _CHANCE / np.sqrt(len(follows))) * known:
+        if np.isfinite(seen) and not seen <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * known:
             noise[name] = seen
             more = f", {seen / known:.1f} times what the sensors' noise makes" if np.isfinite(known) else ""
             findings.append(

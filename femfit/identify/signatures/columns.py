@@ -8,11 +8,8 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
+from femfit.identify.constants import COLUMN_STEP
 from femfit.identify.readings.observations import Observations
-
-_STEP = 1e-3
-"""Step of a difference over the width of a parameter's plausible range."""
-
 
 _NO_MAGNET = "the drawing has no magnet"
 _MAGNET_UNKNOWN = (
@@ -110,7 +107,7 @@ def _trial_values(p: EffectParameter) -> tuple[float, ...]:
 
 def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:
     """Change of the readings per unit of one amplitude: a central difference, one-sided at a bound."""
-    step = _STEP * (p.plausible[1] - p.plausible[0])
+    step = COLUMN_STEP * (p.plausible[1] - p.plausible[0])
     up, down = min(p.null + step, p.upper), max(p.null - step, p.lower)
 
     def at(value: float) -> FloatArray:
