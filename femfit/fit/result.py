@@ -10,9 +10,11 @@ from femfit.core.amount import amount
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
+from femfit.fit.misfit import finer_settings
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel, Misfit
+from femfit.model.magnetics import CoenergySpline
 
 _LABELS_SHOWN = 4
 """So many active constraints are listed; more are counted."""
@@ -70,6 +72,7 @@ class FitResult:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
+        magnetics = self.model.without_effects.magnetics
         return {
             "model": self.law.law.name if self.law else "coenergy",
             "rows": len(self.rows.force),
@@ -78,6 +81,7 @@ class FitResult:
             "law": _law_data(self.law) if self.law else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": _hall_data(self.hall) if self.hall else None,
+            "finer_sweep": finer_settings(magnetics, self.rows) if isinstance(magnetics, CoenergySpline) else None,
             "notes": [*self.of_data, *self.notes],
         }
 

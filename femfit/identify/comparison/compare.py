@@ -1,5 +1,6 @@
 """How far a model is from measurements, against their noise, and where: ``femfit compare``."""
 
+import math
 from dataclasses import asdict, dataclass
 from html import escape
 from pathlib import Path
@@ -15,8 +16,9 @@ from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.diagnosis_text import OWN_MISFIT_WORDS, beyond_noise, mount_words
+from femfit.identify.decision.diagnosis_text import beyond_noise, mount_words
 from femfit.identify.decision.model_test import judge_model
+from femfit.identify.decision.own_misfit import finer_model, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
@@ -72,7 +74,7 @@ class ChannelMisfit:
 _VERDICTS = {
     "agrees": "The model agrees with these data within their noise{scatter}.",
     "fails": "The model fails: {where}",
-    "wrong_shape": OWN_MISFIT_WORDS + " {where}",
+    "wrong_shape": "{own} {where}",
     "compare_only": "No verdict. {why} The misfit: {where}",
 }
 
@@ -98,6 +100,8 @@ class Comparison:
         Standard deviation by which the distance may differ from mount to mount, where that freedom is given.
     mount_assumed : bool
         Whether it is assumed rather than estimated, since there are few mounts.
+    times_own : float
+        Misfit beyond noise over the model's own misfit to its table; infinite where that is none or there is no test.
     shape : ShapeMisfit or None
         Of a law: how far it is from its own table, before any measurement.
 
@@ -116,6 +120,7 @@ class Comparison:
     structure: LackOfFit | None
     mount_m: float | None
     mount_assumed: bool
+    times_own: float
     shape: ShapeMisfit | None
     maps: tuple[MisfitMap, ...]
     observations: Observations
@@ -141,9 +146,11 @@ class Comparison:
         beyond = any(beyond_noise(one.rms / one.noise_floor, one.readings) for one in self.channels if one.noise_floor)
         why = str(self.findings[-1]) if self.findings else ""
         scatter = f" and {freedom}" if freedom and beyond else ""
-        lines = [*suspicions(self.findings)]
-        lines.append(_VERDICTS[self.verdict].format(where=self.where.sentence, scatter=scatter, why=why))
-        lines += [str(one) for one in self.channels]
+        own = own_misfit_sentence(self.observations, self.times_own)
+        verdict = _VERDICTS[self.verdict].format(where=self.where.sentence, scatter=scatter, why=why, own=own)
+        lines = [*suspicions(self.findings), verdict, *map(str, self.channels)]
+        if self.verdict == "wrong_shape":
+            lines.append(finer_model(self.model))
         if self.p_value is not None and self.structure is not None:
             lines.append(
                 f"Lack of fit: {probability(self.p_value)}; misfit {rounded(self.structure.statistic)} times what "
@@ -203,6 +210,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         mount_m=(noise.mount_m or None) if noise else None,
         mount_assumed=bool(noise and noise.mount_assumed),
         shape=shape_misfit(model, floor.get("force_N")),
+        times_own=test.times_own if test else math.inf,
         maps=misfit_maps(observations),
         observations=observations,
         model=model,

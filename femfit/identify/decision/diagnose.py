@@ -97,7 +97,7 @@ def diagnose_observations(
     say("Estimating the noise")
     campaign = gather(observations, considered_effects(exclude))
     if isinstance(campaign, Finding):
-        return _no_verdict(model, observations, campaign)
+        return _no_verdict(model, observations, campaign, exclude)
     say("Scoring the effects")
     decision = decide(campaign)
     clean = None
@@ -195,11 +195,13 @@ def _named_effects(campaign: Campaign, decision: Decision) -> tuple[NamedEffect,
     )
 
 
-def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding) -> Diagnosis:
+def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, exclude: Sequence[str]) -> Diagnosis:
     return Diagnosis(
         verdict="compare_only",
         missing=(),
-        ranking=tuple(ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict") for effect in considered_effects()),
+        ranking=tuple(
+            ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict") for effect in considered_effects(exclude)
+        ),
         where=Where("", (), "Without a test no misfit can be called one."),
         error_fall=error_fall(observations, observations.base, observations.base, observations.declared_noise),
         noise_floor={},
@@ -207,5 +209,6 @@ def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding) 
         clean=None,
         model=model,
         observations=observations,
+        excluded=tuple(dict.fromkeys(exclude)),
         findings=(*observations.findings, why),
     )

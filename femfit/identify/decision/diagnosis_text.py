@@ -7,6 +7,7 @@ from femfit.core.amount import amount, probability
 from femfit.effects.catalogue import all_effects
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import BEYOND_NOISE, LEVEL_AFTER
+from femfit.identify.decision.own_misfit import finer_model, own_misfit_sentence
 from femfit.identify.readings.place import notes, suspicions
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -15,11 +16,8 @@ if TYPE_CHECKING:
 
 _SHOWN, _ALIKE = 8, 4
 
-OWN_MISFIT_WORDS = "Nothing is missing beyond the model's own misfit to the table that it was fitted to."
-
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}.",
-    "own_misfit": OWN_MISFIT_WORDS,
     "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}{own}.",
     "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
     "unexplained": "Something is missing that no effect of the catalogue explains, nor any two of them.",
@@ -37,6 +35,8 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
         lines.append(certainty_sentence(diagnosis))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
+    if diagnosis.own_misfit:
+        lines.append(finer_model(diagnosis.model))
     lines += _evidence(diagnosis)
     skip = diagnosis.findings[-1] if diagnosis.verdict == "compare_only" else None
     return [*lines, *notes(tuple(f for f in diagnosis.findings if f is not skip)), *_could_show(diagnosis)]
@@ -46,11 +46,14 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
     names = " and ".join(one.name for one in diagnosis.missing)
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
-    key = "own_misfit" if diagnosis.own_misfit else diagnosis.verdict
+    if diagnosis.own_misfit and diagnosis.decision is not None:
+        return own_misfit_sentence(diagnosis.observations, diagnosis.decision.test.times_own)
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
     after = diagnosis.lack_of_fit_after
     own = " and its own misfit to the table that it was fitted to" if after and after.p_value <= LEVEL_AFTER else ""
-    return _VERDICTS[key].format(names=names, it=it, explain=explain, why=why, scatter=_scatter(diagnosis), own=own)
+    return _VERDICTS[diagnosis.verdict].format(
+        names=names, it=it, explain=explain, why=why, scatter=_scatter(diagnosis), own=own
+    )
 
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:
@@ -147,7 +150,8 @@ def _could_show(diagnosis: "Diagnosis") -> list[str]:
         (name, smallest_visible(effects[name], amplitudes, nominal))
         for name, amplitudes in diagnosis.detectable.items()
     ]
-    lines = ["These data would have shown, nine times in ten:"]
+    beyond = " beyond the model's own misfit" if diagnosis.own_misfit else ""
+    lines = [f"These data would have shown{beyond}, nine times in ten:"]
     lines += [f"  {name} from: {words}" for name, words in shown if words]
     why: dict[str, list[str]] = {}
     for score in diagnosis.ranking:

@@ -23,7 +23,9 @@ from femfit.identify.constants import TIE
 from femfit.identify.decision.confidence import equally_good
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.identify.decision.naming import tie
+from femfit.identify.decision.own_misfit import finer_model
 from femfit.identify.experiments.constants import COMPARED, SHOWN
 from femfit.identify.experiments.noise import noise_for
 from femfit.identify.experiments.possible import Experiment, possible_experiments
@@ -71,17 +73,19 @@ class Advice:
     # The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be
     suggestions: tuple[Suggestion, ...] = ()
     never: tuple[tuple[str, str], ...] = ()  # Pairs that no measurement that femfit knows would separate
-    # Per effect the measurement that isolates it, for records, to which no readings can be added on trial
+    # Per effect the measurement that isolates it: for records, to which no readings can be added on trial, and where
+    # one name alone is left and is not certain
     isolating: tuple[tuple[str, str], ...] = ()
-    note: str = ""  # Why nothing is advised; empty where there is nothing to say
+    note: str = ""  # Why no measurements are compared; empty where there is nothing to say
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         return vars(self) | {"suggestions": [one.to_dict() for one in self.suggestions]}
 
     def __str__(self) -> str:
+        isolating = [f"{name}: {experiment}" for name, experiment in self.isolating]
         if self.note:
-            return self.note
+            return "\n".join([self.note, *isolating])
         lines = []
         for k, one in enumerate(self.suggestions[:SHOWN]):
             clauses = "; ".join(pairs_in_words([pair[:2] for pair in one.separates]))
@@ -91,8 +95,7 @@ class Advice:
                 lines.append(f"  It does not separate {'; '.join(pairs_in_words(one.remains))}.")
         if self.never:
             lines.append(f"No measurement that femfit knows separates {'; '.join(pairs_in_words(self.never))}.")
-        lines += [f"{name}: {experiment}" for name, experiment in self.isolating]
-        return "\n".join([*lines, f"The data leave {listed(self.explanations, 'or')}."])
+        return "\n".join([*lines, *isolating, f"The data leave {listed(self.explanations, 'or')}."])
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
@@ -140,11 +143,10 @@ def suggest(
     explanations, least = _left_together(found)
     names = tuple(" + ".join(fit.names) for fit in explanations)
     if found.campaign is None or len(explanations) < 2:
-        return Advice(names, note=_nothing_to_separate(found))
+        unsure = [] if _certain(found) else [one.name for one in found.missing]
+        return Advice(names, isolating=_isolating(unsure), note=_nothing_to_separate(found))
     if not isinstance(measured, BenchTable):
-        effects = all_effects()
-        used = dict.fromkeys(name for fit in explanations for name in fit.names)
-        return Advice(names, isolating=tuple((name, effects[name].experiment) for name in used))
+        return Advice(names, isolating=_isolating([name for fit in explanations for name in fit.names]))
     say("Trying measurements")
     noise = found.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations, least)
@@ -161,9 +163,23 @@ def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
     return tuple({fit.names: fit for fit in reversed(fits)}.values())[::-1][:COMPARED], tie(found.campaign, chosen)
 
 
+def _isolating(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    effects = all_effects()
+    return tuple((name, effects[name].experiment) for name in dict.fromkeys(names) if name in effects)
+
+
+def _certain(found: Diagnosis) -> bool:
+    """Whether nothing but what is named would give these readings, of the whole catalogue."""
+    return found.confident and not found.excluded
+
+
 def _nothing_to_separate(found: Diagnosis) -> str:
     if found.campaign is None:
         return str(found.findings[-1])
+    if found.missing and not _certain(found):
+        return f"{certainty_sentence(found)} What checks it:"
+    if found.own_misfit:
+        return f"{verdict_sentence(found)} {finer_model(found.model)}"
     if found.missing:
         name = " + ".join(one.name for one in found.missing)
         return f"There is nothing to separate: of the effects that femfit knows, the data leave {name} alone."
