@@ -1,14 +1,15 @@
-"""The page of the diagnosis' constants, made from the files that hold them."""
+"""The page of the constants of decisions, made from the files that hold them."""
 
 import ast
 from pathlib import Path
 from typing import NamedTuple
 
-IDENTIFY = Path(__file__).parents[2] / "femfit" / "identify"
+PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
-    "What is missing": IDENTIFY / "constants.py",
-    "A record over time as readings": IDENTIFY / "series" / "constants.py",
-    "What to measure next": IDENTIFY / "experiments" / "constants.py",
+    "What is missing": PACKAGE / "identify" / "constants.py",
+    "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
+    "What to measure next": PACKAGE / "identify" / "experiments" / "constants.py",
+    "A table to a model": PACKAGE / "fit" / "constants.py",
 }
 
 
@@ -61,11 +62,11 @@ def page() -> str:
 
 
 _HEAD = """\
-# Constants of the diagnosis
+# Constants of decisions
 
-These are the numbers by which `femfit compare`, `diagnose`, `add` and `suggest` decide. A *derived* number follows from
-something else. A *conventional* one is a usual level. A *calibrated* one was set by trials with known truth, seeds 1 to
-6 of the [study](../trial.md), whose table is of a seed that set nothing. An *assumed* one is an engineer's judgement
-with no calibration behind it. A *numerical* one bounds rounding or time.
+These are the numbers by which `femfit fit`, `compare`, `diagnose`, `add` and `suggest` decide. A *derived* number
+follows from something else. A *conventional* one is a usual level. A *calibrated* one was set by trials with known
+truth, seeds 1 to 6 of the [study](../trial.md), whose table is of a seed that set nothing. An *assumed* one is an
+engineer's judgement with no calibration behind it. A *numerical* one bounds rounding or time.
 
 """

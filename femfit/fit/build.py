@@ -15,12 +15,13 @@ from femfit.core.errors import FitError
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
+from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows
 from femfit.fit.model_parts import kind_of, model_parts, number, sample_time
-from femfit.fit.ranking import MAY_MISS, rank_laws
+from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
@@ -30,8 +31,6 @@ from femfit.tables.variant_choice import choose_variant
 
 COENERGY = "coenergy"
 
-_ROUNDING = 1e-9
-"""What storing numbers in decimals may change, as a part of a quantity's rms."""
 
 ALL = "all"
 
@@ -209,7 +208,7 @@ def _require_as_fitted(written: ActuatorModel, built: Misfit, law: LawFit | None
     ):
         if found is None or fitted is None:
             continue
-        if found > MAY_MISS * fitted and (share is None or share > _ROUNDING):
+        if found > MAY_MISS * fitted and (share is None or share > STORED):
             raise FitError(
                 f"The model of {name} is not written: read back it misses the table's {quantity} by "
                 f"{amount(found, unit, 3)} rms, and the fit by {amount(fitted, unit, 3)}. The law's columns and "

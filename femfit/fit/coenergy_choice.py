@@ -10,39 +10,23 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.coenergy_system import SMOOTHED_DEGREE, U_DEGREE, CoenergyBasis, CoenergySystem
+from femfit.fit.coenergy_system import CoenergyBasis, CoenergySystem
+from femfit.fit.constants import (
+    BENT_CELLS,
+    CELLS_IN_CURRENT,
+    DISTANCES_PER_FUNCTION,
+    FEWEST_CURRENTS,
+    HELD_OUT_TARGET,
+    LEAST_DENSITY,
+    MOST_CELLS,
+    NEARLY_BEST,
+    NEARLY_BEST_BENT,
+    ROUNDS,
+    SHIFTS,
+    SMOOTHED_DEGREE,
+    U_DEGREE,
+)
 from femfit.fit.rows import FitRows
-
-FEWEST_CURRENTS = 3
-FEWEST_DISTANCES = U_DEGREE + 1
-ROUNDS = 3
-"""How often distance and current are searched in turn."""
-
-HELD_OUT_TARGET = 5e-5
-"""The smallest basis whose held-out error is below this fraction is taken: below a good sweep's own error."""
-
-SHIFTS = (0.0, 0.1, 0.3, 1.0, 3.0)
-"""Shifts s of u = d_0 / (d + s) that are tried, as parts of the range of distances: none suits a magnet far from its
-electromagnet, large ones a plunger or a pole with a long gap of its own, where d_0 / d would crowd the distances."""
-
-CELLS_IN_CURRENT = (1, 2, 3, 4, 6)
-BENT_CELLS = (3, 4, 6, 8, 12, 16)
-"""Where the inductance shows a bend, their knots lie denser at it."""
-
-MOST_CELLS = 16
-"""In each direction where the inductance bends: as many functions as a QP with shapes solves in seconds."""
-
-DISTANCES_PER_FUNCTION = 1.2
-"""Beside a bend: with a function of u for each distance, the force between a pot magnet's currents was off by half."""
-
-LEAST_DENSITY = 0.2
-"""Density of knots in the current where the flux linkage is straight, as a part of their largest density."""
-
-NEARLY_BEST = 1.1
-"""Where none reaches the target (noisy rows), the smallest within this factor of the least held-out error."""
-
-NEARLY_BEST_BENT = 1.02
-"""As much where the inductance bends: what misses the target there is the bend, seldom noise."""
 
 
 def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
@@ -97,7 +81,7 @@ def _size(basis: CoenergyBasis) -> int:
     return basis.shape[0] * basis.shape[1]
 
 
-def check_grid(currents: int, distances: int, fewest_distances: int = FEWEST_DISTANCES) -> None:
+def check_grid(currents: int, distances: int, fewest_distances: int = U_DEGREE + 1) -> None:
     """Refuse a grid with fewer currents or distances than any co-energy needs, by a FitError."""
     if currents < FEWEST_CURRENTS or distances < fewest_distances:
         raise FitError(

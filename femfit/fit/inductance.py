@@ -22,6 +22,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.device.load import read_actuator
 from femfit.fit.bounded_qp import non_negative
+from femfit.fit.constants import POOR_CIRCUIT
 from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
 from femfit.fit.model_parts import sample_time
@@ -31,9 +32,6 @@ from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel, Circuit, Motion, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.inductance_table import InductanceTable
-
-POOR = 0.1
-"""Misfit over the inductance's change with the distance that the user is warned of; conventional."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +140,7 @@ def fit_inductance(
     )
     model = as_written(replace(model, sample_time_s=sample_time(model)))
     error = model.magnetics.inductance(table.distance, table.current) - table.inductance
-    if rms(error) > POOR * float(np.ptp(table.inductance)):
+    if rms(error) > POOR_CIRCUIT * float(np.ptp(table.inductance)):
         notes = (
             *notes,
             (

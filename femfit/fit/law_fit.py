@@ -10,6 +10,7 @@ from scipy.stats import t as student
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
+from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (
     FUNCTIONS,
     CoefficientBounds,
@@ -23,9 +24,6 @@ from femfit.fit.rows import FitRows
 from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
 from femfit.laws.law import ForceLaw
 from femfit.model.magnetics import Coefficient, LawMagnetics
-
-STEPS = (0.0, -0.1, 0.1)
-"""Starts beside the law's first guess, as parts of the logarithm of the range between its bounds."""
 
 
 def search_shape(
@@ -68,12 +66,6 @@ def search_shape(
     if not best.success:
         raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
     return named(best.x)
-
-
-NEGLIGIBLE = 5e-4
-"""Part of the weight (or of the rms force) below which a coefficient function's held-out error does not matter."""
-
-JACKKNIFE_BLOCKS = 12
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
+from femfit.fit.constants import COARSE, POOR_CIRCUIT
 from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel, Misfit
 from femfit.model.json_file import model_from_dict, model_to_dict
@@ -63,12 +64,6 @@ def _share(error: float, values: FloatArray) -> float | None:
     size = rms(values)
     return error / size if size > 0.0 else None
 
-
-COARSE = 0.01
-"""Misfit of the force, of its rms or of each point's own, that a co-energy's user is warned of; conventional."""
-
-POOR_CIRCUIT = 0.1
-"""Misfit of flux linkage or inductance, over the rms of the table's, that the user is warned of; conventional."""
 
 _UNITS_ASSUMED = "assumed-units"
 

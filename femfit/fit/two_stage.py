@@ -17,11 +17,10 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
+from femfit.fit.constants import FEWEST_CURRENTS
 from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, term_bounds
 from femfit.fit.rows import FitRows
 from femfit.laws.law import ForceLaw
-
-FEWEST_CURRENTS = 3
 
 
 @dataclass(frozen=True, eq=False)

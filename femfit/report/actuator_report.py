@@ -13,8 +13,9 @@ from femfit.core.amount import axis_scale
 from femfit.core.constants import GRAVITY
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
+from femfit.fit.constants import TARGET
 from femfit.fit.law_fit import LawFit
-from femfit.fit.ranking import TARGET, Ranking
+from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.content import ReportContent

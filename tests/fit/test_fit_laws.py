@@ -7,9 +7,10 @@ import pytest
 
 from femfit.core.errors import FitError
 from femfit.fit import bounded_qp
+from femfit.fit.constants import TARGET
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import fit_law, law_sigma
-from femfit.fit.ranking import TARGET, rank_laws, ranking_folds
+from femfit.fit.ranking import rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN, law_by_name
 from femfit.laws.dipole_disk import DIPOLE_DISK

@@ -36,20 +36,20 @@ def test_rooms_import_downwards_only():
 
 KINDS = ("Derived", "Conventional", "Calibrated", "Assumed", "Numerical")
 NO_DECISION = {
-    "comparison/curves.py": "what a picture shows",
-    "comparison/misfit_maps.py": "what a picture shows",
-    "decision/diagnosis_text.py": "how many names a sentence lists",
-    "series/balances.py": "orders of a Taylor series that is kept for use again",
+    "fit/bounded_qp.py": "tolerances of the solver, beside the solver",
+    "fit/result.py": "how many labels a sentence lists",
+    "identify/comparison/curves.py": "what a picture shows",
+    "identify/comparison/misfit_maps.py": "what a picture shows",
+    "identify/decision/diagnosis_text.py": "how many names a sentence lists",
+    "identify/series/balances.py": "orders of a Taylor series that is kept for use again",
 }
 
 
-def test_constants_of_the_diagnosis_stand_in_one_file_a_decision_each_with_its_kind():
+def test_constants_of_fit_and_diagnosis_stand_in_one_file_a_decision_each_with_its_kind():
     constants = runpy.run_path(str(ROOT / "docs" / "_ext" / "constants.py"))
-    room, files, constants_of = constants["IDENTIFY"], set(constants["FILES"].values()), constants["constants_of"]
-    elsewhere = {
-        path.relative_to(room).as_posix() for path in room.rglob("*.py") if path not in files and constants_of(path)
-    }
-    assert elsewhere == set(NO_DECISION)
+    package, files, constants_of = constants["PACKAGE"], set(constants["FILES"].values()), constants["constants_of"]
+    others = {path for room in ("fit", "identify") for path in (package / room).rglob("*.py")} - files
+    assert {path.relative_to(package).as_posix() for path in others if constants_of(path)} == set(NO_DECISION)
     without_kind = [one.names for path in files for one in constants_of(path) if not one.text.startswith(KINDS)]
     assert not without_kind
 
