@@ -172,12 +172,12 @@ THRESHOLDS = 15
 """Numerical: thresholds that are tried along a covariate."""
 
 LEAST_SCORE, SECOND_WORTH = 0.2, 0.06
-"""Assumed: share of the squared misfit beyond the share of readings below which a misfit is everywhere, and what a
-second threshold must add to it."""
+"""Assumed: share of the squared misfit beyond the share of readings below which no part of the range is named,
+and what a second threshold must add to it."""
 
 LEFT_BY_SHARE, SAME_SHARE = 0.05, 0.25
-"""Assumed: a misfit is one share of the prediction everywhere where that leaves this part of its square, and the share
-of the smaller half of the readings differs from that of all by less than this part."""
+"""Assumed: a misfit is one share of the prediction where that leaves this part of its square; and it is everywhere where
+its size in the smaller half of the readings differs from that in all by less than this part."""
 
 NOTHING, NEXT_TO_NOTHING = 1e-9, 1e-3
 """Numerical: a misfit over the prediction that is rounding; and part of the largest prediction below which its sign is

@@ -81,9 +81,9 @@ def match_columns(
             raise TableError(
                 f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
             )
-    units = {key: str(unit) for key, unit in (units or {}).items()}
-    said = _units_by_header(headers, units)
-    for_name = {} if guess else units
+    texts = {key: str(unit) for key, unit in (units or {}).items()}
+    said = _units_by_header(headers, texts)
+    for_name = {} if guess else texts
     chosen = {name: headers.index(header) for header, name in given.items()}
     findings: list[Finding] = []
     rivals: dict[str, list[int]] = {}
@@ -113,7 +113,7 @@ def match_columns(
             undecided |= set(rivals[name])
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
-        unit = units.get(name, said.get(headers[k]))
+        unit = texts.get(name, said.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
     unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
     return used, rivals, findings + _unused(unused, names)

@@ -75,6 +75,19 @@ def test_a_share_of_the_force_is_everywhere_in_any_order_of_the_rows_and_without
     assert "time" not in sentence
 
 
+def test_a_misfit_that_halves_over_the_range_is_not_said_to_be_everywhere(levitation_model):
+    """A distance 0.1 mm off, which re-mounts may explain: the force is 1.1 % off at 16 mm and 0.6 % at 43 mm."""
+    d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.016, 0.043, 10), [0.2, 0.5, 0.8, 1.1, 1.3]))
+    rows = pd.concat([pd.DataFrame({"run": run, "distance_m": d, "current_A": i}) for run in (1.0, 2.0, 3.0)])
+    noise = 2e-5 * np.random.default_rng(1).standard_normal(len(rows))
+    force = levitation_model.force(rows["distance_m"].to_numpy() + 1e-4, rows["current_A"].to_numpy()) + noise
+    rows = rows.assign(force_N=force, order=np.arange(len(rows), dtype=float), branch=0.0).reset_index(drop=True)
+    rows = rows.assign(**dict.fromkeys([name for name in (*SETTINGS, *CHANNELS) if name not in rows], np.nan))
+    sentence = compare(levitation_model, BenchTable(rows, ("run", "distance_m", "current_A", "force_N"))).where.sentence
+    assert "everywhere" not in sentence
+    assert " % low on average" in sentence
+
+
 @pytest.fixture
 def ball_model(levitation_model):
     """F = c i^2 / d^2: no magnet."""

@@ -8,7 +8,7 @@ References
 L. Breiman, J. H. Friedman, R. A. Olshen and C. J. Stone, Classification and Regression Trees (Wadsworth, 1984).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,7 +117,8 @@ def misfit_sentence(
 
     def described(halves: Sequence[_Half], sign: float) -> str:
         rows = scope if share else scope & _inside(halves, len(s)) & (sign * s > 0.0)
-        place = " and ".join(half.words() for half in halves) if halves else "everywhere"
+        alike = "everywhere" if _is_alike(misfit[rows], base[rows]) else "on average"
+        place = " and ".join(half.words() for half in halves) if halves else alike
         return f"{_size(misfit[rows], base[rows], channel)} {place}"
 
     text = f"{subject} is {described(halves, sign)}"
@@ -149,7 +150,7 @@ def _stronger_branch(branch: FloatArray, s: FloatArray) -> BoolArray:
 
 
 def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, sign: float) -> list[_Half]:
-    """At most two thresholds, of different covariates; none where the misfit of that sign is everywhere."""
+    """At most two thresholds, of different covariates; none where no part of the range stands out."""
     weight = np.where(scope & (sign * s > 0.0), s**2, 0.0)
     halves = [half for name, x in values.items() for half in _halves(name, x)]
     if not halves or weight.sum() <= 0.0:
@@ -198,11 +199,27 @@ def _inside(halves: Sequence[_Half], count: int) -> BoolArray:
 def _is_share(misfit: FloatArray, base: FloatArray, scope: BoolArray) -> bool:
     """Whether one share of the prediction is next to all of a misfit, large readings and small ones alike."""
     s, b = misfit[scope], base[scope]
-    small = np.abs(b) <= np.median(np.abs(b))
-    shares = [float(s[k] @ b[k]) / max(float(b[k] @ b[k]), 1e-300) for k in (np.ones(len(s), dtype=bool), small)]
-    left = float(np.sum((s - shares[0] * b) ** 2))
-    same = abs(shares[1] - shares[0]) < SAME_SHARE * abs(shares[0])
-    return bool(_has_one_sign(b) and same and left < LEFT_BY_SHARE * np.sum(s**2))
+    left = float(np.sum((s - _share(s, b) * b) ** 2))
+    return bool(_has_one_sign(b) and _same_in_small_readings(_share, s, b) and left < LEFT_BY_SHARE * np.sum(s**2))
+
+
+def _is_alike(s: FloatArray, base: FloatArray) -> bool:
+    """Whether the size that is said of a misfit is also that of its small readings."""
+    return _same_in_small_readings(_share if _is_relative(s, base) else _constant, s, base)
+
+
+def _same_in_small_readings(size: Callable[[FloatArray, FloatArray], float], s: FloatArray, base: FloatArray) -> bool:
+    small = np.abs(base) <= np.median(np.abs(base))
+    whole = size(s, base)
+    return abs(size(s[small], base[small]) - whole) < SAME_SHARE * abs(whole)
+
+
+def _share(s: FloatArray, base: FloatArray) -> float:
+    return float(s @ base) / max(float(base @ base), 1e-300)
+
+
+def _constant(s: FloatArray, _: FloatArray) -> float:
+    return float(np.mean(s))
 
 
 def _has_one_sign(base: FloatArray) -> bool:
@@ -211,14 +228,20 @@ def _has_one_sign(base: FloatArray) -> bool:
     return bool(np.all(base[counts] > 0.0) or np.all(base[counts] < 0.0))
 
 
+def _is_relative(s: FloatArray, base: FloatArray) -> bool:
+    """Whether a share of the prediction, less than all of it, describes a misfit better than a constant."""
+    share, constant = _share(s, base), _constant(s, base)
+    nearer = np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2)
+    return bool(_has_one_sign(base) and abs(share) < 1.0 and nearer)
+
+
 def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
-    """In per cent of the prediction where that describes it better than a constant and is less than all, else in SI.
+    """In per cent of the prediction where that describes it better than a constant, else in SI.
 
     In per cent, high means larger in magnitude; in SI, larger with its sign.
     """
-    share = float(s @ base) / max(float(base @ base), 1e-300)
-    constant = float(np.mean(s))
-    if _has_one_sign(base) and abs(share) < 1.0 and np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2):
+    share, constant = _share(s, base), _constant(s, base)
+    if _is_relative(s, base):
         return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}"
     return f"{amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
 
