@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
-from femfit.core.errors import TableError
+from femfit.core.errors import UsageError
 
 
 def suggest(
@@ -48,6 +48,6 @@ def suggest(
         elif plan is not None and data is None:
             result = examine_plan(actuator, read_bench_table(plan, planned=True, **table_options.keywords))
         else:
-            raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
+            raise UsageError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
     write_json(json, result.to_dict())
     print(result)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from femfit.core.errors import TableError
+from femfit.core.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -40,5 +40,5 @@ NO_TABLE_OPTIONS = TableOptions()
 def _pair(text: str, option: str, example: str) -> tuple[str, str]:
     header, mark, value = text.rpartition("=")
     if not (mark and header.strip() and value.strip()):
-        raise TableError(f"{option} must be HEADER={example} or the like; instead received {text!r}.")
+        raise UsageError(f"{option} must be HEADER={example} or the like; instead received {text!r}.")
     return header.strip(), value.strip()

@@ -11,7 +11,7 @@ import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.constants import GRAVITY
-from femfit.core.errors import FitError
+from femfit.core.errors import FitError, UsageError
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
@@ -74,6 +74,8 @@ def fit_model(
 
     Raises
     ------
+    UsageError
+        If there is no such law, constraint or coefficient function, or a value is out of its range.
     TableError
         If the table cannot be fitted at all.
     FitError
@@ -146,18 +148,18 @@ def _check_options(
     positive: Mapping[str, float | None],
 ) -> None:
     if law not in {None, ALL, *all_laws()}:
-        raise FitError(
+        raise UsageError(
             f"The model must be {COENERGY}, {ALL} or a law ({', '.join(all_laws())}); instead received {law!r}."
         )
     for_one_law = [name for name, value in (("bounds", bounds), ("functions", functions)) if value]
     if for_one_law and law in {None, ALL}:
-        raise FitError(
+        raise UsageError(
             f"{' and '.join(for_one_law)} can be given for one law only; instead received model {law or COENERGY!r}. "
             "Leave out the option or name a law."
         )
     for name, value in positive.items():
         if value is not None and not (np.isfinite(value) and value > 0):
-            raise FitError(f"{name} must be > 0; instead received {value:g}.")
+            raise UsageError(f"{name} must be > 0; instead received {value:g}.")
 
 
 def _coenergy(
@@ -186,7 +188,7 @@ def _actuator_entry(
     entry.update(actuator or {})
     if supply_V is not None:
         if not supply_V[0] < supply_V[1]:
-            raise FitError(f"The supply's lowest voltage must be below its highest; instead received {supply_V}.")
+            raise UsageError(f"The supply's lowest voltage must be below its highest; instead received {supply_V}.")
         entry["voltage_min_V"], entry["voltage_max_V"] = supply_V
     if mass_kg is not None:
         entry["mass_kg"] = mass_kg

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import UsageError
 from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system, determined
@@ -58,7 +58,7 @@ def fit_coenergy(
     names = tuple(obeyed_shapes(rows) if constraints is None else constraints)
     unknown = [name for name in names if name not in SHAPES]
     if unknown:
-        raise FitError(f"Shape constraints must be among {', '.join(SHAPES)}; instead received {', '.join(unknown)}.")
+        raise UsageError(f"Shape constraints must be among {', '.join(SHAPES)}; instead received {', '.join(unknown)}.")
     system = coenergy_system(rows)
     basis, held_out = choose_basis(system)
     matrix, value, sigma = system.equations(basis)

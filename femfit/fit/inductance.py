@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import FitError, UsageError
 from femfit.device.load import read_actuator
 from femfit.fit.bounded_qp import non_negative
 from femfit.fit.constants import POOR_CIRCUIT
@@ -95,7 +95,7 @@ def fit_inductance(
         Actuator file, for the mass, resistance and supply that are not given themselves.
     """
     if law in {"coenergy", "all"}:
-        raise FitError(
+        raise UsageError(
             f"Inductances without forces give a law; --model must name one, for example two-exponentials, "
             f"instead of {law}."
         )

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import FitError, UsageError
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
 from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (
@@ -127,7 +127,7 @@ def fit_law(
         On every c_k(i); None for the law's own.
     """
     if functions is not None and (len(functions) != len(law.basis) or not set(functions) <= set(FUNCTIONS)):
-        raise FitError(
+        raise UsageError(
             f"Coefficient functions must be one of {', '.join(FUNCTIONS)} for each of {len(law.basis)} columns "
             f"({', '.join(law.basis)}); instead received {', '.join(functions)}."
         )

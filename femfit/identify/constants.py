@@ -176,8 +176,8 @@ LEAST_SCORE, SECOND_WORTH = 0.2, 0.06
 and what a second threshold must add to it."""
 
 LEFT_BY_SHARE, SAME_SHARE = 0.05, 0.25
-"""Assumed: a misfit is one share of the prediction where that leaves this part of its square; and it is everywhere where
-its size in the smaller half of the readings differs from that in all by less than this part."""
+"""Assumed: a misfit is one share of the prediction where that leaves this part of its square; and it is everywhere
+where its size in the smaller half of the readings differs from that in all by less than this part."""
 
 NOTHING, NEXT_TO_NOTHING = 1e-9, 1e-3
 """Numerical: a misfit over the prediction that is rounding; and part of the largest prediction below which its sign is

@@ -194,7 +194,7 @@ def _build(top: Section) -> ActuatorModel:
 
 def _effect_from(section: Section) -> AddedEffect:
     section.refuse_others(("name", "parameters", "ci95"))
-    effect = effect_by_name(section.text("name"))
+    effect = section.item("name", effect_by_name)
     names = tuple(p.name for p in effect.parameters)
     parameters, intervals = section.section("parameters"), section.section("ci95")
     parameters.refuse_others(names)
@@ -241,7 +241,7 @@ def _magnetics_from(section: Section) -> Magnetics:
         return CoenergySpline(*_spline_from(section))
     if kind != "law":
         raise section.refusal("kind", "coenergy_spline or law")
-    law = law_by_name(section.text("law"))
+    law = section.item("law", law_by_name)
     section.section("shape").refuse_others(tuple(p.name for p in law.shape))
     return LawMagnetics(
         law_name=law.name,

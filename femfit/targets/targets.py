@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from femfit.core.errors import MissingPartError
+from femfit.core.errors import UsageError
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.targets.estimator import export_estimator
@@ -69,8 +69,10 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
 
     Raises
     ------
+    UsageError
+        If there is no such target.
     MissingPartError
-        If there is no such target, or the model lacks what it needs.
+        If the model lacks what it needs.
 
     Examples
     --------
@@ -81,5 +83,5 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
     target = next((target for target in TARGETS if target.name == to), None)
     if target is None:
         known = "; ".join(f"{target.name} ({target.description[:-1]})" for target in TARGETS)
-        raise MissingPartError(f"Export target must be one of: {known}; instead received {to!r}.")
+        raise UsageError(f"Export target must be one of: {known}; instead received {to!r}.")
     return Export(target.name, Path(directory), target.export(model_of(model), Path(directory)))

@@ -61,7 +61,7 @@ def test_the_new_model_remembers_its_measurement_and_simulates_and_exports(added
 
 def test_an_unknown_effect_is_refused_with_those_that_there_are(files):
     done = femfit("add", files / "model.json", "gremlins", files / "bench.csv", "-o", files / "x.json")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "core_saturation" in done.stderr
     assert not (files / "x.json").exists()
 

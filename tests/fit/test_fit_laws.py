@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import FitError
+from femfit.core.errors import FitError, UsageError
 from femfit.fit import bounded_qp
 from femfit.fit.constants import TARGET
 from femfit.fit.law_columns import default_bounds
@@ -119,7 +119,7 @@ def test_single_bounds_override_those_of_the_law(paper_rows):
     np.testing.assert_array_equal(box.upper, [5e-9, np.inf])
     fit = fit_law(F1E, paper_rows, box)
     assert np.all(fit.stage_one.coefficients[:, 0] <= 5e-9)
-    with pytest.raises(FitError, match="none of 'd"):
+    with pytest.raises(UsageError, match="none of 'd"):
         default_bounds(F1E).with_single(F1E, {"d^-3": (0.0, 1.0)})
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import ModelFileError, TableError
+from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -181,7 +181,7 @@ def test_what_cannot_be_fitted_is_refused_with_the_remedy(levitation_model):
     no_hall = replace(table, given=tuple(name for name in table.given if name != "hall_V"))
     with pytest.raises(TableError, match=r"hall_offset cannot be fitted.*lack hall_V"):
         add_effects(levitation_model, no_hall, ["hall_offset"])
-    with pytest.raises(ModelFileError, match="must be one of"):
+    with pytest.raises(UsageError, match="must be one of"):
         add_effects(levitation_model, table, ["gremlins"])
     once = table.rows[(table.rows["branch"] > 0) & (table.rows["run"] == 1)].reset_index(drop=True)
     with pytest.raises(TableError, match="Measure some settings twice"):

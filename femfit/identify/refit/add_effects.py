@@ -88,7 +88,7 @@ def add_effects(
 
     Raises
     ------
-    ModelFileError
+    UsageError
         If no effect has a name.
     TableError
         If the data cannot show an effect, their noise is unknown, or they are too few.
