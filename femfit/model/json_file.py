@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.atomic import write_text
+from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import ModelFileError
 from femfit.core.outputs import MODEL, require_outputs
 from femfit.effects.catalogue import effect_by_name
@@ -184,8 +185,8 @@ def _build(top: Section) -> ActuatorModel:
         reference_distances_m=tuple(top.array("reference_distances_m", 1).tolist()),
         covariance=None if top.data.get("covariance") is None else top.array("covariance", 2),
         provenance=dict(top.section("provenance").data),
-        coil_temperature_C=top.number("coil_temperature_C", absent=REFERENCE_TEMPERATURE_C),
-        magnet_temperature_C=top.number("magnet_temperature_C", absent=REFERENCE_TEMPERATURE_C),
+        coil_temperature_C=top.number("coil_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
+        magnet_temperature_C=top.number("magnet_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         kind=kind.record(ActuatorKind) if kind else None,
     )
     added = top.sections("effects") if top.data.get("effects") else ()

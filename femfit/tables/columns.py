@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
+from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
@@ -203,11 +204,23 @@ def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFra
     for column in used:
         values[column.name], said = _values(raw, column)
         findings += said
+        if column.name.endswith("_temperature_C"):
+            _require_possible(raw, column, values[column.name])
     if raw.ragged:
         lines = listing(raw.ragged)
         text = f"Line{'s' * (len(raw.ragged) > 1)} {lines} of {raw.source} had more or fewer cells than column names."
         findings.append(Finding("cells", "warning", f"{text} Nothing was read there."))
     return pd.DataFrame(values), findings
+
+
+def _require_possible(raw: RawTable, column: UsedColumn, values: FloatArray) -> None:
+    cold = np.flatnonzero(values < ABSOLUTE_ZERO_C)
+    if len(cold):
+        raise TableError(
+            f"Column {quoted(column.header)!r} of {raw.source} must be a temperature above absolute zero, "
+            f"{ABSOLUTE_ZERO_C:g} °C; line {raw.lines[cold[0]]} holds {values[cold[0]]:g} °C. Leave a cell empty where "
+            "no temperature was read."
+        )
 
 
 def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding]]:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from femfit.core.errors import DomainError, FemfitError, ModelFileError, TableError
+from femfit.core.errors import DomainError, FemfitError, ModelFileError, TableError, UsageError
 from femfit.identify.comparison.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.suggest import suggest
@@ -66,3 +66,9 @@ def test_what_is_no_diagnosis_and_no_names_is_refused(files):
 def test_what_is_no_seed_is_refused_before_anything_is_read(rng):
     with pytest.raises(DomainError, match=str(rng)):
         diagnose("absent.json", "absent.csv", rng=rng)
+
+
+@pytest.mark.parametrize("part", ["coil_temperature_C", "magnet_temperature_C"])
+def test_a_temperature_below_absolute_zero_is_refused(files, part):
+    with pytest.raises(UsageError, match="-300 "):
+        add_effects(*files, "friction", **{part: -300.0})

@@ -12,7 +12,8 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.core.errors import TableError
+from femfit.core.constants import ABSOLUTE_ZERO_C
+from femfit.core.errors import TableError, UsageError
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
@@ -89,7 +90,7 @@ def add_effects(
     Raises
     ------
     UsageError
-        If no effect has a name.
+        If no effect has a name, or a temperature is below absolute zero.
     TableError
         If the data cannot show an effect, their noise is unknown, or they are too few.
 
@@ -105,6 +106,12 @@ def add_effects(
     voltage_V: 15.1 -> 1.0 times the noise
     >>> ff.write_model(better.model, "better.json")
     """
+    for part, temperature in (("coil", coil_temperature_C), ("magnet", magnet_temperature_C)):
+        if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
+            raise UsageError(
+                f"The {part}'s temperature must be above absolute zero, {ABSOLUTE_ZERO_C:g} °C; instead received "
+                f"{temperature:g} °C. Leave it out for what was recorded."
+            )
     say = progress or (lambda _: None)
     say("Reading")
     model = model_of(model)
