@@ -82,6 +82,8 @@ def further_effects(
 
 def best_pairs(whitened_residual: FloatArray, best: Sequence[Start], leading: int, wanted: int) -> list[list[Start]]:
     """The most promising pairs of effects to first order."""
+    if len(best) < 2:
+        return []
     left, triangle = np.linalg.qr(np.concatenate([one.whitened for one in best], axis=1))
     target = left.T @ whitened_residual  # the pairs' problems are solved in this small space
     ends = np.cumsum([0] + [one.count for one in best])
