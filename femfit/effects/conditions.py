@@ -63,7 +63,7 @@ class Nominal:
         return self.mass_kg * abs(self.gravity_m_s2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Conditions:
     """What else is known of every point; each an array of shape (n,) or a float that holds for all."""
 

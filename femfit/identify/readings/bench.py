@@ -1,12 +1,13 @@
 """A bench table beside a model: the readings that can be compared, and what the effects need to know of each row."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.amount import amount
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects
@@ -60,16 +61,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             "model's range."
         )
     channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
-
-    def stacked(values: Mapping[str, FloatArray]) -> FloatArray:
-        return np.concatenate([values[name][piece] for name, piece in zip(channels, pieces, strict=True)])
-
-    def predict(effects: Iterable[AddedEffect]) -> FloatArray:
-        return stacked(predict_readings(model, d, i, conditions, (*model.effects, *effects)))
-
-    def moved(distance_m: float, current_A: float) -> FloatArray:
-        return stacked(predict_readings(model, d + distance_m, i + current_A, conditions))
-
+    predict = _BenchPrediction(model, d, i, conditions, dict(zip(channels, pieces, strict=True)))
+    moved, stacked = predict.moved, predict.stacked
     steps = (
         1e-3 * (nominal.distance_max_m - nominal.distance_min_m),
         1e-3 * max(nominal.current_max_A - nominal.current_min_A, 1e-9),
@@ -96,6 +89,32 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         findings=(*table.findings, *findings, *_declared_settings(declared)),
         present=tuple(added.effect.name for added in model.effects),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _BenchPrediction:
+    """What a model predicts of a bench table's readings, as one vector."""
+
+    model: ActuatorModel
+    # Of the table's rows; shape (N,)
+    distance_m: FloatArray
+    current_A: FloatArray
+    conditions: Conditions
+    rows: Mapping[str, IntArray]  # Of each channel
+
+    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
+        return self._predicted(self.distance_m, self.current_A, (*self.model.effects, *effects))
+
+    def moved(self, distance_m: float, current_A: float) -> FloatArray:
+        """The readings at other distances and currents."""
+        return self._predicted(self.distance_m + distance_m, self.current_A + current_A, self.model.effects)
+
+    def _predicted(self, d: FloatArray, i: FloatArray, effects: tuple[AddedEffect, ...]) -> FloatArray:
+        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects))
+
+    def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
+        """Values of the rows as one vector, channel after channel."""
+        return np.concatenate([values[name][piece] for name, piece in self.rows.items()])
 
 
 def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:

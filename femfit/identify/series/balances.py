@@ -18,6 +18,7 @@ G. E. Blelloch, IEEE Transactions on Computers 38 (1989) 1526: linear recurrence
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -187,14 +188,22 @@ _ORDERS = (2, 3)
 """In distance and current, up to which effects ask for the base's series."""
 
 
-def remembered(coenergy: CoenergySeries, distance: FloatArray, current: FloatArray) -> CoenergySeries:
+@dataclass(frozen=True, eq=False)
+class RememberedCoenergy:
     """A co-energy that is evaluated once at the points that most effects ask for: these very arrays."""
-    series = coenergy(distance, current, *_ORDERS)
-    series.coefficients.flags.writeable = False
 
-    def evaluate(d: FloatArray, i: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-        if d is distance and i is current and in_distance <= _ORDERS[0] and in_current <= _ORDERS[1]:
-            return series.truncated(in_distance, in_current)
-        return coenergy(d, i, in_distance, in_current)
+    coenergy: CoenergySeries
+    distance: FloatArray
+    current: FloatArray
 
-    return evaluate
+    @cached_property
+    def _series(self) -> TaylorSeries:
+        series = self.coenergy(self.distance, self.current, *_ORDERS)
+        series.coefficients.flags.writeable = False
+        return series
+
+    def __call__(self, d: FloatArray, i: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
+        """Taylor coefficients at points (n,) in m and A."""
+        if d is self.distance and i is self.current and in_distance <= _ORDERS[0] and in_current <= _ORDERS[1]:
+            return self._series.truncated(in_distance, in_current)
+        return self.coenergy(d, i, in_distance, in_current)
