@@ -1,7 +1,6 @@
 """Checks of a model as its file holds it: misfit, circuit, signs, the range that its supply can hold, its sensor."""
 
 from dataclasses import asdict, dataclass, replace
-from html import escape
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,6 +10,7 @@ from femfit.audit.carried import COLD_C, WARM_C, CarriedRange, carried_range
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError
+from femfit.core.printed import Printed
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel, HallSensor, Misfit
@@ -68,8 +68,8 @@ class AuditFinding:
     recomputed: float | None = None
 
 
-@dataclass(frozen=True)
-class Audit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Audit(Printed):
     """All conclusions of an audit."""
 
     findings: tuple[AuditFinding, ...]
@@ -87,9 +87,6 @@ class Audit:
             total += f", {self.count('stated')} only as the file states"
         ordered = [one for severity in _SEVERITIES for one in self.findings if one.severity == severity]
         return "\n".join([total, *(f"{one.severity}: {one.about}: {one.sentence}" for one in ordered)])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""

@@ -7,7 +7,9 @@ distance d it stands shifted by +d.
 
 from dataclasses import dataclass, replace
 
+from femfit.core.amount import amount, amount_range
 from femfit.core.constants import MU_0
+from femfit.core.printed import Printed
 
 REFERENCE_TEMPERATURE = 20.0
 """In degC, of all material values."""
@@ -124,8 +126,8 @@ class SweepAxes:
     distances_m: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class Actuator:
+@dataclass(frozen=True, repr=False)
+class Actuator(Printed):
     """An electromagnet (fixed) and a body that moves along its axis.
 
     Parameters
@@ -159,3 +161,23 @@ class Actuator:
     description: str = ""
     reference_distances_m: tuple[float, ...] = ()
     tolerance: float | None = None
+
+    def __str__(self) -> str:
+        coil, sweep = self.coil, self.sweep
+        currents, distances = (
+            f"{len(values)} {name} {amount_range(min(values), max(values), unit, 3)}"
+            for values, name, unit in ((sweep.currents_A, "currents", "A"), (sweep.distances_m, "distances", "m"))
+        )
+        lines = [
+            f"{self.name}{': ' * bool(self.description)}{self.description}",
+            *(
+                f"{part}: {', '.join(f'{one.name} ({one.material.name})' for one in regions) or 'nothing'}"
+                for part, regions in (("fixed", self.fixed), ("moving", self.moving.regions))
+            ),
+            f"moving mass {amount(self.moving.mass_kg, 'kg', 3)}",
+            f"coil of {coil.turns:g} turns, {amount(coil.resistance_ohm, 'ohm', 3)}",
+            f"supply {self.supply.voltage_min_V:g} to {self.supply.voltage_max_V:g} V",
+            f"Hall element of {amount(self.hall.sensitivity_V_per_T, 'V/T', 3)}" if self.hall else "no Hall element",
+            f"sweep: {currents}, {distances}",
+        ]
+        return "\n".join(lines)

@@ -35,7 +35,7 @@ class FieldPair:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coefficients:
     """What :meth:`LinearSystem.evaluate` gives; shapes and units as in :mod:`femfit.field.point_rows`."""
 

@@ -29,7 +29,7 @@ BEYOND_CURVE = "beyond_bh_curve"
 """Not a column of the table; the sweep's manifest counts it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DistanceSolution:
     """One distance: three coefficients of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A."""
 
@@ -70,7 +70,7 @@ def superpose(currents: FloatArray, solution: DistanceSolution) -> dict[str, Flo
     return columns
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointSolution:
     """One current at one distance, in SI units.
 

@@ -11,7 +11,6 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from html import escape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, UsageError
+from femfit.core.printed import Printed
 from femfit.device.load import read_actuator
 from femfit.fit.bounded_qp import non_negative
 from femfit.fit.constants import POOR_CIRCUIT
@@ -34,8 +34,8 @@ from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.inductance_table import InductanceTable
 
 
-@dataclass(frozen=True, eq=False)
-class InductanceFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class InductanceFit(Printed):
     """A model and how far it is from the inductances."""
 
     model: ActuatorModel
@@ -71,9 +71,6 @@ class InductanceFit:
                 *(f"note: {note}" for note in (*self.of_data, *self.notes)),
             ]
         )
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
 
 def fit_inductance(

@@ -1,7 +1,6 @@
 """From a record of a coil's voltage to a bench table: the flux linkage on each plateau, and what looks wrong."""
 
 from dataclasses import dataclass, field, replace
-from html import escape
 from json import dumps
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from femfit.core.atomic import replacing, write_text
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.outputs import BENCH, NOTES, require_outputs
+from femfit.core.printed import Printed
 from femfit.effects.conditions import Conditions
 from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
 from femfit.integrate.plateaus import OffsetMethod, PlateauFlux, PlateauOptions, plateau_flux
@@ -29,8 +29,8 @@ from femfit.tables.measurement_file import read_columns, read_raw_table
 NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]
 
 
-@dataclass(frozen=True, eq=False)
-class BenchFlux:
+@dataclass(frozen=True, eq=False, repr=False)
+class BenchFlux(Printed):
     """A bench table, a row a plateau, whose flux linkage was integrated from a coil's voltage.
 
     ``noise_Wb`` is the standard uncertainty of a row's flux linkage from the voltage's noise, rms over the rows;
@@ -52,9 +52,6 @@ class BenchFlux:
         if self.output is not None:
             lines.append(f"written: {self.output}, {self.output.with_suffix('.toml')}")
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, without the rows."""

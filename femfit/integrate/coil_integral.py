@@ -1,18 +1,18 @@
 """What integrating a coil's voltage gave, as it is printed and as JSON."""
 
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from femfit.core.finding import Finding
+from femfit.core.printed import Printed
 from femfit.integrate.methods import FEED_FORWARD, Method
 
 
-@dataclass(frozen=True, eq=False)
-class CoilIntegral:
+@dataclass(frozen=True, eq=False, repr=False)
+class CoilIntegral(Printed):
     """What integrating a coil's voltage gave.
 
     Parameters
@@ -80,9 +80,6 @@ class CoilIntegral:
             *(f"written: {path}" for path in (self.field_model, self.output) if path is not None),
         ]
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, without the rows."""

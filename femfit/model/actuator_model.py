@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError, MissingPartError
+from femfit.core.printed import Printed
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
+from femfit.model.model_text import model_lines
 
 # Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
 
@@ -132,8 +134,8 @@ class Misfit:
     inductance_share: float | None = None
 
 
-@dataclass(frozen=True)
-class ActuatorModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ActuatorModel(Printed):
     """An actuator as the estimator and the simulator need it.
 
     Parameters
@@ -189,6 +191,9 @@ class ActuatorModel:
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
     kind: ActuatorKind | None = None
     provenance: Mapping[str, Any] = limited(default_factory=dict)
+
+    def __str__(self) -> str:
+        return "\n".join(model_lines(self))
 
     def force(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Magnetic force on the moving part in N, positive towards smaller distance.

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
 from femfit.core.outputs import LOOP, require_outputs
+from femfit.core.printed import Printed
 from femfit.core.random_numbers import random_generator
 from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
@@ -49,8 +49,8 @@ class Spread:
     upper: float
 
 
-@dataclass(frozen=True, eq=False)
-class LoopSummary:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopSummary(Printed):
     """What many runs of one closed loop came to; printed, it says so in a few lines.
 
     Parameters
@@ -102,9 +102,6 @@ class LoopSummary:
 
     def __str__(self) -> str:
         return "\n".join([*self._lines(), "", *design_lines(self.design)])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def _lines(self) -> list[str]:
         seconds = self.steps * self.design.model.sample_time_s

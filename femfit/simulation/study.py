@@ -13,7 +13,6 @@ the noise.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from html import escape
 from itertools import product
 from typing import Any
 
@@ -22,6 +21,7 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
+from femfit.core.printed import Printed
 from femfit.filters.theory import ConsistencyBand, consistency_band, noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
@@ -119,8 +119,8 @@ class SpectrumPair:
     filtered_m: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedLoopStudy:
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosedLoopStudy(Printed):
     """Everything that command line, report and run show of the closed loop."""
 
     design: LoopDesign
@@ -137,9 +137,6 @@ class ClosedLoopStudy:
 
     def __str__(self) -> str:
         return "\n".join(_lines(self))
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def data(self) -> dict[str, Any]:
         """The numbers without time series and spectra, ready for JSON; what does not exist is null."""

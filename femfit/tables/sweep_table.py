@@ -5,7 +5,6 @@ Written by the sweep and by the importer of FEMM tables, read by the fit; both k
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
+from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
 from femfit.tables.settings_file import read_settings
 
@@ -27,8 +27,8 @@ KINDS = ("sweep", "import")
 """Kinds of manifest; what such a table holds was checked when it was made."""
 
 
-@dataclass(frozen=True)
-class SweepTable:
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepTable(Printed):
     """A sweep table with its manifest.
 
     Parameters
@@ -67,7 +67,7 @@ class SweepTable:
         )
 
     def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>{self.rows.to_html(max_rows=12)}"
+        return super()._repr_html_() + str(self.rows.to_html(max_rows=12))
 
 
 def write_sweep_table(table: SweepTable, directory: Path) -> Path:

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
 from femfit.core.errors import UsageError
+from femfit.core.printed import Printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.targets.estimator import export_estimator
@@ -21,8 +21,8 @@ class ExportTarget:
     export: Callable[[ActuatorModel, Path], tuple[Path, ...]]
 
 
-@dataclass(frozen=True)
-class Export:
+@dataclass(frozen=True, eq=False, repr=False)
+class Export(Printed):
     """What was exported: the target's name, the directory and the files in it.
 
     Examples
@@ -40,9 +40,6 @@ class Export:
     def __str__(self) -> str:
         example = self.directory / "example.py"
         return f"{self.directory}: {self.target}, {len(self.files)} files; try python {example}"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; the files relative to the directory."""

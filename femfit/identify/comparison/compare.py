@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import asdict, dataclass
-from html import escape
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from femfit.core.amount import amount, probability, rounded
 from femfit.core.finding import Finding
+from femfit.core.printed import Printed
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
 from femfit.identify.comparison.law_shape import ShapeMisfit, shape_misfit
 from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
@@ -79,8 +79,8 @@ _VERDICTS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Printed):
     """The result of a comparison; printed, it is what ``femfit compare`` prints.
 
     Parameters
@@ -162,9 +162,6 @@ class Comparison:
             lines.append(self.shape.sentence)
         said = self.findings[:-1] if self.verdict == "compare_only" else self.findings
         return "\n".join([*lines, *notes(said)])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
 
 def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -> Comparison:

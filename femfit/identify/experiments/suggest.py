@@ -6,7 +6,6 @@ at the old and the new settings are explained by each other one (:mod:`femfit.id
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from html import escape
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import pandas as pd
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
+from femfit.core.printed import Printed
 from femfit.effects.catalogue import all_effects, catalogue_order
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration
@@ -65,8 +65,8 @@ class Suggestion:
         return {name: getattr(self, name) for name in ("text", "cost", "separates", "remains")}
 
 
-@dataclass(frozen=True)
-class Advice:
+@dataclass(frozen=True, eq=False, repr=False)
+class Advice(Printed):
     """What to measure next; printed, it is what ``femfit suggest`` prints."""
 
     explanations: tuple[str, ...]
@@ -96,9 +96,6 @@ class Advice:
         if self.never:
             lines.append(f"No measurement that femfit knows separates {'; '.join(pairs_in_words(self.never))}.")
         return "\n".join([*lines, *isolating, f"The data leave {listed(self.explanations, 'or')}."])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
 
 def suggest(

@@ -37,7 +37,7 @@ _FINAL = frozenset(("distance",))  # no model is defined at a distance of zero o
 _NOT_A_NUMBER = "no number in the imported table"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImportedTable(SweepTable):
     """A sweep table that was imported, and what was concluded about it.
 
