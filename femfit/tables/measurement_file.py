@@ -1,6 +1,7 @@
 """Measured files, CSV or Parquet with an optional sidecar, to checked bench tables and time series."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
+from femfit.core.quoted import quoted
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, recognise
 from femfit.tables.measurement import (
     CHANNELS,
@@ -27,6 +29,7 @@ from femfit.tables.text_table import parse_table
 from femfit.tables.time_series_checks import check_clock, check_readings
 
 _PROTOCOL_STEP_S = 1.0
+"""Chosen: a hand writes down no two readings in a second, and no motion of an actuator is sampled so slowly."""
 
 
 def read_measurement(
@@ -69,17 +72,22 @@ def read_measurement(
     clock = next((header for header, column in matched.items() if column and column.name == "time_s"), None)
     if clock is None:
         return _bench_table(raw, path, columns, units)
-    if _is_protocol(raw, clock):
-        return _bench_table(raw, path, {clock: "order", **(columns or {})}, units)
-    return _time_series(raw, path, columns, units)
-
-
-def _is_protocol(raw: RawTable, header: str) -> bool:
-    """Whether somebody wrote down the time of day of each reading, a second or more apart."""
-    moments = clock_seconds(raw.text(header), header)
-    return (
-        moments is not None and len(moments) > 1 and float(np.nanmedian(np.diff(np.sort(moments)))) >= _PROTOCOL_STEP_S
+    step = _step_of_moments(raw, clock)
+    if step < _PROTOCOL_STEP_S:
+        return _time_series(raw, path, columns, units)
+    table = _bench_table(raw, path, {clock: "order", **(columns or {})}, units)
+    text = (
+        f"The moments in {quoted(clock)!r} are {step:.3g} s apart, where a record over time has samples less than "
+        f"{_PROTOCOL_STEP_S:g} s apart: the rows were taken for readings at rest, and the moments for their order. For "
+        f"a record, say --column {quoted(clock)}=time_s."
     )
+    return replace(table, findings=(Finding("protocol", "info", text, size=step, column="order"), *table.findings))
+
+
+def _step_of_moments(raw: RawTable, header: str) -> float:
+    """Median time in s between the times of day that somebody wrote down beside the readings; 0 for other columns."""
+    moments = clock_seconds(raw.text(header), header)
+    return 0.0 if moments is None or len(moments) < 2 else float(np.nanmedian(np.diff(np.sort(moments))))
 
 
 def read_bench_table(
@@ -209,10 +217,11 @@ def _time_series(
     if not any(name in SERIES_CHANNELS for name in given):
         missing.append(f"one of {', '.join(SERIES_CHANNELS)}")
     if missing:
+        unread = " ".join(one.text for one in findings if one.column in missing)
         raise TableError(
             f"A time series must have time_s and at least one channel, with numbers in them; {path} lacks "
-            f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). Rename the columns "
-            "or add them."
+            f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). "
+            f"{unread and unread + ' '}Rename the columns or add them, or leave out the times of readings at rest."
         )
     sidecar = read_sidecar(path, SERIES_CHANNELS, used)
     rows, lost = _complete_series(values)
