@@ -121,10 +121,15 @@ def _is_alone(
 def _surrounded(offset: FloatArray) -> bool:
     """Whether a reading lies between its neighbours in every direction they lie in, so that they interpolate it.
 
-    Zero is inside the hull of the offsets x_j, and not on its border, if sum_j w_j x_j = 0 with every w_j > 0.
+    Zero is inside the hull of the offsets x_j, and not on its border, if sum_j w_j x_j = 0 with every w_j > 0. Where
+    the weights are not found, the reading is not called surrounded, and is kept.
     """
     total = -offset.sum(axis=0)
-    return bool(nnls(offset.T, total)[1] <= _ROUNDING * max(float(np.abs(offset).sum()), 1e-300))
+    try:
+        norm = nnls(offset.T, total)[1]
+    except RuntimeError:  # the most iterations that nnls does
+        return False
+    return bool(norm <= _ROUNDING * max(float(np.abs(offset).sum()), 1e-300))
 
 
 def _slipped(k: int, neighbours: IntArray, value: FloatArray, predicted: FloatArray) -> bool:
