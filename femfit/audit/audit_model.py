@@ -11,6 +11,7 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError
 from femfit.core.printed import Printed
+from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel, HallSensor, Misfit
@@ -329,10 +330,11 @@ def _current_at(model: ActuatorModel, distance: float, carried: CarriedRange) ->
 
 def _sensor(sensor: HallSensor, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     """Whether the output stays within its range, and what the converter adds to the noise."""
-    volts = sensor.voltage(d, i)
+    field = sensor.field.field(d, i)
+    volts, where = sensor.voltage(d, i), where_clipped(sensor, d, i, field)
     clipped = float(np.mean((volts <= sensor.output_min_V) | (volts >= sensor.output_max_V)))
     text = f"its output goes from {float(volts.min()):.3g} to {float(volts.max()):.3g} V over the validity domain"
-    text += f" and is clipped in {100 * clipped:.2g} % of it." if clipped else ", within its range."
+    text += f" and is clipped in {100 * clipped:.2g} % of it: {where}. {REMEDY}" if where else ", within its range."
     findings = [AuditFinding("hall_range", "note" if clipped else "holds", "Hall output", text, None, clipped)]
     step = sensor.quantisation_step / np.sqrt(12.0)
     if sensor.noise_V > 0.0 and step > 0.0:

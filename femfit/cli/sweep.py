@@ -43,7 +43,7 @@ def sweep(
     from femfit.device.summary import remarks
     from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import summarise
+    from femfit.field.sweep_rows import clipped_hall, summarise
 
     require_outputs([actuator], (json, RESULT))
     variants = read_variants(actuator)
@@ -62,7 +62,7 @@ def sweep(
     write_json(json, summary)
     points = f"{summary['rows']} points" + (f" of {len(variants.variants)} variants" if variants.columns else "")
     print(f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}")
-    for remark in remarks(variants.actuator):
+    for remark in (*remarks(variants.actuator), *clipped_hall(variants, table)):
         print(f"  {remark}")
     for reason, count in summary["failures"].items():
         print(f"  {count} points {reason}")

@@ -11,6 +11,7 @@ import numpy as np
 from femfit.audit.carried import COLD_C, WARM_C, carried_range
 from femfit.core.amount import axis_scale
 from femfit.core.constants import GRAVITY
+from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
 from femfit.fit.constants import TARGET
@@ -264,8 +265,12 @@ def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
     other = zero + (step if zero[0] + step <= box.current_max_A else -step)
     slope = (sensor.field.field(d, other) - sensor.field.field(d, zero)) / (other - zero)
     idle = sensor.field.field(d, zero)
+    levels = np.linspace(box.current_min_A, box.current_max_A, 15)
+    places, currents = (x.ravel() for x in np.meshgrid(d, levels))
     return {
         "sensor": sensor,
+        "clipped": where_clipped(sensor, places, currents, sensor.field.field(places, currents)),
+        "remedy": REMEDY,
         "near_T": float(idle[0]),
         "far_T": float(idle[-1]),
         "slope_T_per_A": float(slope[np.argmax(np.abs(slope))]),

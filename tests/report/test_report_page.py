@@ -89,6 +89,17 @@ def test_the_chapters_follow_the_kind_of_actuator(rig_page, plunger_page):
     assert "magnet" not in plunger_page.text
 
 
+def test_a_solenoid_has_a_holding_force_and_a_hanging_body_has_none(plunger_page, rig_page):
+    assert "The holding force, that at the shortest distance, 15 mm, is" in plunger_page.text
+    assert "holding force" not in rig_page.text
+
+
+def test_a_clipped_hall_element_is_said_on_the_page(rig_content, rig_figures):
+    sensor = replace(rig_content.model.sensor, sensitivity_V_per_T=500.0)
+    page = Page(render_report(replace(rig_content, model=replace(rig_content.model, sensor=sensor)), rig_figures))
+    assert "Its output is clipped at 5 V from 15" in page.text
+
+
 def test_every_picture_says_what_it_shows(rig_page):
     wanted = {"cutaway", "actuator", "stroke", "coil", "field", "force-curves", "force-map", "hall"}
     assert wanted <= set(rig_page.images)
