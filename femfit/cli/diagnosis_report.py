@@ -18,15 +18,7 @@ def write_report(
     added: "AddResult | None" = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Write the report of a diagnosis, or of what was added.
-
-    Parameters
-    ----------
-    files : (Path, Path)
-        The model's and the measurement's.
-    measured : BenchTable or TimeSeries
-        As read from its file.
-    """
+    """Write the report of a diagnosis, or of what was added, on the files of a model and of a measurement."""
     from femfit.identify.experiments.suggest import suggest
     from femfit.report.bench_report import render_diagnosis
     from femfit.report.page import write_page

@@ -11,33 +11,14 @@ from femfit.core import atomic
 
 
 def write_json(path: Path | None, result: Mapping[str, Any]) -> None:
-    """Write a command's result where ``--json FILE`` asked for it.
-
-    Parameters
-    ----------
-    path : Path or None
-        Of the file; None writes nothing.
-    result : mapping
-        JSON-ready.
-    """
+    """Write a command's JSON-ready result where ``--json FILE`` asked for it."""
     if path is not None:
         atomic.write_json(path, {**result, "written_by": f"femfit {__version__}"})
 
 
 @contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
-    """What is being done, on standard error, quiet when that is no terminal.
-
-    Parameters
-    ----------
-    text : str
-        What is being done first.
-
-    Yields
-    ------
-    callable
-        To be called with what is being done now.
-    """
+    """What is being done, on standard error, quiet when that is no terminal; yields what changes it."""
     if not sys.stderr.isatty():
         yield lambda _: None
         return

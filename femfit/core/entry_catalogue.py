@@ -44,10 +44,7 @@ class EntryCatalogue(Generic[Item]):
     def find(self, name: str, entries: Callable[[], Iterable[EntryPoint]]) -> Item:
         """Look up an item; only the package that gives it is loaded.
 
-        Parameters
-        ----------
-        entries : callable
-            Gives those of the catalogue's group; called only for a name that is not built in.
+        ``entries`` gives those of the catalogue's group; it is called only for a name that is not built in.
 
         Raises
         ------

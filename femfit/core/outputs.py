@@ -70,12 +70,7 @@ _LARGEST_TEXT = 2**24
 def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, str | None]) -> None:
     """Refuse outputs that would replace an input, each other or a file of another kind, or are named as another format.
 
-    Parameters
-    ----------
-    inputs : iterable of Path or None
-        What the command reads; None stands for an option that was not given.
-    outputs : (Path or None, str or None)
-        What it writes and of which kind, one of this module's; None is the kind of the file's suffix.
+    A path of None stands for an option that was not given, a kind of None for that of the file's suffix.
     """
     read = {path.resolve(): path for path in inputs if path is not None}
     written: dict[Path, Path] = {}

@@ -28,10 +28,7 @@ def describe(added: AddedEffect, nominal: Nominal) -> list[str]:
 def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: Nominal) -> str:
     """The smallest size of an effect that data would show, as a clause; empty where none lies within its bounds.
 
-    Parameters
-    ----------
-    magnitudes : mapping of str to float
-        Per amplitude taken alone; the one that needs the least part of its plausible range is said.
+    Magnitudes are of each amplitude taken alone; the one that needs the least part of its plausible range is said.
     """
     parts = [
         (magnitudes[p.name] / p.width, p)

@@ -25,12 +25,8 @@ from femfit.field.stress import OtherForces, weight
 class LinearActuator:
     """One mesh of an actuator with linear materials, to be stretched over a group of distances.
 
-    Parameters
-    ----------
-    group : tuple of float
-        Distances that share the mesh, in m, ascending.
-    estimate : bool
-        Whether every distance is also solved one order lower, for the force's error.
+    The group's distances are in m, ascending; with ``estimate`` each is also solved one order lower, for the force's
+    error.
     """
 
     def __init__(

@@ -25,17 +25,9 @@ FIELD_COLUMNS = ("force_N", "flux_linkage_Wb", "inductance_H", "coenergy_J", "ha
 
 
 def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result]) -> "pd.DataFrame":
-    """The rows of a sweep.
+    """The rows of a sweep, by variant, current and distance; the parameters' columns last.
 
-    Parameters
-    ----------
-    results : mapping
-        By number of the variant, from 1, and distance in m: ``status``, and ``rows`` where there are any.
-
-    Returns
-    -------
-    DataFrame
-        In the order of the variants, then currents, then distances; the parameters' columns last.
+    Results are by number of the variant, from 1, and distance in m: ``status``, and ``rows`` where there are any.
     """
     import pandas as pd  # noqa: PLC0415  loads while the workers solve
 

@@ -98,14 +98,7 @@ def solve_bounded_qp(
 ) -> QPSolution:
     """Least squares with bounds and linear inequalities, with a proof that no other solution is better.
 
-    Parameters
-    ----------
-    matrix : array, shape (n, k)
-        A; n >= k.
-    y, sigma : array, shape (n,)
-        Data and their standard deviations (> 0), in the same unit.
-    lower, upper : array, shape (k,), or None
-        Bounds; infinite entries bound nothing.
+    A has shape (n, k) with n >= k, y and sigma > 0 in its unit (n,), bounds (k,); infinite ones bound nothing.
     """
     labels = [f"x{k + 1}" for k in range(matrix.shape[1])] if names is None else list(names)
     problem = _scaled_qp(matrix, y, sigma, lower, upper, inequalities, labels)

@@ -45,15 +45,10 @@ class CoenergyFit:
 def fit_coenergy(
     rows: FitRows, constraints: Sequence[str] | None = None, open_inductance_H: float = 0.0
 ) -> CoenergyFit:
-    """Fit the co-energy.
+    """Fit the co-energy, by default with those constraints of :data:`SHAPES` that the raw data obey everywhere.
 
-    Parameters
-    ----------
-    constraints : sequence of str or None
-        Names of :data:`SHAPES`; None: those that the raw data obey everywhere.
-    open_inductance_H : float
-        Inductance at the largest distance of a sweep without flux linkage, which the force leaves open; not used where
-        flux linkage is given.
+    The force leaves the inductance at the largest distance open: a sweep without flux linkage takes
+    ``open_inductance_H`` for it.
     """
     names = tuple(obeyed_shapes(rows) if constraints is None else constraints)
     unknown = [name for name in names if name not in SHAPES]

@@ -84,12 +84,7 @@ def fit_inductance(
 ) -> InductanceFit:
     """Fit a force law to measured inductances.
 
-    Parameters
-    ----------
-    supply_V : (float, float) or None
-        The driver's lowest and highest voltage, for the circuit.
-    actuator : str, Path or None
-        Actuator file, for the mass, resistance and supply that are not given themselves.
+    The supply is the driver's lowest and highest voltage; an actuator file gives what is not given itself.
     """
     if law in {"coenergy", "all"}:
         raise UsageError(

@@ -119,13 +119,7 @@ def law_sigma(rows: FitRows) -> FloatArray:
 def fit_law(
     law: ForceLaw, rows: FitRows, bounds: CoefficientBounds | None = None, functions: Sequence[str] | None = None
 ) -> LawFit:
-    """Fit a force law in two stages, and jointly.
-
-    Parameters
-    ----------
-    bounds : CoefficientBounds or None
-        On every c_k(i); None for the law's own.
-    """
+    """Fit a force law in two stages, and jointly; without bounds on every c_k(i) by the law's own."""
     if functions is not None and (len(functions) != len(law.basis) or not set(functions) <= set(FUNCTIONS)):
         raise UsageError(
             f"Coefficient functions must be one of {', '.join(FUNCTIONS)} for each of {len(law.basis)} columns "

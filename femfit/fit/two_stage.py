@@ -84,15 +84,7 @@ def fit_coefficient_function(
 
     The simplest function is taken whose mean squared held-out error lies within one standard error of the best one's
     (Breiman et al.), or below ``negligible``.
-
-    Parameters
-    ----------
-    currents, values : array, shape (m,)
-        c at each current.
-    bounds : CoefficientBounds or None
-        Of c, one column; None for none.
-    negligible : float
-        Held-out error, in the coefficient's unit, that does not matter.
+    Values are c at each current, bounds those of c, one column; ``negligible`` is in the coefficient's unit.
 
     References
     ----------

@@ -183,14 +183,10 @@ def _field_of_lab_record(lab: str | Path, coil: SensingCoil) -> FieldModel:
 def field_of_swept_model(
     model: ActuatorModel, distance_m: float, *, of_flux: bool, sigma: float | None = None
 ) -> CurrentField:
-    """The field of a current as a femfit model has it, with the moving part held.
+    """The field of a current as a femfit model has it, with the moving part held: at the Hall element, in T.
 
-    Parameters
-    ----------
-    of_flux : bool
-        Whether the winding's flux linkage is meant, in Wb, and not the field at the Hall element, in T.
-    sigma : float or None
-        What the model is believed to be off by, in that unit; None is :data:`SWEPT_SHARE` of its largest.
+    ``of_flux`` means the winding's flux linkage in Wb instead; sigma is what the model is believed to be off by, by
+    default :data:`SWEPT_SHARE` of its largest.
     """
     sensor, domain = model.sensor, model.validity
     if sensor is None and not of_flux:

@@ -47,14 +47,9 @@ def stream_record(
     output: Path | None,
     progress: Callable[[int, int], None] | None,
 ) -> Streamed:
-    """Integrate a record block by block.
+    """Integrate a record block by block; its columns stand beside the result.
 
-    Parameters
-    ----------
-    columns : tuple of str
-        Those of the record that stand beside the result.
-    systematics : (Systematics, Systematics)
-        Before and after an offset voltage was taken off.
+    Systematics are those before and those after an offset voltage was taken off.
     """
     blocks = map(_plausible, [_block(source)] if isinstance(source, pd.DataFrame) else source.blocks())
     total = len(source) if isinstance(source, pd.DataFrame) else source.samples

@@ -69,12 +69,8 @@ def render_diagnosis(
 ) -> str:
     """The report of a diagnosis as HTML text.
 
-    Parameters
-    ----------
-    data : BenchTable or TimeSeries, or None
-        What was measured, needed where something was added; otherwise for what it says of itself.
-    hashes : sequence of (str, str)
-        Files and their SHA-256.
+    The data are needed where something was added, otherwise for what they say of themselves; hashes are files and
+    their SHA-256.
     """
     observations, floor, source = diagnosis.observations, dict(diagnosis.noise_floor), data.source if data else SOURCE
     known = bool(floor)
