@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
@@ -148,59 +147,34 @@ def integrate_coil(
         known = identified_field(coil, lab, field_model)
     if written is not None and known.model is not None:
         write_field_model(known.model, written)
+    settling, still = SETTLING_S if settling_s is None else settling_s, STILL_A if still_A is None else still_A
+    options = IntegrationOptions(
+        chosen, coil, initial_field_T, zero_reading_s, settling, still, known.model, known.sigma
+    )
     systematics = Systematics(
         (coil_area_sigma_m2 or 0.0) / coil.area_m2,
         reference_gain_sigma or 0.0,
         max(reference_offset_sigma_T or 0.0, known.model.rms_T if chosen == "cs2-identified" and known.model else 0.0),
         OFFSET_SIGMA_V.get(chosen, 0.0) if offset_sigma_V is None else offset_sigma_V,
     )
-    options = IntegrationOptions(
-        chosen,
-        coil,
-        initial_field_T,
-        zero_reading_s,
-        SETTLING_S if settling_s is None else settling_s,
-        STILL_A if still_A is None else still_A,
-        known.model,
-        known.sigma,
-    )
-    quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
     before = systematics  # Until ffa2 takes an offset off, all of the amplifier's is left
     if chosen == "ffa2" and offset_sigma_V is None:
         before = replace(systematics, offset_voltage_V=OFFSET_SIGMA_V["trapezoid"])
+    quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
+    doubts = before, systematics
     made = stream_record(
-        source,
-        columns,
-        options,
-        known,
-        (before, systematics),
-        quantity,
-        smooth=smooth,
-        output=output,
-        progress=progress,
+        source, columns, options, known, doubts, quantity, smooth=smooth, output=output, progress=progress
     )
-    end = made.last
-    if not made.corrected:
-        systematics = before
-    parts = {name: float(values[-1]) for name, values in end.responses.parts(systematics).items()}
     return CoilIntegral(
         record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
         method=chosen,
         smoothed=smooth,
         quantity=quantity,
-        samples=made.samples,
-        sample_time_s=made.sample_time,
-        end_s=float(end.time[-1]),
-        value=float(end.field[-1]),
-        standard_uncertainty=float(end.sigma(systematics)[-1]),
         coverage=coverage,
-        parts={"noise": float(np.sqrt(end.variance[-1])), **parts},
-        offset_V=float(end.offset[-1]),
-        findings=made.findings,
         output=output,
         field_model=written,
-        rows=made.rows,
         seconds=time.perf_counter() - begin,
+        **made.result(systematics if made.corrected else before),
     )
 
 
