@@ -96,6 +96,22 @@ def rounded(value: float, digits: int = 3) -> str:
     return f"{float(written):.{max(digits - 1 - exponent, 0)}f}"
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """A number with its noun, and its verb where one is given: ``1 reading lies``, ``1,200 readings lie``.
+
+    Parameters
+    ----------
+    many : str
+        What stands behind other numbers than one; the word for one and an s where empty.
+
+    Examples
+    --------
+    >>> counted(1, "reading lies", "readings lie"), counted(1200, "reading")
+    ('1 reading lies', '1,200 readings')
+    """
+    return f"{number:,} {one if number == 1 else many or one + 's'}"
+
+
 def probability(value: float) -> str:
     """A probability as ``p = 0.03``, or ``p < 1e-06`` for all below."""
     return f"p = {rounded(value, 2)}" if value >= 1e-6 else "p < 1e-06"

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.optimize import nnls
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
 
@@ -257,7 +258,10 @@ def _check(
 ) -> None:
     rows, count = matrix.shape
     if rows < count:
-        raise FitError(f"{count} coefficients need at least {count} rows; instead received {rows}. Sweep more points.")
+        raise FitError(
+            f"{counted(count, 'coefficient needs', 'coefficients need')} at least "
+            f"{counted(count, 'row')}; instead received {rows}. Sweep more points."
+        )
     if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(y))):
         raise FitError("Rows of a fit must be finite numbers; at least one is not. Remove or repair these rows.")
     if not np.all((sigma > 0) & np.isfinite(sigma)):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.coenergy_system import CoenergyBasis, CoenergySystem
@@ -86,7 +87,7 @@ def check_grid(currents: int, distances: int, fewest_distances: int = U_DEGREE +
     if currents < FEWEST_CURRENTS or distances < fewest_distances:
         raise FitError(
             f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest_distances} distances; instead received "
-            f"{currents} currents and {distances} distances. Sweep more "
+            f"{counted(currents, 'current')} and {counted(distances, 'distance')}. Sweep more "
             + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
         )
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, UsageError
 from femfit.core.printed import Printed
@@ -101,7 +102,7 @@ def fit_inductance(
     numbers = 1 + len(chosen.basis) + len(chosen.shape)
     if len(distances) < numbers:
         raise FitError(
-            f"Law {chosen.name} has {numbers} numbers and needs as many distances; {table.source} has "
+            f"Law {chosen.name} has {counted(numbers, 'number')} and needs as many distances; {table.source} has "
             f"{len(distances)}. Measure at more distances, or take a simpler law."
         )
     _require_falling(table)

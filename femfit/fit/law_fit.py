@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, UsageError
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
@@ -122,7 +123,8 @@ def fit_law(
     """Fit a force law in two stages, and jointly; without bounds on every c_k(i) by the law's own."""
     if functions is not None and (len(functions) != len(law.basis) or not set(functions) <= set(FUNCTIONS)):
         raise UsageError(
-            f"Coefficient functions must be one of {', '.join(FUNCTIONS)} for each of {len(law.basis)} columns "
+            f"Coefficient functions must be one of {', '.join(FUNCTIONS)} for each of "
+            f"{counted(len(law.basis), 'column')} "
             f"({', '.join(law.basis)}); instead received {', '.join(functions)}."
         )
     bounds = default_bounds(law) if bounds is None else bounds

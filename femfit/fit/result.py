@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.printed import Printed
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.hall import HallFit
@@ -126,7 +126,7 @@ def _active(labels: Sequence[str]) -> str:
     if len(labels) <= _LABELS_SHOWN:
         return "; ".join(labels) or "none"
     counts = Counter(label.partition(" at ")[0] for label in labels)
-    return "; ".join(f"{name} at {count} places" for name, count in counts.items())
+    return "; ".join(f"{name} at {counted(count, 'place')}" for name, count in counts.items())
 
 
 def _law_lines(fit: LawFit) -> list[str]:

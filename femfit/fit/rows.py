@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import TableError
 from femfit.fit.constants import FAR_ABOVE_WEIGHT, FEWEST_DISTANCES, FEWEST_ROWS, SMALL_FORCE, STRAIGHT, TRAPEZOID
@@ -111,7 +112,7 @@ def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float)
     if len(distance) < FEWEST_ROWS or len(np.unique(distance)) < FEWEST_DISTANCES:
         raise TableError(
             f"A fit needs at least {FEWEST_ROWS} usable rows at {FEWEST_DISTANCES} distances; instead received "
-            f"{len(distance)} rows at {len(np.unique(distance))} distances. Sweep more distances."
+            f"{counted(len(distance), 'row')} at {counted(len(np.unique(distance)), 'distance')}. Sweep more distances."
         )
     duplicate = rows.duplicated(subset=["distance_m", "current_A"])
     if duplicate.any():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing, write_text
 from femfit.core.errors import TableError
@@ -45,7 +46,7 @@ class BenchFlux(Printed):
 
     def __str__(self) -> str:
         lines = [
-            f"{len(self.rows)} plateaus, flux linkage within {self.noise_Wb:.3g} Wb (noise, rms)",
+            f"{counted(len(self.rows), 'plateau')}, flux linkage within {self.noise_Wb:.3g} Wb (noise, rms)",
             self.notes,
             *(f"{finding.code}: {finding}" for finding in self.findings),
         ]

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.finding import Finding
 from femfit.core.printed import Printed
 from femfit.integrate.methods import FEED_FORWARD, Method
@@ -72,7 +73,7 @@ class CoilIntegral(Printed):
                 f"{self.end_s:.6g} s, the record's end"
             ),
             (
-                f"{how}: {self.samples} samples, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
+                f"{how}: {counted(self.samples, 'sample')}, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
                 f"{1e6 * self.offset_V:.3g} uV at the end"
             ),
             f"standard uncertainty in {unit}: {given}" + (f"; nothing given for {', '.join(none)}" if none else ""),

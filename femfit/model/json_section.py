@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, UsageError
 
@@ -132,7 +133,7 @@ class Section:
 
     def array(self, key: str, dimensions: int) -> FloatArray:
         """Finite numbers in nested lists of equal lengths."""
-        needed = f"an array of finite numbers with {dimensions} dimension{'s' if dimensions > 1 else ''}"
+        needed = f"an array of finite numbers with {counted(dimensions, 'dimension')}"
         value = self.data.get(key)
         if not isinstance(value, list):
             raise self.refusal(key, needed)

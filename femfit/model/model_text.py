@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.model.magnetics import LawMagnetics
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def fit_lines(model: "ActuatorModel") -> list[str]:
     kind = f"law {law.name}, {law.formula}" if law else "co-energy"
     lines = [f"{model.name}: {kind}"]
     if base.misfit is not None:
-        lines += [f"it misses its table of {base.misfit.rows} points by", *misfit_lines(base.misfit)]
+        lines += [f"it misses its table of {counted(base.misfit.rows, 'point')} by", *misfit_lines(base.misfit)]
     valid = (
         f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm and "
         f"{domain.current_min_A:.4g} to {domain.current_max_A:.4g} A"

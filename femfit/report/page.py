@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femfit import __version__
+from femfit.core.amount import counted
 from femfit.core.atomic import write_text
 from femfit.core.errors import RunDirectoryError
 from femfit.report.numbers import NOTHING, formula_markup, p_value, percent, plain, quantity, significant
@@ -51,7 +52,7 @@ def _environment() -> "Environment":
         "formula": formula_markup,
         "channel": CHANNEL_WORDS.__getitem__,
         "p_value": p_value,
-        "counted": lambda number, word: f"{number:,} {word}{'' if number == 1 else 's'}",
+        "counted": counted,
     }
     templates = files("femfit.report") / "templates"
     environment.globals |= {

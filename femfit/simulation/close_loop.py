@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core import atomic
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
@@ -108,7 +108,7 @@ class LoopSummary(Printed):
         lines = [verdict(self.design, seconds, [(self.experiment, self.held, self.runs)], self.plant)]
         for name, count in self.outcomes.items():
             if name != LoopOutcome.HELD.name:
-                runs = f"{count} run" if count == 1 else f"{count} runs"
+                runs = counted(count, "run")
                 lines.append(f"  {runs} lost: {LoopOutcome[name].sentence}")
         if self.last_loss_s is not None:
             lines.append(f"  lost between {self.first_loss_s:.4g} and {self.last_loss_s:.4g} s")
@@ -263,7 +263,8 @@ def run_loops(
     supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT_TIME_CONSTANTS)
     before = deepcopy(random)
     too_long = DomainError(
-        f"The memory does not suffice for {runs} runs of {duration_s:g} s, {float(steps):.3g} samples each. Simulate "
+        f"The memory does not suffice for {counted(runs, 'run')} of {duration_s:g} s, "
+        f"{float(steps):.3g} samples each. Simulate "
         "fewer seconds, or fewer runs."
     )
     if steps > _MOST_STEPS:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.printed import Printed
@@ -387,7 +387,7 @@ def _ratio(value: float) -> str:
 
 
 def _lost(held: int, runs: int) -> str:
-    return "" if held == runs else f"  ({runs - held} of {runs} runs lost)"
+    return "" if held == runs else f"  ({runs - held} of {counted(runs, 'run')} lost)"
 
 
 def _fault_line(row: FaultRow) -> str:
@@ -395,7 +395,7 @@ def _fault_line(row: FaultRow) -> str:
     e, parts = row.experiment, []
     if row.held < row.runs:
         when = "" if row.last_loss_s is None else f", the last after {row.last_loss_s:.3f} s"
-        parts.append(f"{row.runs - row.held} of {row.runs} runs lost ({losses(row.outcomes)}){when}")
+        parts.append(f"{row.runs - row.held} of {counted(row.runs, 'run')} lost ({losses(row.outcomes)}){when}")
     elif not math.isfinite(row.position_shift_m):
         parts.append(f"all {row.runs} runs held")
     if math.isfinite(row.position_shift_m):

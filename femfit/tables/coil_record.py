@@ -17,6 +17,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import OutputError, TableError
@@ -75,7 +76,8 @@ class CoilRecord:
             if len(back):
                 at = float(time[back[0]])
                 raise TableError(
-                    f"{self.path} must have a rising time_s; it jumps back to {at:.9g} s after {seen + back[0]} rows. "
+                    f"{self.path} must have a rising time_s; it jumps back to {at:.9g} s after "
+                    f"{counted(int(seen + back[0]), 'row')}. "
                     "Split the record there, or repair the clock."
                 )
             before, seen = float(time[-1]), seen + len(time)

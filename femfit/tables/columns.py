@@ -11,6 +11,7 @@ from difflib import get_close_matches
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import TableError
@@ -245,6 +246,6 @@ def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding
     bad = np.flatnonzero(np.isnan(values) & ~empty)
     if not len(bad):
         return values * column.factor, []
-    count = "1 cell holds" if len(bad) == 1 else f"{len(bad)} cells hold"
+    count = counted(len(bad), "cell holds", "cells hold")
     text = f"In {quoted(column.header)} {count} no number ({quoted(cells[bad[0]])!r}); these readings count as missing."
     return values * column.factor, [Finding("cells", "info", text, size=float(len(bad)), column=column.name)]

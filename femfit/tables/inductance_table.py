@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
@@ -58,6 +59,6 @@ def read_inductance_table(
     if not usable.any():
         raise TableError(f"{path} has no row with distance >= 0, a current and an inductance > 0.")
     if not usable.all():
-        text = f"{int((~usable).sum())} rows without distance >= 0, current and inductance > 0 were left out."
+        text = f"{counted(int((~usable).sum()), 'row')} without distance >= 0, current and inductance > 0 left out."
         findings.append(Finding("cells", "info", text, size=float((~usable).sum())))
     return InductanceTable(d[usable], i[usable], inductance[usable], tuple(findings), path.name)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.finding import Finding
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
@@ -76,7 +77,7 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
         if not len(lone):
             continue
         shown = "; ".join(_row(rows, int(k), name) for k in lone[:3]) + ("; and so on" if len(lone) > 3 else "")
-        count = "1 reading contradicts" if len(lone) == 1 else f"{len(lone)} readings contradict"
+        count = counted(len(lone), "reading contradicts", "readings contradict")
         text = f"{count} all neighbours in {name} and {'was' if len(lone) == 1 else 'were'} set aside: {shown}."
         findings.append(Finding("outliers", "info", text, size=float(len(lone)), column=name))
         values[lone] = np.nan
@@ -245,9 +246,9 @@ def _clock(order: FloatArray, run: float) -> tuple[list[Finding], bool]:
         return [_said(f"order has gaps in run {run:g}; its rows were taken in the order of the file.")], False
     back = np.flatnonzero(steps < 0.0)
     twice = len(order) - len(np.unique(order))
-    counted = bool(np.all(order == np.round(order)))
-    if twice or (not counted and 0 < len(back) <= max(1.0, _FEW * len(order))):
-        what = f"goes back {len(back)} times" if len(back) else f"holds {twice} numbers twice"
+    numbered = bool(np.all(order == np.round(order)))
+    if twice or (not numbered and 0 < len(back) <= max(1.0, _FEW * len(order))):
+        what = f"goes back {counted(len(back), 'time')}" if len(back) else f"holds {counted(twice, 'number')} twice"
         text = f"order {what} in run {run:g}: the clock was reset; its rows were taken in the order of the file."
         return [_said(text)], False
     steps = np.diff(np.sort(order))

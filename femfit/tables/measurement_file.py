@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
@@ -118,8 +119,9 @@ def read_raw_table(path: Path, what: str = "measurement") -> RawTable:
     raw = parse_table(file_content(path, what), str(path), open_decimal=",")
     if not raw.headers:
         raise TableError(
-            f"{path} must have as many column names as columns; there is no line of {raw.numbers.shape[1]} names above "
-            f"its rows of {raw.numbers.shape[1]} cells. Complete the line of names."
+            f"{path} must have as many column names as columns; there is no line of "
+            f"{counted(raw.numbers.shape[1], 'name')} above "
+            f"its rows of {counted(raw.numbers.shape[1], 'cell')}. Complete the line of names."
         )
     twice = [header for k, header in enumerate(raw.headers) if header and header in raw.headers[:k]]
     if twice:
@@ -226,7 +228,14 @@ def _time_series(
     sidecar = read_sidecar(path, SERIES_CHANNELS, used)
     rows, lost = _complete_series(values)
     if lost:
-        findings.append(Finding("cells", "info", f"{lost} rows without a time were left out.", size=float(lost)))
+        findings.append(
+            Finding(
+                "cells",
+                "info",
+                f"{counted(lost, 'row without a time was', 'rows without a time were')} left out.",
+                size=float(lost),
+            )
+        )
     rows["segment"], clock = check_clock(rows, str(path))
     rows, readings = check_readings(rows)
     return TimeSeries(

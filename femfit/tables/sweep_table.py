@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
@@ -62,8 +63,9 @@ class SweepTable(Printed):
         rows = self.valid_rows()
         current, distance = rows["current_A"], 1e3 * rows["distance_m"]
         return (
-            f"{len(rows)} points: {current.nunique()} currents {current.min():g} to {current.max():g} A, "
-            f"{distance.nunique()} distances {distance.min():g} to {distance.max():g} mm"
+            f"{counted(len(rows), 'point')}: {counted(current.nunique(), 'current')} "
+            f"{current.min():g} to {current.max():g} A, "
+            f"{counted(distance.nunique(), 'distance')} {distance.min():g} to {distance.max():g} mm"
         )
 
     def _repr_html_(self) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from femfit.core.amount import counted
 from femfit.core.errors import UsageError
 from femfit.core.printed import Printed
 from femfit.model.actuator_model import ActuatorModel
@@ -39,7 +40,7 @@ class Export(Printed):
 
     def __str__(self) -> str:
         example = self.directory / "example.py"
-        return f"{self.directory}: {self.target}, {len(self.files)} files; try python {example}"
+        return f"{self.directory}: {self.target}, {counted(len(self.files), 'file')}; try python {example}"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; the files relative to the directory."""

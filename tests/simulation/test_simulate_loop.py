@@ -225,3 +225,7 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
 def test_a_loop_that_cannot_be_run_is_refused_with_what_can(levitation_model, wrong, named):
     with pytest.raises(DomainError, match=named):
         close_loop(levitation_model, **{"targets_m": (0.022,), "runs": 1, "seconds": 0.01, **wrong})
+
+
+def test_a_single_run_is_said_as_one(levitation_model):
+    assert "of 1 run of" in str(close_loop(levitation_model, targets_m=(0.022,), runs=1, seconds=0.01))

@@ -7,7 +7,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from femfit.core.amount import amount, probability, rounded
+from femfit.core.amount import amount, counted, probability, rounded
 from femfit.core.finding import Finding
 from femfit.core.printed import Printed
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
@@ -57,9 +57,16 @@ class ChannelMisfit:
     lack_of_fit: LackOfFit | None
 
     def __str__(self) -> str:
-        text = f"{CHANNEL_WORDS[self.channel]}: error {amount(self.rms, self.channel)} rms in {self.readings} readings"
+        text = (
+            f"{CHANNEL_WORDS[self.channel]}: error {amount(self.rms, self.channel)} rms in "
+            f"{counted(self.readings, 'reading')}"
+        )
         if self.noise_floor is not None:
-            source = self.noise_source if self.noise_readings is None else f"from {self.noise_readings:.0f} repeats"
+            source = (
+                self.noise_source
+                if self.noise_readings is None
+                else f"from {counted(round(self.noise_readings), 'repeat')}"
+            )
             floor = amount(self.noise_floor, self.channel)
             text += f", {rounded(self.rms / self.noise_floor)} times the noise of one, {floor} ({source})"
         worst = self.largest

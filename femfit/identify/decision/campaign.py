@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects, effect_by_name
@@ -196,7 +196,8 @@ def _replaced_noise(observations: Observations, noise: NoiseModel) -> list[Findi
         if name in observations.declared_noise and noise.source[name] == "repeats":
             sigma, said = amount(float(noise.sigma[c]), name), amount(observations.declared_noise[name], name)
             text = (
-                f"The noise of {name} was taken as {sigma} from {noise.repeats[c]:.0f} repeats, not as the declared "
+                f"The noise of {name} was taken as {sigma} from "
+                f"{counted(round(noise.repeats[c]), 'repeat')}, not as the declared "
                 f"{said}: at least {LEAST_REPEATS_AGAINST_DECLARED} repeats say it to 10 %, of this bench."
             )
             findings.append(Finding("declared-noise", "info", text, column=name))

@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
-from femfit.core.amount import amount, probability
+from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import all_effects
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import BEYOND_NOISE, LEVEL_AFTER
@@ -114,7 +114,7 @@ def _misfit(diagnosis: "Diagnosis") -> list[str]:
     for one in diagnosis.error_fall.channels:
         size = amount(one.rms_before, one.channel, 3)
         noise = "" if one.noise is None else f", {one.before_over_noise:.3g} times the noise of one"
-        lines.append(f"{CHANNEL_WORDS[one.channel]}: error {size} rms in {one.readings} readings{noise}")
+        lines.append(f"{CHANNEL_WORDS[one.channel]}: error {size} rms in {counted(one.readings, 'reading')}{noise}")
     return lines
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.printed import Printed
@@ -90,7 +91,9 @@ class Advice(Printed):
         for k, one in enumerate(self.suggestions[:SHOWN]):
             clauses = "; ".join(pairs_in_words([pair[:2] for pair in one.separates]))
             lines.append(f"{'Next' if k == 0 else 'Or'}: {one.text}")
-            lines.append(f"  This separates {clauses}, and takes as long as about {one.cost:.0f} readings.")
+            lines.append(
+                f"  This separates {clauses}, and takes as long as about {counted(round(one.cost), 'reading')}."
+            )
             if one.remains:
                 lines.append(f"  It does not separate {'; '.join(pairs_in_words(one.remains))}.")
         if self.never:

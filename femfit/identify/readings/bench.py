@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
@@ -132,7 +132,7 @@ def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:
 
 def _rows(which: BoolArray, words: str) -> str:
     count = int(which.sum())
-    return f"{count} row{'s' if count > 1 else ''} {words} {'were' if count > 1 else 'was'}"
+    return f"{counted(count, 'row')} {words} {'were' if count > 1 else 'was'}"
 
 
 def _covariates(rows: pd.DataFrame) -> pd.DataFrame:
