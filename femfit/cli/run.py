@@ -48,7 +48,6 @@ def run(
 
     from femfit.cli.output import write_json
     from femfit.cli.progress import sweep_progress
-    from femfit.core.amount import counted
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
@@ -71,7 +70,7 @@ def run(
         table = run_sweep(parts, directory, workers=workers or len(os.sched_getaffinity(0)), progress=progress)
     summary = summarise(table)
     steps.say(
-        f"{counted(summary['rows'], 'point')}, {summary['failed']} failed; force error estimated at most "
+        f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most "
         f"{100 * summary['force_error_relative_max']:.3f} %"
     )
     for remark in clipped_hall(only(parts), table):
