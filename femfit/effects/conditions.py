@@ -10,7 +10,8 @@ from femfit.core.arrays import FloatArray
 REFERENCE_TEMPERATURE_C = 20.0
 """Where a model's remanence and resistance hold unless it says otherwise."""
 
-_NO_MAGNET = 1e-3
+NO_MAGNET = 1e-3
+"""Share of the largest force or flux linkage below which what remains without current is the fit's own error."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Nominal:
     @property
     def has_magnet(self) -> bool:
         """Whether force or flux linkage without current is more than a fit's own error may make."""
-        return self.magnet_share >= _NO_MAGNET
+        return self.magnet_share >= NO_MAGNET
 
     @property
     def peak_current_A(self) -> float:  # noqa: N802 - the unit

@@ -13,7 +13,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.printed import Printed
-from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
+from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.effect_dynamics import EffectDynamics
@@ -22,9 +22,6 @@ from femfit.model.magnetics import Magnetics
 from femfit.model.model_text import model_lines
 
 # Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
-
-NO_MAGNET = 1e-3
-"""Share of the largest force or flux linkage below which what remains without current is the fit's own error."""
 
 
 @dataclass(frozen=True)

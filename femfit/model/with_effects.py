@@ -7,11 +7,11 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.model.actuator_model import NO_MAGNET, ActuatorModel, HallSensor
+from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.effect_dynamics import EffectDynamics
