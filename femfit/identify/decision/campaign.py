@@ -1,6 +1,6 @@
 """What a diagnosis rests on: readings, their noise, the patterns of the lack-of-fit test, and the effects' columns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -147,7 +147,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     """
     noise = estimate_noise(observations)
     if noise is None:
-        constant = constant_readings(observations)
+        constant = constant_readings(never_varying(observations))
         return constant[0] if constant else NO_NOISE
     whitening = Whitening(observations, noise, chains_of(observations))
     patterns = pattern_space(observations, whitening)
@@ -172,10 +172,11 @@ def campaign_remarks(campaign: Campaign) -> list[Finding]:
     names = [name for c, name in enumerate(campaign.observations.channels) if c not in tested]
     text = f"{', '.join(names)}: too few readings to be tested."
     few = [Finding("too-few-readings", "warning", text)] if names else []
-    return [*few, *constant_readings(campaign.observations), *_replaced_noise(campaign.observations, campaign.noise)]
+    constant = constant_readings(campaign.noise.never_varying)
+    return [*few, *constant, *_replaced_noise(campaign.observations, campaign.noise)]
 
 
-def constant_readings(observations: Observations) -> list[Finding]:
+def constant_readings(names: Iterable[str]) -> list[Finding]:
     """Say which channels read the same at every repeat, so that their repeats show no noise."""
     return [
         Finding(
@@ -186,7 +187,7 @@ def constant_readings(observations: Observations) -> list[Finding]:
             f"Check the sensor; if it lives, declare its resolution in a .toml beside the data ([noise] {name} = ...).",
             column=name,
         )
-        for name in never_varying(observations)
+        for name in names
     ]
 
 

@@ -11,6 +11,7 @@ S. R. Searle, G. Casella and C. E. McCulloch, Variance Components (Wiley, 1992),
 likelihood, prior scale).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -45,7 +46,9 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     NoiseModel or None
         None where neither repeats nor a sidecar say the noise of any channel.
     """
-    sigma, degrees, source = _scatter(observations)
+    cells = repeat_cells(observations)
+    constant = never_varying(observations, cells)
+    sigma, degrees, source = _scatter(observations, cells, constant)
     if not np.isfinite(sigma).any():
         return None
     channels = len(observations.channels)
@@ -61,17 +64,19 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         source=source,
         test_mount_m=PRIOR_MOUNT_M,
         test_run=np.zeros(channels),
+        never_varying=tuple(constant),
     )
     patterns = smooth_patterns(observations).columns
     noise = _with_serial(noise, observations, chains, patterns)
     return _with_random(noise, observations, chains, patterns)
 
 
-def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[str, str]]:
+def _scatter(
+    observations: Observations, cells: IntArray, constant: Sequence[str]
+) -> tuple[FloatArray, FloatArray, dict[str, str]]:
     """Sigma, its degrees of freedom and its source per channel; NaN where nothing says it."""
     count = len(observations.channels)
     sigma, degrees, source = np.full(count, np.nan), np.zeros(count), {}
-    cells = repeat_cells(observations)
     nuisance = np.concatenate(
         [random_columns(observations, 1.0, np.ones(count))[0], drift_patterns(observations).columns], axis=1
     )
@@ -81,7 +86,7 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
         square, dof = pure_error(residual[here], cells[here], nuisance[here])
         if name in observations.declared_noise:
             sigma[c], degrees[c], source[name] = observations.declared_noise[name], np.inf, observations.noise_source
-        if dof > 0.0 and name in never_varying(observations, cells):
+        if name in constant:
             dof = 0.0  # a dead sensor, or one coarser than its noise: only rounding is left
         if dof > 0.0:
             square = _without_settings(observations, here, cells, square / dof, dof) * dof

@@ -62,6 +62,7 @@ class NoiseModel:
     test_run: FloatArray
     # Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts
     mount_assumed: bool = False
+    never_varying: tuple[str, ...] = ()  # Channels that read the same wherever a setting was repeated
 
     @property
     def floor(self) -> dict[str, float]:
