@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 
 from femfit.core.amount import amount, amount_range
+from femfit.core.ties import first_best
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 
@@ -37,7 +38,7 @@ def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: N
     ]
     if not parts:
         return ""
-    _, p = min(parts, key=lambda part: part[0])
+    _, p = parts[first_best([-share for share, _ in parts])]
     size = magnitudes[p.name] if p.null + magnitudes[p.name] <= p.upper else -magnitudes[p.name]
     clauses = describe(AddedEffect(effect, effect.null() | {p.name: p.null + size}), nominal)
     return clauses[0] if clauses else ""

@@ -11,6 +11,7 @@ import numpy as np
 from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
+from femfit.core.ties import ROUNDING, first_best
 from femfit.fit.coenergy_system import CoenergyBasis, CoenergySystem
 from femfit.fit.constants import (
     BENT_CELLS,
@@ -64,7 +65,7 @@ def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[Coene
     scored: list[tuple[FloatArray, CoenergyBasis]] = []
     for _, alike in groupby(sorted(bases, key=_size), key=_size):
         tried = [(system.held_out_errors(basis), basis) for basis in alike]
-        errors, basis = min(tried, key=lambda pair: float(np.max(pair[0])))
+        errors, basis = tried[first_best([-float(np.max(errors)) for errors, _ in tried])]
         if np.max(errors) < HELD_OUT_TARGET:
             return basis, float(np.max(errors))
         # A column that is good enough must not ask for more.
@@ -74,7 +75,7 @@ def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[Coene
         return scored[0][1], np.inf
     nearly = NEARLY_BEST if system.rows.inductance is None else NEARLY_BEST_BENT
     allowed = max(nearly, min(float(np.max(errors / best)) for errors, _ in scored))
-    errors, basis = next(pair for pair in scored if np.max(pair[0] / best) <= allowed)
+    errors, basis = next(pair for pair in scored if np.max(pair[0] / best) <= (1.0 + ROUNDING) * allowed)
     return basis, float(np.max(errors))
 
 

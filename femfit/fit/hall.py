@@ -13,6 +13,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
+from femfit.core.ties import first_best
 from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
 from femfit.fit.constants import HALL_TARGET, SHIFTS, U_DEGREE
 from femfit.fit.rows import FitRows
@@ -94,7 +95,8 @@ def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, floa
                 break
             alike = [_basis(rows, part, cells, np.repeat(ends, degree + 1)) for part in SHIFTS]
             errors = [_held_out(basis, rows, hall) / scale for basis in alike]
-            basis, error = alike[int(np.argmin(errors))], min(errors)
+            best = first_best([-error for error in errors])
+            basis, error = alike[best], errors[best]
             if error < HALL_TARGET:
                 return basis, error
             if error < 0.9 * least:

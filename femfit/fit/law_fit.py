@@ -10,6 +10,7 @@ from scipy.stats import t as student
 from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, UsageError
+from femfit.core.ties import first_best
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
 from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (
@@ -63,7 +64,7 @@ def search_shape(
         )
         for step in (STEPS if start is None else STEPS[:1])
     ]
-    best = min(found, key=lambda r: float(r.cost))
+    best = found[first_best([-float(r.cost) for r in found])]
     if not best.success:
         raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
     return named(best.x)

@@ -19,6 +19,7 @@ import numpy as np
 from femfit.core.amount import rounded
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FemfitError, FitError
+from femfit.core.ties import ranked
 from femfit.fit.bounded_qp import active_set_least_squares
 from femfit.fit.constants import DISTANCE_BLOCKS, MAY_MISS, TARGET
 from femfit.fit.law_columns import design_matrix
@@ -130,7 +131,7 @@ def _percent(share: float | None) -> str:
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
     """Fit every law, and rank them by :attr:`Candidate.error`."""
     folds = ranking_folds(rows)
-    candidates = sorted((_candidate(law, rows, folds) for law in laws), key=lambda c: c.error)
+    candidates = ranked([_candidate(law, rows, folds) for law in laws], lambda c: -c.error)
     fitted = [c for c in candidates if c.fit is not None]
     if not fitted:
         if len(candidates) > 1 and len({c.failure for c in candidates}) == 1:

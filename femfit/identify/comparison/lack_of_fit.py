@@ -14,6 +14,7 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.arrays import FloatArray
+from femfit.core.ties import first_best
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
 from femfit.identify.constants import COARSE, SPANNED
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
@@ -114,7 +115,8 @@ class PatternSpace:
             Of the group that is least likely to be noise; its p-value times the number of groups (Bonferroni).
         """
         residual, basis = _beside(residual, fitted)
-        worst = min((group.test(residual, basis, variance) for group in self.groups), key=lambda one: one.p_value)
+        tests = [group.test(residual, basis, variance) for group in self.groups]
+        worst = tests[first_best([-one.p_value for one in tests])]
         return LackOfFit(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
 
 
