@@ -83,6 +83,17 @@ def test_a_further_channel_or_a_reference_weight_separates_twins_and_more_of_the
     assert str(advice).splitlines()[0].endswith(first.text)
 
 
+def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levitation_model, monkeypatch):
+    table, diagnosis = confounded
+    fits = diagnosis.explanations
+    monkeypatch.setattr("femfit.identify.experiments.suggest._left_together", lambda _: ((*fits, *fits, fits[0]), 4.0))
+    monkeypatch.setattr("femfit.identify.experiments.suggest.COMPARED", 2)
+    advice = suggest(levitation_model, table, diagnosis)
+    assert len(advice.explanations) == 2
+    assert advice.further == advice.to_dict()["further"] == 3
+    assert str(advice.further) in str(advice).splitlines()[-1]
+
+
 @pytest.fixture(scope="module")
 def solenoid(levitation_model):
     """A coil that pulls soft iron: on force alone a wrong force scale is a wrong current scale, for F goes with i^2."""

@@ -78,6 +78,7 @@ class Advice(Printed):
     # one name alone is left and is not certain
     isolating: tuple[tuple[str, str], ...] = ()
     note: str = ""  # Why no measurements are compared; empty where there is nothing to say
+    further: int = 0  # Explanations beyond the first :data:`COMPARED`, which are not compared
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -98,7 +99,11 @@ class Advice(Printed):
                 lines.append(f"  It does not separate {'; '.join(pairs_in_words(one.remains))}.")
         if self.never:
             lines.append(f"No measurement that femfit knows separates {'; '.join(pairs_in_words(self.never))}.")
-        return "\n".join([*lines, *isolating, f"The data leave {listed(self.explanations, 'or')}."])
+        more = ""
+        if self.further:
+            as_well = "explanation fits" if self.further == 1 else "explanations fit"
+            more = f" {self.further} further {as_well} as well; only the first {COMPARED} were compared."
+        return "\n".join([*lines, *isolating, f"The data leave {listed(self.explanations, 'or')}.{more}"])
 
 
 def suggest(
@@ -140,18 +145,21 @@ def suggest(
     model = model_of(model)
     measured = measurement_of(data)
     found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
-    explanations, least = _left_together(found)
+    every, least = _left_together(found)
+    explanations, further = every[:COMPARED], max(0, len(every) - COMPARED)
     names = tuple(" + ".join(fit.names) for fit in explanations)
     if found.campaign is None or len(explanations) < 2:
         unsure = [] if _certain(found) else [one.name for one in found.missing]
         return Advice(names, isolating=_isolating(unsure), note=_nothing_to_separate(found))
     if not isinstance(measured, BenchTable):
-        return Advice(names, isolating=_isolating([name for fit in explanations for name in fit.names]))
+        used = [name for fit in every for name in fit.names]
+        return Advice(tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used))
     say("Trying measurements")
     noise = found.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations, least)
     apart = {pair[:2] for one in suggestions for pair in one.separates}
-    return Advice(names, tuple(suggestions), tuple(p for p in combinations(names, 2) if p not in apart))
+    never = tuple(pair for pair in combinations(names, 2) if pair not in apart)
+    return Advice(names, tuple(suggestions), never, further=further)
 
 
 def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
@@ -160,7 +168,7 @@ def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
         return (), TIE
     chosen, candidates = found.decision.chosen, found.decision.candidates
     fits = (*found.explanations, *(one.fit for one in equally_good(found.campaign, chosen, candidates)))
-    return tuple({fit.names: fit for fit in reversed(fits)}.values())[::-1][:COMPARED], tie(found.campaign, chosen)
+    return tuple({fit.names: fit for fit in reversed(fits)}.values())[::-1], tie(found.campaign, chosen)
 
 
 def _isolating(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
