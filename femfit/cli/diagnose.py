@@ -17,7 +17,7 @@ def diagnose(
     bootstrap: Annotated[int, Parameter(validator=Number(gte=0))] = 40,
     seed: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
     report: Path | None = None,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: TableOptions = NO_TABLE_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Compare measurements with a model and name the physical effect that is missing.
@@ -53,7 +53,7 @@ def diagnose(
         if report is not None:
             from femfit.cli.diagnosis_report import write_report
 
-            write_report(report, (model, data), measured, result, say=say)
+            write_report(report, (model, data), measured, result, say)
     write_json(json, result.to_dict())
     print(result)
     if report is not None:

@@ -1,4 +1,4 @@
-"""The HTML report that ``femfit diagnose`` and ``femfit add`` write."""
+"""The HTML report that ``femfit diagnose`` writes."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from femfit.identify.decision.diagnosis import Diagnosis
-    from femfit.identify.refit.add_result import AddResult
     from femfit.tables.measurement import Measurement
 
 
@@ -15,10 +14,9 @@ def write_report(
     files: tuple[Path, Path],
     measured: "Measurement",
     diagnosis: "Diagnosis",
-    added: "AddResult | None" = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Write the report of a diagnosis, or of what was added, on the files of a model and of a measurement."""
+    """Write the report of a diagnosis on the files of a model and of a measurement."""
     from femfit.identify.experiments.suggest import suggest
     from femfit.report.bench_report import render_diagnosis
     from femfit.report.page import write_page
@@ -26,5 +24,5 @@ def write_report(
 
     advice = suggest(diagnosis.model, measured, diagnosis, progress=say)
     say("Writing the report")
-    page = render_diagnosis(diagnosis, measured, suggestions=advice.suggestions, added=added, hashes=hashes(files))
+    page = render_diagnosis(diagnosis, measured, suggestions=advice.suggestions, hashes=hashes(files))
     write_page(page, path)

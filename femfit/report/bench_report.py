@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from femfit import __version__
-from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import Comparison
@@ -18,7 +17,6 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.identify.experiments.suggest import Suggestion
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
@@ -64,19 +62,16 @@ def render_diagnosis(
     data: Measurement | None = None,
     *,
     suggestions: Sequence[Suggestion] = (),
-    added: AddResult | None = None,
     hashes: Sequence[tuple[str, str]] = (),
 ) -> str:
     """The report of a diagnosis as HTML text.
 
-    The data are needed where something was added, otherwise for what they say of themselves; hashes are files and
-    their SHA-256.
+    The data are for what they say of themselves; hashes are files and their SHA-256.
     """
     observations, floor, source = diagnosis.observations, dict(diagnosis.noise_floor), data.source if data else SOURCE
     known = bool(floor)
     scale = floor or dict.fromkeys(observations.channels, 1.0)
-    named = diagnosis.explanations[0].effects if diagnosis.explanations else ()
-    effects = named if added is None else (*added.base, *added.added)
+    effects = diagnosis.explanations[0].effects if diagnosis.explanations else ()
     facts, figures = _curves(diagnosis.model, observations, effects, floor)
     figures["settings"] = partial(settings_figure, observations)
     figures["misfit-maps"] = partial(residual_maps_figure, observations, [("", observations.residual)], scale, known)
@@ -88,7 +83,7 @@ def render_diagnosis(
     facts |= {
         "title": f"{diagnosis.model.name}: the bench and the model",
         "lead": f"{source} beside the model's predictions",
-        "summary": _summary(diagnosis, suggestions, added),
+        "summary": _summary(diagnosis, suggestions),
         "data": data,
         "diagnosis": diagnosis,
         "observations": observations,
@@ -110,24 +105,14 @@ def render_diagnosis(
     if diagnosis.verdict != "nothing_missing":
         sections.append("next")
         facts |= next_facts(diagnosis, suggestions)
-    after = _after(diagnosis, data, added)
-    if diagnosis.campaign is not None and after is not None:
+    if effects:
         sections.append("fall")
-        errors = [dict(step.rms) for step in added.steps] if added else rms_before_and_after(diagnosis.error_fall)
-        steps = [s.text for s in added.steps[1:]] if added else [" + ".join(one.name for one in diagnosis.missing)]
-        more, drawn = error_fall(observations, after, floor, steps, errors, added)
+        after = observations.value - observations.predict(effects)
+        steps = [" + ".join(one.name for one in diagnosis.missing)]
+        more, drawn = error_fall(observations, after, floor, steps, rms_before_and_after(diagnosis.error_fall), None)
         facts |= more | {"quoted_source": shlex.quote(source)}
         figures |= drawn
     return _render(facts, sections, figures)
-
-
-def _after(diagnosis: Diagnosis, data: Measurement | None, added: AddResult | None) -> FloatArray | None:
-    """Recorded minus predicted with the effects that were added, or that the diagnosis names; shape (M,)."""
-    if added is not None and data is not None:
-        return placed(added.model, data).residual
-    if diagnosis.explanations:
-        return diagnosis.observations.value - diagnosis.observations.predict(diagnosis.explanations[0].effects)
-    return None
 
 
 def render_comparison(comparison: Comparison) -> str:
@@ -147,7 +132,7 @@ def render_comparison(comparison: Comparison) -> str:
     return _render(facts, ["curves", "misfit"], figures)
 
 
-def render_added(result: AddResult) -> str:
+def render_added(result: AddResult, hashes: Sequence[tuple[str, str]] = ()) -> str:
     """The page on effects that were added: measured points before and after, and how far the error fell."""
     observations, effects = result.observations, (*result.base, *result.added)
     kept = tuple(one for one in result.model.effects if one.effect.name in result.kept)
@@ -160,7 +145,7 @@ def render_added(result: AddResult) -> str:
         "title": f"{result.model.name}: the bench and the model",
         "lead": "the model before and after the refit",
         "summary": [("", line.strip()) for line in str(result).splitlines() if line.strip()],
-        "hashes": (),
+        "hashes": hashes,
         "versions": _versions(),
     }
     return _render(facts, ["curves", "fall", "provenance"], figures | drawn)
@@ -213,7 +198,7 @@ def _curves(
     return {"curves": curves, "effects": names}, drawn
 
 
-def _summary(diagnosis: Diagnosis, suggestions: Sequence[Suggestion], added: AddResult | None) -> list[tuple[str, str]]:
+def _summary(diagnosis: Diagnosis, suggestions: Sequence[Suggestion]) -> list[tuple[str, str]]:
     said = [("Verdict", verdict_sentence(diagnosis))]
     if diagnosis.where.channel:
         said.append(("Where", diagnosis.where.sentence))
@@ -221,9 +206,7 @@ def _summary(diagnosis: Diagnosis, suggestions: Sequence[Suggestion], added: Add
         said.append(("How certain", certainty_sentence(diagnosis)))
     if suggestions:
         said.append(("Next", suggestions[0].text))
-    if added is not None:
-        said.append(("Added", f"{' and '.join(one.effect.name for one in added.added)}. {_worst(added.fall)}."))
-    elif diagnosis.missing:
+    if diagnosis.missing:
         said.append(("Error", f"{_worst(diagnosis.error_fall)}."))
     return said
 

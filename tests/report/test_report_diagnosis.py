@@ -38,20 +38,19 @@ def undrawn(monkeypatch):
     monkeypatch.setattr("femfit.report.bench_report.svg_uri", lambda draw, name: "data:image/svg+xml,")
 
 
-def page_of(model, table, added=(), **more):
+def page_of(model, table, advised=False, **more):
     diagnosis = diagnose(model, table, bootstrap=0)
-    advice = suggest(model, table, diagnosis).suggestions if added else ()
-    result = add_effects(model, table, added) if added else None
-    content = {"data": table, "suggestions": advice, "added": result, **more}
+    advice = suggest(model, table, diagnosis).suggestions if advised else ()
+    content = {"data": table, "suggestions": advice, **more}
     return diagnosis, content, Page(render_diagnosis(diagnosis, **content))
 
 
 @pytest.fixture(scope="module")
-def added(levitation_model):
+def advised(levitation_model):
     table = replace(
         campaign(levitation_model, 61, [HALL], runs=4, **SIZE), source="rig.csv", test_object="Rig <3>", notes="warm"
     )
-    return page_of(levitation_model, table, ["hall_offset"], hashes=(("rig.csv", "ab" * 32),))
+    return page_of(levitation_model, table, advised=True, hashes=(("rig.csv", "ab" * 32),))
 
 
 def others(page):
@@ -59,15 +58,15 @@ def others(page):
     return {name for name in page.images if not name.startswith("curves-")}
 
 
-def test_the_first_picture_is_of_measured_points_on_the_models_curves(added):
-    diagnosis, _, page = added
+def test_the_first_picture_is_of_measured_points_on_the_models_curves(advised):
+    diagnosis, _, page = advised
     first = next(iter(page.images))
     assert first.startswith("curves-")
     assert {f"curves-{name}" for name in diagnosis.observations.channels} <= set(page.images)
 
 
-def test_the_page_reads_as_an_argument_in_order(added):
-    _, _, page = added
+def test_the_page_reads_as_an_argument_in_order(advised):
+    _, _, page = advised
     places = [page.text.index(f"{k}. {title}") for k, title in enumerate(
         ("Measured points on the model's curves", "What was measured",
          "Where the model fails", "What would explain it", "What else could",
@@ -76,8 +75,8 @@ def test_the_page_reads_as_an_argument_in_order(added):
     assert others(page) == {"settings", "misfit-maps", "ranking-effects", "waterfall", "after-maps"}
 
 
-def test_the_page_holds_everything_and_loads_nothing(added, tmp_path):
-    diagnosis, content, page = added
+def test_the_page_holds_everything_and_loads_nothing(advised, tmp_path):
+    diagnosis, content, page = advised
     assert all(uri.startswith("data:image/") for uri in page.loads)
     assert all(link.removeprefix("#") in page.ids for link in page.links)
     assert all(image["alt"] for image in page.images.values())
@@ -86,31 +85,32 @@ def test_the_page_holds_everything_and_loads_nothing(added, tmp_path):
     assert not re.search(r"url\(|@import|https?://", file.read_text(encoding="utf-8"))
 
 
-def test_what_the_user_wrote_is_escaped(added):
-    _, _, page = added
+def test_what_the_user_wrote_is_escaped(advised):
+    _, _, page = advised
     assert "Rig <3>" in page.text
 
 
-def test_what_was_added_is_a_page_of_its_own(added, tmp_path):
-    _, content, _ = added
-    file = femfit.write_report(content["added"], tmp_path / "added.html")
+def test_what_was_added_is_a_page_of_its_own(levitation_model, advised, tmp_path):
+    _, content, _ = advised
+    result = add_effects(levitation_model, content["data"], ["hall_offset"])
+    file = femfit.write_report(result, tmp_path / "added.html")
     page = Page(file.read_text(encoding="utf-8"))
     assert {"waterfall", "after-maps", "curves-hall_V"} <= set(page.images)
     assert "hall_offset was added to the model" in page.text
-    assert str(content["added"].fall.channels[0]) in page.text
+    assert str(result.fall.channels[0]) in page.text
 
 
-def test_the_noise_and_its_source_stand_beside_each_channel(added):
-    diagnosis, _, page = added
+def test_the_noise_and_its_source_stand_beside_each_channel(advised):
+    diagnosis, _, page = advised
     assert "known from" in page.text
     for sigma in diagnosis.noise_floor.values():
         assert sigma > 0.0
     assert page.text.count("repeats") >= len(diagnosis.noise_floor)
 
 
-def test_the_fall_of_the_error_is_said_in_one_way(added):
-    _, content, page = added
-    worst = max(content["added"].fall.channels, key=lambda one: one.before_over_noise)
+def test_the_fall_of_the_error_is_said_in_one_way(advised):
+    diagnosis, _, page = advised
+    worst = max(diagnosis.error_fall.channels, key=lambda one: one.before_over_noise)
     assert str(worst) in page.text
 
 
