@@ -1,9 +1,7 @@
 """``femfit compare``: how far a model is from measurements, against their noise, and where."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
 
@@ -16,7 +14,7 @@ def compare(
     data: Path,
     *,
     pictures: Path | None = None,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: TableOptions = NO_TABLE_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.

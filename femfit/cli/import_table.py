@@ -12,7 +12,7 @@ def import_table(
     tables: Annotated[tuple[Path, ...], Parameter(negative=())],
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: TableOptions = NO_TABLE_OPTIONS,
     without: str | None = None,
     columns: str | None = None,
     form: Literal["auto", "long", "matrix"] = "auto",

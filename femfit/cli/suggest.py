@@ -1,9 +1,6 @@
 """``femfit suggest``: the next measurement that separates what is still confounded."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
 from femfit.core.errors import UsageError
@@ -14,7 +11,7 @@ def suggest(
     data: Path | None = None,
     *,
     plan: Path | None = None,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: TableOptions = NO_TABLE_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Advise the cheapest measurement that separates what the data leave together, or examine a plan.

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 from femfit.core.errors import UsageError
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
 class TableOptions:
     """What a table's columns are, where their headers do not say it."""
