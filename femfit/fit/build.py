@@ -12,15 +12,13 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import FitError, UsageError
-from femfit.device.load import read_actuator
-from femfit.device.summary import sweep_manifest_entry
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows
-from femfit.fit.model_parts import kind_of, model_parts, number, sample_time
+from femfit.fit.model_parts import actuator_entry, kind_of, model_parts, number, sample_time
 from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
@@ -98,7 +96,7 @@ def fit_model(
     if not isinstance(table, SweepTable):
         table = read_sweep_table(Path(table))
     table = choose_variant(table, dict(where or {}))
-    entry = _actuator_entry(table, actuator, mass_kg, resistance_ohm, supply_V)
+    entry = actuator_entry(table.manifest.get("actuator"), actuator, mass_kg, resistance_ohm, supply_V)
     rows = rows_of_table(table, None if entry.get("mass_kg") is None else number(entry, "mass_kg"), GRAVITY)
 
     law_fit, ranking = None, None
@@ -172,29 +170,6 @@ def _coenergy(
         if needed:
             raise
         return None
-
-
-def _actuator_entry(
-    table: SweepTable,
-    actuator: str | Path | Mapping[str, Any] | None,
-    mass_kg: float | None,
-    resistance_ohm: float | None,
-    supply_V: tuple[float, float] | None,
-) -> dict[str, Any]:
-    """The manifest's actuator entry with what was given in its place."""
-    entry = dict(table.manifest.get("actuator") or {})
-    if isinstance(actuator, str | Path):
-        actuator = sweep_manifest_entry(read_actuator(actuator))
-    entry.update(actuator or {})
-    if supply_V is not None:
-        if not supply_V[0] < supply_V[1]:
-            raise UsageError(f"The supply's lowest voltage must be below its highest; instead received {supply_V}.")
-        entry["voltage_min_V"], entry["voltage_max_V"] = supply_V
-    if mass_kg is not None:
-        entry["mass_kg"] = mass_kg
-    if resistance_ohm is not None:
-        entry["resistance_ohm"] = resistance_ohm
-    return entry
 
 
 def _require_as_fitted(written: ActuatorModel, built: Misfit, law: LawFit | None) -> None:

@@ -21,16 +21,15 @@ from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, UsageError
 from femfit.core.printed import Printed
-from femfit.device.load import read_actuator
 from femfit.fit.bounded_qp import non_negative
 from femfit.fit.constants import POOR_CIRCUIT
 from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
-from femfit.fit.model_parts import sample_time
+from femfit.fit.model_parts import actuator_entry, circuit_and_motion, sample_time
 from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
-from femfit.model.actuator_model import ActuatorModel, Circuit, Motion, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.inductance_table import InductanceTable
 
@@ -92,11 +91,7 @@ def fit_inductance(
             f"Inductances without forces give a law; --model must name one, for example two-exponentials, "
             f"instead of {law}."
         )
-    if actuator is not None:
-        drawn = read_actuator(actuator)
-        mass_kg = drawn.moving.mass_kg if mass_kg is None else mass_kg
-        resistance_ohm = drawn.coil.resistance_ohm if resistance_ohm is None else resistance_ohm
-        supply_V = (drawn.supply.voltage_min_V, drawn.supply.voltage_max_V) if supply_V is None else supply_V
+    entry = actuator_entry(None, actuator, mass_kg, resistance_ohm, supply_V)
     chosen = law_by_name(law)
     distances = np.unique(table.distance)
     numbers = 1 + len(chosen.basis) + len(chosen.shape)
@@ -114,7 +109,7 @@ def fit_inductance(
         for basis, unit, value in zip(chosen.basis, chosen.coefficient_units, solution[1:], strict=True)
     )
     magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
-    circuit, motion, notes = _parts(mass_kg, resistance_ohm, supply_V)
+    circuit, motion, notes = circuit_and_motion(entry)
     model = ActuatorModel(
         name=table.source.rpartition(".")[0] or table.source,
         magnetics=magnetics,
@@ -169,20 +164,3 @@ def _linear(law: ForceLaw, shape: Mapping[str, float], table: InductanceTable) -
     scale = np.linalg.norm(matrix, axis=0)
     solution = non_negative(matrix / scale, table.inductance * table.current)[0] / scale
     return solution, matrix @ solution - table.inductance * table.current
-
-
-def _parts(
-    mass_kg: float | None, resistance_ohm: float | None, supply_V: tuple[float, float] | None
-) -> tuple[Circuit | None, Motion | None, tuple[str, ...]]:
-    circuit, motion, notes = None, None, []
-    if resistance_ohm is not None and supply_V is not None:
-        circuit = Circuit(resistance_ohm, *supply_V)
-    else:
-        notes.append(
-            "No circuit in the model: give --actuator ACTUATOR.toml, or --resistance-ohm and --supply-V LOW:HIGH."
-        )
-    if mass_kg is not None:
-        motion = Motion(mass_kg)
-    else:
-        notes.append("No motion in the model: give --actuator ACTUATOR.toml or --mass-g.")
-    return circuit, motion, tuple(notes)
