@@ -14,12 +14,12 @@ from numpy.polynomial.polynomial import polyval
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
+from femfit.field.force import OtherForces, weight
 from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.point_rows import DistanceSolution, superpose
 from femfit.field.settings import SolverSettings
-from femfit.field.stress import OtherForces, weight
 
 
 class LinearActuator:

@@ -16,8 +16,8 @@ from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, Mesh, dx
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.constants import MU_0
 from femfit.device.parts import Actuator
+from femfit.field.force import LayerForce
 from femfit.field.layout import Layout
-from femfit.field.stress import LayerForce
 from femfit.field.weak_form import AIR, coil_load, flux_density, linear_materials, magnet_load, reluctivity, stiffness
 
 
