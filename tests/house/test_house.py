@@ -62,3 +62,10 @@ def test_continuous_integration_runs_the_readmes_test_command():
     assert "\n" not in commands[0] + commands[1]  # one line each
     script = (ROOT / ".ci" / "run").read_text()
     assert "README.md" in script
+
+
+def test_every_file_that_a_newcomer_is_sent_to_is_there():
+    table = (ROOT / "CONTRIBUTING.md").read_text().partition("Where is ... ?")[2].partition("\n- ")[0]
+    files = re.findall(r"`([a-z_]+/[\w/.]+)`", table)
+    assert len(files) > 15
+    assert [file for file in files if not (ROOT / "femfit" / file).exists()] == []
