@@ -242,7 +242,8 @@ def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
     """
     share, constant = _share(s, base), _constant(s, base)
     if _is_relative(s, base):
-        return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}"
+        of = " (of its difference from the quiescent voltage)" if channel == "hall_V" else ""
+        return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}{of}"
     return f"{amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
 
 

@@ -8,8 +8,8 @@ from femfit.core.arrays import FloatArray
 from femfit.core.ties import first_best
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
 from femfit.identify.comparison.region import describe_region
-from femfit.identify.constants import COVARIATE_SHARE
-from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.constants import BEYOND_NOISE, COVARIATE_SHARE
+from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
 from femfit.identify.readings.observations import Observations
 
 _ALIASES = {"elapsed": "order"}
@@ -26,7 +26,9 @@ class Where:
 
 
 def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
-    """Find the channel with the most structured misfit over its noise, its covariates, and a sentence.
+    """Find the channel with the largest misfit over its noise, its covariates, and a sentence.
+
+    Where mounts and noise could be what makes that channel the worst, it is the one with the most structure instead.
 
     The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs.
 
@@ -40,7 +42,8 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     smooth = structured_misfit(patterns, columns, residual)
     counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
     excess = np.array([_excess(columns[:, patterns.channel == c], residual) for c in range(len(counts))])
-    worst = first_best((excess / counts).tolist())
+    clear = _clearly_worst(observations, whitening.noise)
+    worst = first_best((excess / counts).tolist()) if clear is None else clear
     channel = observations.channels[worst]
     clocked = {"order", "time_s"} & set(observations.given)
     without = set[str]() if clocked else {"order", "elapsed"}  # The order of a file's rows is no time
@@ -50,6 +53,17 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
         # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
         smooth = structured_misfit(patterns, whitening.serial(patterns.columns), whitening.serial(read))
     return Where(channel, covariates, describe_region(observations, channel, covariates, smooth))
+
+
+def _clearly_worst(observations: Observations, noise: NoiseModel) -> int | None:
+    """The channel whose readings are farthest off, over their noise; None where noise and mounts may be why."""
+    residual = observations.residual / noise.sigma[observations.channel]
+    put_back = observations.distance_slope * noise.mount_m / noise.sigma[observations.channel]
+    count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
+    square, mounts = (np.bincount(observations.channel, x**2, len(noise.sigma)) / count for x in (residual, put_back))
+    worst = first_best(square.tolist())
+    scatter = np.sqrt(2.0 * (1.0 + noise.rho[worst]) / (1.0 - noise.rho[worst]) / count[worst])
+    return worst if square[worst] > 1.0 + mounts[worst] + BEYOND_NOISE * scatter else None
 
 
 def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatArray) -> FloatArray:
