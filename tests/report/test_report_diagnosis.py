@@ -175,6 +175,18 @@ def test_mounts_are_spoken_of_only_where_the_data_tell_them(levitation_model):
     assert "In each run the recorded distance is right to within" in page.text
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_readings_rows_settings_and_runs_are_counted_as_the_table_has_them(levitation_model):
+    table = campaign(levitation_model, 68, **SIZE)
+    _, _, page = page_of(levitation_model, table)
+    channels = [name for name in CHANNELS if name in table.given]
+    readings = int(table.rows[channels].notna().to_numpy().sum())
+    settings = len(table.rows[["distance_m", "current_A", "branch"]].drop_duplicates())
+    assert settings < len(table.rows)
+    said = page.text.replace(",", "")
+    assert f"{readings} readings of 4 channels in {len(table.rows)} rows at {settings} settings in 3 runs" in said
+
+
 def test_the_legend_of_the_temperatures_covers_no_curve(levitation_model):
     figure = settings_figure(bench_observations(levitation_model, campaign(levitation_model, 67, **SIZE)))
     assert all(axes.get_legend() is None for axes in figure.axes)
