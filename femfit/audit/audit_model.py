@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from femfit.audit.carried import held_body
-from femfit.audit.finding import Audit, AuditFinding, Severity
+from femfit.audit.conclusions import Audit, AuditFinding, Severity
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError

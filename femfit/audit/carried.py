@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.audit.finding import AuditFinding, Severity
+from femfit.audit.conclusions import AuditFinding, Severity
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
