@@ -59,58 +59,20 @@ class _Half:
 
 
 def describe_region(observations: Observations, channel: str, covariates: Sequence[str], smooth: FloatArray) -> str:
-    """One sentence on the misfit of a channel.
+    """One sentence on a misfit: ``Measured force is 6 % low above 1 A and below 18 mm, in both branches``.
 
-    Parameters
-    ----------
-    smooth : array, shape (M,)
-        Structured part of recorded minus predicted: it says where. The readings themselves say how much;
-        the structured part lacks what a re-mount could have done.
-
-    Returns
-    -------
-    str
-        For example ``Measured force is 6 % low above 1 A and below 18 mm, in both branches.``
+    The structured part of recorded minus predicted, of shape (M,), says where. The readings themselves say how much;
+    the structured part lacks what a re-mount could have done.
     """
-    here = observations.of(channel)
-    return misfit_sentence(
-        f"Measured {CHANNEL_WORDS[channel]}",
-        channel,
-        smooth[here],
-        observations.residual[here],
-        _signal(observations, channel)[here],
-        {name: observations.column(name)[here] for name in covariates if name in _PLACES},
-        np.sign(observations.column("branch")[here]) if "branch" in covariates else None,
-        both=len(np.unique(np.sign(observations.column("branch")[here]))) > 1,
-    )
-
-
-def misfit_sentence(
-    subject: str,
-    channel: str,
-    smooth: FloatArray,
-    misfit: FloatArray,
-    base: FloatArray,
-    values: Mapping[str, FloatArray],
-    branch: FloatArray | None = None,
-    *,
-    both: bool = False,
-) -> str:
-    """One sentence on any misfit.
-
-    Parameters
-    ----------
-    smooth, misfit, base : array, shape (n,)
-        What is too much, without noise and as recorded, and what it is relative to.
-    values : mapping of str to array, shape (n,)
-        Columns that thresholds may be set on.
-    branch : array, shape (n,), or None
-        Where the misfit changes with it: +1 and -1.
-    """
+    here, subject = observations.of(channel), f"Measured {CHANNEL_WORDS[channel]}"
+    misfit, base = observations.residual[here], _signal(observations, channel)[here]
     if np.sum(misfit**2) <= NOTHING**2 * np.sum(base**2):
         return f"{subject} is as predicted."
-    s, everything = smooth if smooth.any() else misfit, np.ones(len(smooth), dtype=bool)
-    scope = everything if branch is None else _stronger_branch(branch, s)
+    values = {name: observations.column(name)[here] for name in covariates if name in _PLACES}
+    sides = np.sign(observations.column("branch")[here])
+    branch = sides if "branch" in covariates else None
+    s = smooth[here] if smooth[here].any() else misfit
+    scope = np.ones(len(s), dtype=bool) if branch is None else _stronger_branch(branch, s)
     sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
     share = _is_share(misfit, base, scope)
     halves = [] if share else _region(values, s, scope, sign)
@@ -124,7 +86,7 @@ def misfit_sentence(
     text = f"{subject} is {described(halves, sign)}"
     if branch is not None:
         text += _branch_clause(misfit, base, halves, branch, scope, channel)
-    elif both:
+    elif len(np.unique(sides)) > 1:
         text += ", in both branches"
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
     if not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2):
