@@ -146,10 +146,7 @@ class CoilRecord:
 def open_coil_record(path: str | Path) -> CoilRecord:
     """Look at a coil record without reading it.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; else a text table of any dialect.
+    It is ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; else a text table of any dialect.
     """
     path = Path(path)
     if not path.is_file():
@@ -247,13 +244,7 @@ def _raw_layout(path: Path) -> dict[str, Any]:
 
 
 class RecordWriter:
-    """Writes columns block by block; the file appears when all is written.
-
-    Parameters
-    ----------
-    path : Path
-        ``.csv``, ``.parquet``, or ``.bin``, ``.raw``, ``.f32`` (with a JSON sidecar).
-    """
+    """Writes columns block by block, as CSV, Parquet or raw with a sidecar; the file appears when all is written."""
 
     def __init__(self, path: Path, columns: Sequence[str], sample_time: float) -> None:
         self.path, self.columns, self.sample_time = Path(path), list(columns), sample_time

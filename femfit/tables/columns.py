@@ -57,16 +57,9 @@ def match_columns(
 ) -> tuple[dict[int, UsedColumn], dict[str, list[int]], list[Finding]]:
     """Find columns among headers.
 
-    Parameters
-    ----------
-    columns : mapping of str to str, optional
-        Header to the column that it is, where its name does not say it.
-    units : mapping of str to str, optional
-        Header (or column) to its unit, or to a number that multiplies it to SI.
-    guess : bool
-        Whether a name may also stand inside a header: ``Fz, total``.
-    optional : collection of str
-        Columns that are left out, and not refused, where several headers may be them.
+    The user's ``columns`` say which header is which column where its name does not say it, and ``units``, by header or
+    column, its unit or a number that multiplies it to SI. With ``guess`` a name may also stand inside a header: ``Fz,
+    total``. An optional column is left out, not refused, where several headers may be it.
 
     Returns
     -------

@@ -56,13 +56,8 @@ def checked(table: BenchTable) -> BenchTable:
 def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> BenchTable:
     """Set aside single readings whose deviation from a model contradicts that of all neighbours.
 
-    Without a model a steep curve's true end looks like an outlier, so that readings are compared by what the model
-    leaves of them.
-
-    Parameters
-    ----------
-    predicted : mapping of str to array, shape (n,)
-        Channel to the model's prediction for each row; NaN where it has none.
+    Without a model a steep curve's true end looks like an outlier, so that readings are compared by what the model,
+    channel by channel and row by row, leaves of them; NaN where it has no prediction.
     """
     rows, findings = table.rows, []
     for name in (name for name in table.channels if name in predicted):
@@ -204,18 +199,9 @@ def _row(rows: pd.DataFrame, k: int, name: str) -> str:
 
 
 def in_measuring_order(rows: pd.DataFrame, has_run: bool) -> tuple[pd.DataFrame, list[Finding]]:
-    """Put rows of one run together, in the order of measuring.
+    """Put rows of one run together, in the order of measuring: a believable one, else that of the file.
 
-    Parameters
-    ----------
-    has_run : bool
-        Whether the file has a column of runs.
-
-    Returns
-    -------
-    tuple of DataFrame and list of Finding
-        Sorted by a believable order, else as in the file; ``order`` counts from 0 in a run where it is missing or
-        not believable.
+    ``order`` counts from 0 in a run where it is missing or not believable.
     """
     rows, findings = rows.copy(), []
     order = rows["order"].to_numpy()
@@ -267,10 +253,7 @@ def _said(text: str) -> Finding:
 def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Finding]]:
     """Read the branch of every row from the order of measuring, where the currents of a table go up and down.
 
-    Returns
-    -------
-    array, shape (n,), or None
-        +1 while the current rises, -1 while it falls, 0 where it does not change; None where it was not cycled.
+    +1 while the current rises, -1 while it falls, 0 where it does not change; None where it was not cycled.
     """
     current = rows["current_A"].to_numpy()
     still = STILL_CURRENT * float(np.nanmax(current) - np.nanmin(current)) if np.isfinite(current).any() else 0.0

@@ -100,15 +100,8 @@ def read_bench_table(
 ) -> BenchTable:
     """Read and check a bench measurement, or a plan of one.
 
-    Parameters
-    ----------
-    planned : bool
-        Whether it is a plan: a channel counts as given by its column alone, its cells may be empty.
-
-    Returns
-    -------
-    BenchTable
-        Rows in the order of measuring, with what the checks set aside as NaN and said in ``findings``.
+    Rows stand in the order of measuring, with what the checks set aside as NaN and said in ``findings``. In a plan a
+    channel counts as given by its column alone, its cells may be empty.
     """
     path = Path(path)
     return _bench_table(read_raw_table(path), path, columns, units, planned)

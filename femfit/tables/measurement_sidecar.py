@@ -24,13 +24,10 @@ class Sidecar:
 
 
 def read_sidecar(measurement: Path, channels: Sequence[str], used: Sequence[UsedColumn] = ()) -> Sidecar:
-    """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement.
+    """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement; what it says is empty where there is none.
 
-    Returns
-    -------
-    Sidecar
-        Empty where there is none. A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or
-        ``force_mN = 0.2``, or with the header of its column, whose unit it then has.
+    A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
+    header of its column, whose unit it then has.
     """
     for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
         if file.is_file() and file != measurement:

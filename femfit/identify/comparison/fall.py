@@ -72,13 +72,7 @@ class ErrorFall:
 def error_fall(
     observations: Observations, before: FloatArray, after: FloatArray, noise: Mapping[str, float]
 ) -> ErrorFall:
-    """The fall of the error between two predictions of the same readings.
-
-    Parameters
-    ----------
-    before, after : array, shape (M,)
-        Predicted readings, in their units.
-    """
+    """The fall of the error between two predictions of the same readings, both of shape (M,) and in their units."""
     misfits = (observations.value - before, observations.value - after)
     rows = []
     for name in observations.channels:

@@ -33,13 +33,7 @@ class LackOfFit:
 
 
 def tail_probability(square: float, count: int, degrees_of_freedom: float) -> float:
-    """Probability of at least this squared length in directions that hold noise alone.
-
-    Parameters
-    ----------
-    square : float
-        Squared length, in units of the noise.
-    """
+    """Probability of at least this squared length, in units of the noise, in directions that hold noise alone."""
     if np.isfinite(degrees_of_freedom):
         return float(stats.f.sf(square / count, count, degrees_of_freedom))
     return float(stats.chi2.sf(square, count))
@@ -98,21 +92,10 @@ class PatternSpace:
         return square - count
 
     def test(self, residual: FloatArray, fitted: FloatArray | None = None, variance: float = 1.0) -> LackOfFit:
-        """Test a whitened residual in every group.
+        """Test a whitened residual in every group; the p-value of the worst counts times their number (Bonferroni).
 
-        Parameters
-        ----------
-        residual : array, shape (M,)
-            Whitened.
-        fitted : array, shape (M, p), or None
-            Whitened columns that were fitted to it: directions in which it has no freedom left.
-        variance : float
-            What is expected along a smooth pattern in units of the noise; more than 1 allows for a misfit of the model.
-
-        Returns
-        -------
-        LackOfFit
-            Of the group that is least likely to be noise; its p-value times the number of groups (Bonferroni).
+        What was fitted to it, whitened columns of shape (M, p), are directions in which it has no freedom left. A
+        variance above 1, of a smooth pattern in units of the noise, allows for a misfit of the model.
         """
         residual, basis = _beside(residual, fitted)
         tests = [group.test(residual, basis, variance) for group in self.groups]
@@ -129,13 +112,7 @@ def _beside(residual: FloatArray, fitted: FloatArray | None) -> tuple[FloatArray
 
 
 def pattern_space(observations: Observations, whitening: Whitening) -> PatternSpace:
-    """The whitened smooth patterns of a campaign.
-
-    Returns
-    -------
-    PatternSpace
-        With the degrees of freedom of each group's repeats; without groups where every channel has too few readings.
-    """
+    """The whitened smooth patterns of a campaign; without groups where every channel has too few readings."""
     patterns = smooth_patterns(observations)
     columns, degrees = whitening.full(patterns.columns), whitening.noise.degrees_of_freedom
     everything = np.ones(len(patterns.channel), dtype=bool)

@@ -40,22 +40,13 @@ Labelled = list[tuple[FloatArray, int, frozenset[str]]]
 def smooth_patterns(observations: Observations) -> Patterns:
     """The patterns of all channels: of distance, current and branch, of temperatures, speeds and time.
 
-    Returns
-    -------
-    Patterns
-        Of full column rank within rounding, at most a third of each channel's readings.
+    They are independent of each other within rounding, and at most a third of each channel's readings.
     """
     return _assembled(observations, lambda here: _surface(observations, here) + _drift(observations, here))
 
 
 def drift_patterns(observations: Observations) -> Patterns:
-    """The patterns of temperature, speed and time alone: what may differ between repeats of one setting.
-
-    Returns
-    -------
-    Patterns
-        None where temperatures, speeds and times do not vary.
-    """
+    """The patterns of temperature, speed and time alone: what may differ between repeats of one setting."""
     return _assembled(observations, lambda here: _drift(observations, here))
 
 

@@ -30,12 +30,8 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
 
     Where mounts and noise could be what makes that channel the worst, it is the one with the most structure instead.
 
-    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs.
-
-    Returns
-    -------
-    Where
-        Covariates in the order in which they explain the structure; none where the misfit is the same everywhere.
+    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs. The
+    covariates stand in the order in which they explain it; there are none where the misfit is the same everywhere.
     """
     patterns = smooth_patterns(observations)
     columns, residual = whitening.full(patterns.columns), whitening.full(observations.residual)
@@ -67,20 +63,7 @@ def _clearly_worst(observations: Observations, noise: NoiseModel) -> int | None:
 
 
 def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatArray) -> FloatArray:
-    """The smooth part of recorded minus predicted.
-
-    Parameters
-    ----------
-    columns : array, shape (M, k)
-        The patterns, whitened.
-    residual : array, shape (M,)
-        Recorded minus predicted, whitened.
-
-    Returns
-    -------
-    array, shape (M,)
-        In the readings' units.
-    """
+    """The smooth part, in the readings' units, of recorded minus predicted; columns and residual are whitened."""
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     amplitude = np.linalg.lstsq(columns / size, residual, rcond=1e-8)[0] / size
     return np.asarray(patterns.columns @ amplitude)

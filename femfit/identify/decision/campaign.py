@@ -108,12 +108,8 @@ class Campaign:
         """The same settings with other readings, of shape (M,), and their own noise estimate."""
         observations = self.observations.with_values(value)
         whitening = Whitening(observations, estimate_noise(observations) or self.noise, self.whitening.chains)
-        effects = tuple(_whitened(one, whitening) for one in self.effects)
+        effects = tuple(Start.at_null(one.columns, whitening) for one in self.effects)
         return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
-
-
-def _whitened(one: Start, whitening: Whitening) -> Start:
-    return Start(one.columns, whitening.full(one.columns.columns), one.amplitude)
 
 
 NO_NOISE = Finding(
@@ -140,10 +136,7 @@ def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:
 def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:
     """Estimate the noise and compute the lack-of-fit patterns and every effect's columns.
 
-    Returns
-    -------
-    Campaign or Finding
-        The finding says why these readings cannot be tested: their noise is unknown, or they are too few.
+    A finding says instead why these readings cannot be tested: their noise is unknown, or they are too few.
     """
     noise = estimate_noise(observations)
     if noise is None:
@@ -162,7 +155,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
             columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
         if not columns:
             untestable[effect.name] = reason or "it changes no reading at these settings"
-        starts += [Start(one, whitening.full(one.columns), np.zeros(len(one.amplitudes))) for one in columns]
+        starts += [Start.at_null(one, whitening) for one in columns]
     return Campaign(observations, whitening, patterns, tuple(starts), untestable)
 
 

@@ -30,12 +30,9 @@ def look_alikes(
 ) -> tuple[str, ...]:
     """Effects that would have been given the chosen name on these data, had they been the cause and not been listed.
 
-    Returns
-    -------
-    tuple of str
-        The others of the classes; rivals that pass the test and fit as well, if with more parameters; then the most
-        alike first: an effect, or a constant error of a channel, whose contribution, as long as what was found, has
-        less beside the fitted one than the lack-of-fit test notices nine times in ten.
+    First the others of the classes; then rivals that pass the test and fit as well, if with more parameters; then the
+    most alike first: an effect, or a constant error of a channel, whose contribution, as long as what was found, has
+    less beside the fitted one than the lack-of-fit test notices nine times in ten.
     """
     observations = campaign.observations
     signal = campaign.whitening.full(observations.predict(chosen.fit.effects) - observations.base)

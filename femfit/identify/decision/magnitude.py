@@ -84,17 +84,8 @@ def _beyond_own_misfit(campaign: Campaign) -> Callable[[float, FloatArray], floa
 def explained_share(campaign: Campaign, fit: Refit, excess: float) -> float:
     """Part of the structured misfit that effects explain on runs left out, each in turn; on stretches of a single run.
 
-    Parameters
-    ----------
-    fit : Refit
-        The effects, fitted to all of them; their amplitudes are fitted anew without each run, to first order.
-    excess : float
-        Structured excess of the model over the noise, in whitened units.
-
-    Returns
-    -------
-    float
-        1 for all of it, 0 for none; negative where the effects make the error on unseen runs larger.
+    The effects were fitted to all runs; their amplitudes are fitted anew without each, to first order. 1 is all of the
+    excess and 0 none of it; it is negative where the effects make the error on unseen runs larger.
     """
     target = campaign.whitened_residual
     moving = [j for j, (_, p) in enumerate(fit.free) if not p.nonlinear and not fit.active[j]]

@@ -39,13 +39,7 @@ from femfit.identify.readings.repeats import pure_error, repeat_cells
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
-    """The noise model of a campaign.
-
-    Returns
-    -------
-    NoiseModel or None
-        None where neither repeats nor a sidecar say the noise of any channel.
-    """
+    """The noise model of a campaign; None where neither repeats nor a sidecar say the noise of any channel."""
     cells = repeat_cells(observations)
     constant = never_varying(observations, cells)
     sigma, degrees, source = _scatter(observations, cells, constant)
@@ -251,12 +245,8 @@ def _from_differences(columns: FloatArray, y: FloatArray, covariance: FloatArray
     """The scatter of mounts, or runs, as their differences alone show it, and the same as tests use it.
 
     A difference on which the readings have the information l is estimated with the variance s^2 + 1 / l. The mean of n
-    such squares, with Student's quantile for n, bounds what all groups may share; 1 / l of it is the readings' own.
-
-    Parameters
-    ----------
-    columns : array, shape (q, groups)
-        What each group does to readings y of this covariance.
+    such squares, with Student's quantile for n, bounds what all groups may share; 1 / l of it is the readings' own. The
+    columns, of shape (q, groups), are what each group does to readings y of this covariance.
     """
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([columns, y]))
     _, length, directions = np.linalg.svd(whitened[:, :-1], full_matrices=False)

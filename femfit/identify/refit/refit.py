@@ -86,10 +86,8 @@ def refit(
 ) -> Refit:
     """Fit effects within their bounds, all parameters that these readings see.
 
-    Parameters
-    ----------
-    prior_sd : mapping of str to float, or None
-        Per effect, the standard deviation about their nulls that its parameters are known to have beforehand.
+    ``prior_sd`` has, per effect, the standard deviation about their nulls that its parameters are known to have
+    beforehand.
     """
     fixed, prior_sd = fixed or {}, prior_sd or {}
     initial = [one.columns.parameters(one.amplitude) for one in start]

@@ -92,10 +92,7 @@ def suspicious_values(
 ) -> tuple[str, ...]:
     """What is unusual of fitted parameters, one sentence each.
 
-    Parameters
-    ----------
-    beside : collection of str
-        Tolerances of the drawing that were fitted beside the effects; these may well be zero.
+    Tolerances of the drawing that were fitted beside the effects may well be zero.
     """
     nominal, result = observations.nominal, list[str]()
     if not fit.converged:

@@ -67,17 +67,11 @@ class SensorNoise:
 
 
 def propagated(mean: sparse.csr_array, *sensors: tuple[sparse.csr_array, SensorNoise]) -> FloatArray:
-    """Standard deviation of sums of noisy samples of independent sensors.
+    """Standard deviation of sums of noisy samples of independent sensors, each with weights of shape (n, N).
 
-    White noise adds up in squares. The error of a converter whose input hardly moves over a window is the same in all
-    samples up to a few jumps; noise of the size of a step makes it white (dither), motion over several averages it.
-
-    Parameters
-    ----------
-    mean : sparse array, shape (n, N)
-        Weights of means over the windows.
-    *sensors : tuple of (sparse array of shape (n, N), SensorNoise)
-        Weights of a sensor's samples in each sum.
+    White noise adds up in squares. The error of a converter whose input hardly moves over a window, whose means have
+    the weights ``mean``, is the same in all samples up to a few jumps; noise of the size of a step makes it white
+    (dither), motion over several averages it.
     """
     total = np.zeros(mean.shape[0])
     for weights, sensor in sensors:
@@ -105,13 +99,9 @@ def _largest_partial_sum(weights: sparse.csr_array) -> FloatArray:
 def successive_scatter(misfit: FloatArray, follows: IntArray, removed: FloatArray) -> float:
     """Standard deviation from the median difference of successive windows; NaN for fewer than twelve.
 
-    Parameters
-    ----------
-    follows : array of int, shape (k,)
-        Windows that follow the one before them.
-    removed : array, shape (n, p)
-        Orthonormal basis of the patterns that were removed: white noise less its part along them differs from one
-        window to the next by a variance of 2 less the squared difference of the basis' rows.
+    The windows ``follows`` follow the one before them. White noise less its part along patterns that were removed, of
+    this orthonormal basis of shape (n, p), differs from one window to the next by a variance of 2 less the squared
+    difference of the basis' rows.
     """
     if len(follows) < LEAST_FOLLOWING:
         return float("nan")

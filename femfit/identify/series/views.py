@@ -216,13 +216,8 @@ def local_polynomials(
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Weights of value and slope of a local polynomial at n nodes over N samples, two sparse arrays of shape (n, N).
 
-    Parameters
-    ----------
-    centre_s : array, shape (n,)
-        Where the samples stand that count for each node: the node itself, or before it.
-    behind_s, ahead_s : float
-        From so far behind the centre to so far ahead of it, by the weight (1 - s^2)^2; more, on the same sides, where
-        there are too few of them.
+    The samples that count for a node stand around its centre, which is the node itself or before it, from so far behind
+    to so far ahead, by the weight (1 - s^2)^2; more, on the same sides, where there are too few of them.
     """
     here = np.flatnonzero(known)
     # One clock for all segments, far enough apart that no node sees another segment

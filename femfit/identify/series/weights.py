@@ -107,17 +107,9 @@ def held_weights(
     """Weights of a balance x' = u with u held from each sample to the next, exact for a piecewise constant phi.
 
     phi is replaced by its mean over each interval between known samples, so that sum of phi (x_next - x) is the
-    integral of phi x' to rounding, kinks of x at the samples included.
-
-    Parameters
-    ----------
-    held : array of bool, shape (N,)
-        Whether u is known from this known sample to the next one; where it is not, phi is zero.
-
-    Returns
-    -------
-    tuple of three sparse arrays, shape (n, N), and array of bool, shape (n,)
-        For u, for the mean of what is smooth (trapezoidal), and for x, with the validity of each window.
+    integral of phi x' to rounding, kinks of x at the samples included; phi is zero where u is not ``held`` from this
+    known sample to the next one. The weights, of shape (n, N), are for u, for the mean of what is smooth (trapezoidal),
+    and for x; then comes the validity of each window.
     """
     valid = np.zeros(len(windows.centre_s), dtype=bool)
     rows: list[IntArray] = []

@@ -70,11 +70,8 @@ def _in_words(need: str) -> str:
 def effect_columns(effect: Effect, observations: Observations) -> list[EffectColumns]:
     """The columns of an effect, once for each combination of its shape constants.
 
-    Returns
-    -------
-    list of EffectColumns
-        Shape constants at their usual value, at the lower end and at three quarters of their usual range; combinations
-        without any effect on these readings are left out.
+    Shape constants have their usual value, the lower end and three quarters of their usual range; combinations without
+    any effect on these readings are left out.
     """
     constants = [p for p in effect.parameters if p.nonlinear]
     grid = [

@@ -193,10 +193,7 @@ def _holes(points: pd.DataFrame, currents: FloatArray, distances: FloatArray) ->
 def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
     """Find the largest complete part of the grid, leaving out the worst current or distance in turn.
 
-    Returns
-    -------
-    fields : list of array, shape (n, m)
-        One a quantity, finite everywhere.
+    Its distances, its currents, and the values of each quantity, finite everywhere, of shape (n, m).
     """
     indexed = points.set_index(["distance", "current"])
     tables = [indexed[name].unstack() for name in quantities]  # noqa: PD010  # pivot_table would average

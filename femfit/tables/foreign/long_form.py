@@ -27,18 +27,10 @@ _REMEDIES = {
 def long_points(
     raw: RawTable, constants: dict[str, float], options: ImportOptions
 ) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
-    """Read one row a point with SI columns.
+    """Read one row a point with SI columns, the distance before start and step.
 
-    Parameters
-    ----------
-    constants : dict of str to float
-        ``current`` (A) or ``distance`` (m) of the whole file, used where no column holds it.
-
-    Returns
-    -------
-    points : DataFrame
-        Quantities in SI (distance before start and step), ``source``, ``line``; further force columns as
-        ``other:<header>``.
+    The constants are the whole file's current (A) or distance (m), used where no column holds it. Further force columns
+    are ``other:<header>``; ``source`` and ``line`` say where a row stands.
     """
     headers = options.column_names or raw.headers
     if not headers:
