@@ -97,16 +97,13 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
             near, carried = alone | {"distance_m"}, alone | {"current_A"}
             result += [(t, 1, alone), (t * t, 2, alone), (t * x, 2, near), (t * y, 2, carried)]
             result += [(t * x * y, 3, near | carried), (t * x * x, 3, near)]
-    for name in _MOTION:
-        if name in observations.covariates and np.ptp(observations.column(name)[here]) > 0.0:
-            t, alone = _unit(observations.column(name)[here]), frozenset({name})
-            result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
-            result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
     clocks: list[FloatArray] = []
-    for name in ("order", "elapsed"):
+    for name in (*_MOTION, "order", "elapsed"):
+        if name not in observations.covariates:
+            continue
         t = observations.column(name)[here]
         if np.ptp(t) > 0.0 and not any(np.array_equal(t, other) for other in clocks):
-            clocks.append(t)
+            clocks += [t] if name not in _MOTION else []
             t, alone = _unit(t), frozenset({name})
             result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
             result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
