@@ -72,8 +72,9 @@ def _beyond_own_misfit(campaign: Campaign) -> Callable[[float, FloatArray], floa
     def magnitude(whitened_length: float, column: FloatArray) -> float:
         c = column / sigma
         square, along = float(c @ c), float(slow @ c**2 + np.sum((random.T @ c) ** 2))
-        b = most * square + 2.0 * z**2 * along
-        alone = (b + np.sqrt(b**2 - square**2 * (most**2 - z**2 * variance))) / square
+        # Of (square s - most)^2 = z^2 (variance + 4 s along); written out, since the two squares of most cancel
+        root = np.sqrt(z**2 * (4.0 * along * (most * square + z**2 * along) + square**2 * variance))
+        alone = (most * square + 2.0 * z**2 * along + root) / square
         opposed = min(abs(float(c @ (observations.residual / sigma))) / square, np.sqrt(campaign.known_misfit / square))
         recorded = opposed + np.sqrt(opposed**2 + alone / square)
         return float(min(opposed + (np.sqrt(most + 1.0) + z) / whitened_length, recorded))
