@@ -26,8 +26,7 @@ TABLES = (
     ("[coils.NAME]", "One of several windings, or one that moves (schema 2).", schema_device.WindingEntry),
     (
         "[circuits.NAME]",
-        "Coils in series and what feeds them (schema 2). Without it each coil has a circuit of its name, fed by "
-        "`[supply]`.",
+        "Coils in series and what feeds them (schema 2). Without it each coil has its own, fed by `[supply]`.",
         schema_device.CircuitEntry,
     ),
     ("[moving]", "The moving part.", schema.MovingEntry),
@@ -55,7 +54,8 @@ LONGEST_EXAMPLE = 50
 
 UNITS = (
     ("_N_per_mm", "N/mm"), ("_V_per_mm", "V/mm"), ("_N_s_per_m", "N s/m"), ("_m_per_s2", "m/s²"), ("_mH", "mH"),
-    ("_Hz", "Hz"), ("_deg", "°"), ("_N", "N"), ("_V_per_T", "V/T"), ("_A_per_m", "A/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
+    ("_Hz", "Hz"), ("_deg", "°"), ("_N", "N"), ("_V_per_T", "V/T"),
+    ("_A_per_m", "A/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
     ("_T", "T"), ("_A", "A"), ("_V", "V"), ("_g", "g"), ("_C", "°C"),
 )  # fmt: skip
 

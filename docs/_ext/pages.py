@@ -1,4 +1,4 @@
-"""The pages that are made from femfit itself: actuator file, commands, library, columns and effects.
+"""The pages that are made from femfit itself: actuator file, commands, library, columns, constants and effects.
 
 They are written to ``docs/generated`` before each build, so that no page can say what femfit does not do.
 """
@@ -7,6 +7,7 @@ from pathlib import Path
 from shutil import copyfile
 
 import actuator_file
+import constants
 import effect_pages
 import library
 from sphinx.application import Sphinx
@@ -49,6 +50,7 @@ def _pages() -> dict[str, str]:
         "commands.md": _commands(),
         "library.md": library.page(),
         "columns.md": _columns(),
+        "constants.md": constants.page(),
         **effect_pages.pages(),
     }
 
@@ -66,14 +68,10 @@ def _commands() -> str:
 _COMMANDS = """\
 # Commands
 
-`femfit COMMAND --help` prints the same. A command exits with 0 when it is done, 1 after an error, whose remedy it
-prints, or when `femfit audit` finds something wrong, 2 on wrong usage, 70 on a bug of femfit, 130 after Ctrl-C and 143
-after SIGTERM. Every command takes `--json FILE`, which writes its result for a script.
+`femfit COMMAND --help` prints the same. [Exit codes](../reference/exit_codes.md) say how a command ended. Every command
+takes `--json FILE`, which writes its result for a script.
 `python -m femfit` is the same as `femfit`, and `femfit --install-completion` lets the Tab key complete commands and
 options in bash, zsh and fish.
-
-A command ends with code 0 when it is done, 1 after an error that it explains, 2 when it was called wrongly, 70 after a
-bug of femfit (it then names a log file), 130 when Ctrl-C ended it and 143 when SIGTERM did.
 
 """
 

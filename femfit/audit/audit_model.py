@@ -1,16 +1,16 @@
 """Checks of a model as its file holds it: misfit, circuit, signs, the range that its supply can hold, its sensor."""
 
-from dataclasses import asdict, dataclass, replace
-from html import escape
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 
-from femfit.audit.carried import COLD_C, WARM_C, CarriedRange, carried_range
+from femfit.audit.carried import held_body
+from femfit.audit.conclusions import Audit, AuditFinding, Severity
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError
+from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel, HallSensor, Misfit
@@ -18,9 +18,6 @@ from femfit.model.bspline import TensorSpline
 from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
 from femfit.tables.sweep_table import TABLE_STEM, read_sweep_table
-
-Severity = Literal["holds", "stated", "note", "wrong"]
-_SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")
 
 _GRID = (41, 15)
 
@@ -46,64 +43,11 @@ better than that."""
 _SINGLE = 1e-4
 """Change of the force, over its largest, that rounding the model's numbers to single precision may make."""
 
-_OFF_PLACE = 0.01
-"""Part of the stroke by which the force's misfit may move the place where a body is held; conventional."""
-
-_FASTEST = 0.3
-"""Unstable pole times sample time that a loop can still be closed with."""
-
-
-@dataclass(frozen=True)
-class AuditFinding:
-    """One conclusion of an audit."""
-
-    code: str
-    # ``holds``: recomputed and right; ``stated``: the file says it and nothing was at hand to recompute it from;
-    # ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic
-    severity: Severity
-    about: str
-    sentence: str
-    # The number as given and as it follows, in the unit that the sentence names
-    stated: float | None = None
-    recomputed: float | None = None
-
-
-@dataclass(frozen=True)
-class Audit:
-    """All conclusions of an audit."""
-
-    findings: tuple[AuditFinding, ...]
-
-    def count(self, severity: Severity) -> int:
-        """How many findings have a severity."""
-        return sum(one.severity == severity for one in self.findings)
-
-    def __str__(self) -> str:
-        """The lines that ``femfit audit`` prints: the count, then what is wrong first."""
-        total = (
-            f"{self.count('wrong')} wrong, {self.count('note')} to look at, {self.count('holds')} recomputed and right"
-        )
-        if self.count("stated"):
-            total += f", {self.count('stated')} only as the file states"
-        ordered = [one for severity in _SEVERITIES for one in self.findings if one.severity == severity]
-        return "\n".join([total, *(f"{one.severity}: {one.about}: {one.sentence}" for one in ordered)])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return {"findings": [asdict(one) for one in self.findings]}
-
 
 def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = None) -> Audit:
-    """Check a model on its own, and against its table where that is at hand.
+    """Check a model on its own, and against the sweep table that it was fitted to where that is at hand.
 
-    Parameters
-    ----------
-    table : str, Path or None
-        The sweep table that it was fitted to. None takes the one in the model file's directory, if its distances and
-        currents are the model's.
+    Without a table it is the one in the model file's directory, if its distances and currents are the model's.
     """
     rows, findings = None, []
     if not isinstance(model, ActuatorModel):
@@ -131,7 +75,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
     findings += [_reciprocity(model.magnetics, d, i), *_bounds(model)]
     findings += _single_precision(model.without_effects.magnetics, d, i)
     if model.circuit is not None and model.motion is not None and not any(one.code == "positive" for one in findings):
-        findings += _held(model)
+        findings += held_body(model)
     if model.sensor is not None:
         findings += _sensor(model.sensor, d, i)
     return Audit(tuple(findings))
@@ -287,56 +231,13 @@ def _rounded(magnetics: Magnetics) -> Magnetics | None:
     return None
 
 
-def _held(model: ActuatorModel) -> list[AuditFinding]:
-    """What the supply can carry; of a body that is meant to hang, also its place and the speed of its instability."""
-    carried = [carried_range(model, celsius) for celsius in (COLD_C, WARM_C)]
-    about = "what the supply carries"
-    text = "; ".join(dict.fromkeys(map(str, carried))) + "."
-    hangs = model.sensor is not None or bool(model.reference_distances_m)
-    cold = carried[0]
-    if cold.low_m is None or cold.high_m is None:
-        return [AuditFinding("held_range", "note", about, text)]
-    if not hangs:
-        return [AuditFinding("held_range", "holds", about, text, None, cold.high_m)]
-    slack = 2.0 * cold.step_m
-    beyond = [one for one in model.reference_distances_m if not cold.low_m - slack <= one <= cold.high_m + slack]
-    if beyond:
-        text = f"{text[:-1]}; the reference asks for {', '.join(amount(one, 'm', 3) for one in beyond)}."
-    findings = [AuditFinding("held_range", "wrong" if beyond else "holds", about, text, None, cold.high_m)]
-    held = np.linspace(cold.low_m, cold.high_m, 101)
-    current = np.array([_current_at(model, float(one), cold) for one in held])
-    fall = np.maximum(-model.magnetics.force_gradient(held, current), 0.0)
-    rate = float(np.sqrt(fall.max() / model.require_motion().mass_kg))
-    turn = rate * model.sample_time_s
-    text = f"held, the body leaves at up to {amount(rate, '1/s')}, {turn:.2g} a sample.".replace("1/s", "rad/s")
-    severity: Severity = "holds" if turn < _FASTEST else "wrong"
-    findings.append(AuditFinding("sample_time", severity, "sample time", text, model.sample_time_s, rate))
-    misfit = model.without_effects.misfit
-    if misfit is not None and np.median(fall) > 0.0:
-        off = misfit.force_rms_N / float(np.median(fall))
-        stroke = model.validity.distance_max_m - model.validity.distance_min_m
-        text = f"the force's misfit moves the place where the body is held by {amount(off, 'm')}, "
-        text += f"{amount(off / stroke, '')} of the stroke."
-        severity = "note" if off > _OFF_PLACE * stroke else "holds"
-        findings.append(AuditFinding("held_place", severity, "held body", text, None, off))
-    return findings
-
-
-def _current_at(model: ActuatorModel, distance: float, carried: CarriedRange) -> float:
-    # Steel alone pulls least without current
-    ends = np.array([carried.current_min_A, min(max(0.0, carried.current_min_A), carried.current_max_A)])
-    least = ends[np.argmin(model.magnetics.force(np.full(2, distance), ends))]
-    i = np.linspace(least, carried.current_max_A, 201)
-    needed = float(model.require_motion().static_force(np.asarray(distance)))
-    return float(np.interp(needed, model.magnetics.force(np.full_like(i, distance), i), i))
-
-
 def _sensor(sensor: HallSensor, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     """Whether the output stays within its range, and what the converter adds to the noise."""
-    volts = sensor.voltage(d, i)
+    field = sensor.field.field(d, i)
+    volts, where = sensor.voltage(d, i), where_clipped(sensor, d, i, field)
     clipped = float(np.mean((volts <= sensor.output_min_V) | (volts >= sensor.output_max_V)))
     text = f"its output goes from {float(volts.min()):.3g} to {float(volts.max()):.3g} V over the validity domain"
-    text += f" and is clipped in {100 * clipped:.2g} % of it." if clipped else ", within its range."
+    text += f" and is clipped in {100 * clipped:.2g} % of it: {where}. {REMEDY}" if where else ", within its range."
     findings = [AuditFinding("hall_range", "note" if clipped else "holds", "Hall output", text, None, clipped)]
     step = sensor.quantisation_step / np.sqrt(12.0)
     if sensor.noise_V > 0.0 and step > 0.0:

@@ -1,9 +1,10 @@
-"""Where the supply can balance the moving part's weight, the one answer of the audit and of the report."""
+"""Where the supply can balance the moving part's weight, as audit and report say it, and how well it is held there."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.audit.conclusions import AuditFinding, Severity
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
@@ -16,6 +17,12 @@ WARM_C = 100.0
 """Temperature of a warm coil (conventional): 80 K above 20 degC, and just within thermal class 105 of IEC 60085."""
 
 _DISTANCES = 601
+
+_OFF_PLACE = 0.01
+"""Part of the stroke by which the force's misfit may move the place where a body is held; conventional."""
+
+_FASTEST = 0.3
+"""Unstable pole times sample time that a loop can still be closed with."""
 
 
 @dataclass(frozen=True)
@@ -71,3 +78,47 @@ def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange
     return CarriedRange(
         celsius, circuit.voltage_max_V, lowest, highest, supply, weight, low, high, float(d[1] - d[0]), sprung
     )
+
+
+def held_body(model: ActuatorModel) -> list[AuditFinding]:
+    """What the supply can carry; of a body that is meant to hang, also its place and the speed of its instability."""
+    carried = [carried_range(model, celsius) for celsius in (COLD_C, WARM_C)]
+    about = "what the supply carries"
+    text = "; ".join(dict.fromkeys(map(str, carried))) + "."
+    hangs = model.sensor is not None or bool(model.reference_distances_m)
+    cold = carried[0]
+    if cold.low_m is None or cold.high_m is None:
+        return [AuditFinding("held_range", "note", about, text)]
+    if not hangs:
+        return [AuditFinding("held_range", "holds", about, text, None, cold.high_m)]
+    slack = 2.0 * cold.step_m
+    beyond = [one for one in model.reference_distances_m if not cold.low_m - slack <= one <= cold.high_m + slack]
+    if beyond:
+        text = f"{text[:-1]}; the reference asks for {', '.join(amount(one, 'm', 3) for one in beyond)}."
+    findings = [AuditFinding("held_range", "wrong" if beyond else "holds", about, text, None, cold.high_m)]
+    held = np.linspace(cold.low_m, cold.high_m, 101)
+    current = np.array([_current_at(model, float(one), cold) for one in held])
+    fall = np.maximum(-model.magnetics.force_gradient(held, current), 0.0)
+    rate = float(np.sqrt(fall.max() / model.require_motion().mass_kg))
+    turn = rate * model.sample_time_s
+    text = f"held, the body leaves at up to {amount(rate, '1/s')}, {turn:.2g} a sample.".replace("1/s", "rad/s")
+    severity: Severity = "holds" if turn < _FASTEST else "wrong"
+    findings.append(AuditFinding("sample_time", severity, "sample time", text, model.sample_time_s, rate))
+    misfit = model.without_effects.misfit
+    if misfit is not None and np.median(fall) > 0.0:
+        off = misfit.force_rms_N / float(np.median(fall))
+        stroke = model.validity.distance_max_m - model.validity.distance_min_m
+        text = f"the force's misfit moves the place where the body is held by {amount(off, 'm')}, "
+        text += f"{amount(off / stroke, '')} of the stroke."
+        severity = "note" if off > _OFF_PLACE * stroke else "holds"
+        findings.append(AuditFinding("held_place", severity, "held body", text, None, off))
+    return findings
+
+
+def _current_at(model: ActuatorModel, distance: float, carried: CarriedRange) -> float:
+    # Steel alone pulls least without current
+    ends = np.array([carried.current_min_A, min(max(0.0, carried.current_min_A), carried.current_max_A)])
+    least = ends[np.argmin(model.magnetics.force(np.full(2, distance), ends))]
+    i = np.linspace(least, carried.current_max_A, 201)
+    needed = float(model.require_motion().static_force(np.asarray(distance)))
+    return float(np.interp(needed, model.magnetics.force(np.full_like(i, distance), i), i))

@@ -19,7 +19,7 @@ def add(
     coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
     magnet_temperature_C: Annotated[float | None, Parameter(name="--magnet-temperature-C")] = None,
     report: Path | None = None,
-    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.
@@ -45,7 +45,7 @@ def add(
     magnet_temperature_C : float
         Of the magnet, likewise.
     report : Path
-        HTML file: the diagnosis of the model as it was, and how far the error fell.
+        HTML file: measured points on the curves before and after, and how far the error fell.
     json : Path
         File for the result as JSON.
     """
@@ -77,10 +77,10 @@ def add(
     write_json(json, record)
     print(f"{result}\nwritten: {output}")
     if report is not None:
-        from femfit.cli.diagnosis_report import write_report
-        from femfit.identify.decision.diagnose import diagnose
+        from femfit.report.bench_report import render_added
+        from femfit.report.page import write_page
+        from femfit.report.write import hashes
 
-        with status("Diagnosing the model as it was") as say:
-            diagnosis = diagnose(actuator, measured, bootstrap=0, progress=say)
-            write_report(report, (model, data), measured, diagnosis, result, say)
+        with status("Writing the report"):
+            write_page(render_added(result, hashes((model, data))), report)
         print(f"written: {report}")

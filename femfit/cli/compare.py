@@ -1,9 +1,7 @@
 """``femfit compare``: how far a model is from measurements, against their noise, and where."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
 
@@ -15,9 +13,8 @@ def compare(
     model: Path,
     data: Path,
     *,
-    reference: Path | None = None,
     pictures: Path | None = None,
-    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.
@@ -25,13 +22,11 @@ def compare(
     Parameters
     ----------
     model : Path
-        Model file (co-energy reference or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
+        Model file (co-energy or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
         fitted on the fly.
     data : Path
         Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV. A .toml
         beside it may declare the noise.
-    reference : Path
-        Co-energy model or sweep table that a law was fitted to: tells where the law's own shape is wrong.
     pictures : Path
         Directory for pictures of the misfit over distance and current, and over what else it changes with.
     json : Path
@@ -42,10 +37,10 @@ def compare(
     from femfit.identify.comparison.compare import compare as compared
     from femfit.tables.measurement_file import read_measurement
 
-    require_outputs([model, data, reference], (json, RESULT))
+    require_outputs([model, data], (json, RESULT))
     with status("Comparing"):
         measured = read_measurement(data, **table_options.keywords)
-        comparison = compared(_model(model), measured, reference=None if reference is None else _model(reference))
+        comparison = compared(_model(model), measured)
     written = []
     if pictures is not None:
         from femfit.report.bench_report import save_comparison_pictures

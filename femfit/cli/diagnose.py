@@ -17,7 +17,7 @@ def diagnose(
     bootstrap: Annotated[int, Parameter(validator=Number(gte=0))] = 40,
     seed: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
     report: Path | None = None,
-    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Compare measurements with a model and name the physical effect that is missing.
@@ -51,9 +51,14 @@ def diagnose(
         measured = read_measurement(data, **table_options.keywords)
         result = diagnosed(read_model(model), measured, exclude=exclude, bootstrap=bootstrap, rng=seed, progress=say)
         if report is not None:
-            from femfit.cli.diagnosis_report import write_report
+            from femfit.identify.experiments.suggest import suggest
+            from femfit.report.bench_report import render_diagnosis
+            from femfit.report.page import write_page
+            from femfit.report.write import hashes
 
-            write_report(report, (model, data), measured, result, say=say)
+            advice = suggest(result.model, measured, result, progress=say).suggestions
+            say("Writing the report")
+            write_page(render_diagnosis(result, measured, suggestions=advice, hashes=hashes((model, data))), report)
     write_json(json, result.to_dict())
     print(result)
     if report is not None:

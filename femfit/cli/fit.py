@@ -133,7 +133,7 @@ def _require_of_inductances(given: dict[str, object]) -> None:
 
 
 def _range(text: str | None) -> tuple[float, float] | None:
-    from femfit.core.errors import FitError
+    from femfit.core.errors import UsageError
 
     if text is None:
         return None
@@ -143,7 +143,7 @@ def _range(text: str | None) -> tuple[float, float] | None:
     except ValueError:
         limits = math.nan, math.nan
     if not limits[0] < limits[1]:
-        raise FitError(f"--supply-V must read LOW:HIGH, for example 0:12; instead received {text!r}.")
+        raise UsageError(f"--supply-V must read LOW:HIGH, for example 0:12; instead received {text!r}.")
     return limits
 
 
@@ -153,11 +153,11 @@ def _names(text: str) -> tuple[str, ...]:
 
 def _single_value(text: str) -> tuple[str, float | str]:
     """A column and its number, or else its text."""
-    from femfit.core.errors import TableError
+    from femfit.core.errors import UsageError
 
     name, separator, value = text.partition("=")
     if not separator or not value.strip():
-        raise TableError(f"--where must read COLUMN=VALUE, for example variant=3; instead received {text!r}.")
+        raise UsageError(f"--where must read COLUMN=VALUE, for example variant=3; instead received {text!r}.")
     try:
         return name.strip(), float(value)
     except ValueError:
@@ -165,7 +165,7 @@ def _single_value(text: str) -> tuple[str, float | str]:
 
 
 def _single_bound(text: str) -> tuple[str, tuple[float, float]]:
-    from femfit.core.errors import FitError
+    from femfit.core.errors import UsageError
 
     name, separator, ends = text.partition("=")
     low, colon, high = ends.partition(":")
@@ -174,5 +174,5 @@ def _single_bound(text: str) -> tuple[str, tuple[float, float]]:
     except ValueError:
         limits = (math.nan, math.nan)
     if not (separator and colon) or any(math.isnan(end) for end in limits):
-        raise FitError(f"A bound must read COLUMN=LOW:HIGH, for example d^-4=0:1e-8; instead received {text!r}.")
+        raise UsageError(f"A bound must read COLUMN=LOW:HIGH, for example d^-4=0:1e-8; instead received {text!r}.")
     return name.strip(), limits

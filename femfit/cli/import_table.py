@@ -12,7 +12,7 @@ def import_table(
     tables: Annotated[tuple[Path, ...], Parameter(negative=())],
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
+    table_options: TableOptions = NO_TABLE_OPTIONS,
     without: str | None = None,
     columns: str | None = None,
     form: Literal["auto", "long", "matrix"] = "auto",
@@ -79,7 +79,7 @@ def import_table(
         File for mapping and findings as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.core.errors import TableError
+    from femfit.core.errors import UsageError
     from femfit.core.outputs import MANIFEST, RESULT, SWEEP, require_outputs
     from femfit.tables.foreign import read
     from femfit.tables.sweep_table import write_sweep_table
@@ -87,7 +87,7 @@ def import_table(
     written = (output / name for name in ("sweep.parquet", "sweep.csv", "manifest.json"))
     require_outputs([*tables, actuator], *zip(written, (SWEEP, SWEEP, MANIFEST), strict=True), (json, RESULT))
     if flip_force and keep_force:
-        raise TableError("--flip-force and --keep-force exclude each other; give one of them.")
+        raise UsageError("--flip-force and --keep-force exclude each other; give one of them.")
     imported = read.import_table(
         tables,
         actuator=actuator,
@@ -121,9 +121,9 @@ def _words(text: str | None) -> tuple[str, ...]:
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
-    from femfit.core.errors import TableError
+    from femfit.core.errors import UsageError
 
     try:
         return tuple(float(word) for word in _words(text))
     except ValueError as error:
-        raise TableError(f"{option} must be numbers separated by commas; instead received {text!r}.") from error
+        raise UsageError(f"{option} must be numbers separated by commas; instead received {text!r}.") from error

@@ -9,7 +9,7 @@ from threading import current_thread, main_thread
 from cyclopts import App, CycloptsError
 
 from femfit import __version__
-from femfit.core.errors import FemfitError
+from femfit.core.errors import FemfitError, UsageError
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     # name, target, one line of help
@@ -41,6 +41,9 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
 )
 
 
+USAGE = 2
+"""Exit code of arguments that no file makes right, as shells and most parsers have it."""
+
 BUG = 70
 """Exit code of a failure inside femfit: EX_SOFTWARE of sysexits.h."""
 
@@ -69,8 +72,8 @@ def build_app() -> App:
 def main() -> None:
     """Run the command line.
 
-    Exit codes: 0 done, 1 an error with its remedy or an audit that finds something wrong, 2 wrong usage, 70 a bug of
-    femfit, 130 interrupted by Ctrl-C, 143 ended by SIGTERM.
+    Exit codes, as docs/reference/exit_codes.md explains them: 0 done, 1 an error with its remedy or an audit that finds
+    something wrong, 2 wrong usage, 70 a bug of femfit, 130 interrupted by Ctrl-C, 143 ended by SIGTERM.
     """
     # Before numpy loads, here and in the workers: femfit's matrices are small, and threads that wait for each other on
     # a busy machine slow them down by up to twenty times.
@@ -80,7 +83,9 @@ def main() -> None:
     try:
         build_app()(sys.argv[1:], exit_on_error=False)
     except CycloptsError:
-        sys.exit(2)  # cyclopts has printed what is wrong with the arguments
+        sys.exit(USAGE)  # cyclopts has printed what is wrong with the arguments
+    except UsageError as error:
+        _fail(str(error), USAGE)
     except FemfitError as error:
         _fail(str(error))
     except BrokenPipeError:

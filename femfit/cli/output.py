@@ -4,44 +4,47 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Thread
+from time import monotonic
 from typing import Any
 
 from femfit import __version__
+from femfit.cli.progress import INTERVAL_S, duration
 from femfit.core import atomic
 
 
 def write_json(path: Path | None, result: Mapping[str, Any]) -> None:
-    """Write a command's result where ``--json FILE`` asked for it.
-
-    Parameters
-    ----------
-    path : Path or None
-        Of the file; None writes nothing.
-    result : mapping
-        JSON-ready.
-    """
+    """Write a command's JSON-ready result where ``--json FILE`` asked for it."""
     if path is not None:
         atomic.write_json(path, {**result, "written_by": f"femfit {__version__}"})
 
 
 @contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
-    """What is being done, on standard error, quiet when that is no terminal.
-
-    Parameters
-    ----------
-    text : str
-        What is being done first.
-
-    Yields
-    ------
-    callable
-        To be called with what is being done now.
-    """
+    """What is being done, on standard error, a line now and then where that is no terminal; yields what changes it."""
     if not sys.stderr.isatty():
-        yield lambda _: None
+        with _lines(text) as say:
+            yield say
         return
     from rich.console import Console
 
     with Console(stderr=True).status(text) as line:
         yield line.update
+
+
+@contextmanager
+def _lines(text: str) -> Iterator[Callable[[str], None]]:
+    """Print every ten seconds what is being done; work of a few seconds prints nothing."""
+    doing, ended, start = [text], Event(), monotonic()
+
+    def tell() -> None:
+        while not ended.wait(INTERVAL_S):
+            print(f"{doing[0]}, {duration(monotonic() - start)} so far", file=sys.stderr, flush=True)
+
+    teller = Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield lambda now: doing.__setitem__(0, now)
+    finally:
+        ended.set()
+        teller.join()

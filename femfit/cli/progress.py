@@ -18,18 +18,7 @@ Show = Callable[[int, int], None]
 
 @contextmanager
 def progress(text: str, unit: str) -> Iterator[Show]:
-    """Show how far a piece of work is, and when it will end.
-
-    Parameters
-    ----------
-    unit : str
-        What is counted, in the plural.
-
-    Yields
-    ------
-    callable
-        To be called with (done, total).
-    """
+    """Show how much of a piece of work is done, counted in a unit in the plural, and when it will end."""
     if not sys.stderr.isatty():
         yield _Lines(text, unit)
         return

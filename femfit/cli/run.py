@@ -51,8 +51,9 @@ def run(
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
+    from femfit.device.variants import only
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import summarise
+    from femfit.field.sweep_rows import clipped_hall, summarise
     from femfit.report.actuator_report import draw_figures, render_report
     from femfit.report.content import ReportContent
     from femfit.report.page import write_page
@@ -72,6 +73,8 @@ def run(
         f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most "
         f"{100 * summary['force_error_relative_max']:.3f} %"
     )
+    for remark in clipped_hall(only(parts), table):
+        print(remark)
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", model_file)
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")

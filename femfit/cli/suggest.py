@@ -1,12 +1,9 @@
 """``femfit suggest``: the next measurement that separates what is still confounded."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
-from femfit.core.errors import TableError
+from femfit.core.errors import UsageError
 
 
 def suggest(
@@ -14,7 +11,7 @@ def suggest(
     data: Path | None = None,
     *,
     plan: Path | None = None,
-    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
+    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
     """Advise the cheapest measurement that separates what the data leave together, or examine a plan.
@@ -48,6 +45,6 @@ def suggest(
         elif plan is not None and data is None:
             result = examine_plan(actuator, read_bench_table(plan, planned=True, **table_options.keywords))
         else:
-            raise TableError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
+            raise UsageError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
     write_json(json, result.to_dict())
     print(result)

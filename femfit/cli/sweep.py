@@ -38,12 +38,13 @@ def sweep(
 
     from femfit.cli.output import write_json
     from femfit.cli.progress import sweep_progress
+    from femfit.core.amount import counted
     from femfit.core.errors import FieldSolverError
     from femfit.core.outputs import RESULT, require_outputs
     from femfit.device.summary import remarks
     from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import summarise
+    from femfit.field.sweep_rows import clipped_hall, summarise
 
     require_outputs([actuator], (json, RESULT))
     variants = read_variants(actuator)
@@ -60,16 +61,19 @@ def sweep(
         )
     summary = summarise(table) | {"seconds": perf_counter() - start, "directory": str(directory)}
     write_json(json, summary)
-    points = f"{summary['rows']} points" + (f" of {len(variants.variants)} variants" if variants.columns else "")
+    points = counted(summary["rows"], "point")
+    points += f" of {counted(len(variants.variants), 'variant')}" if variants.columns else ""
     print(f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}")
-    for remark in remarks(variants.actuator):
+    for remark in (*remarks(variants.actuator), *clipped_hall(variants, table)):
         print(f"  {remark}")
     for reason, count in summary["failures"].items():
-        print(f"  {count} points {reason}")
-    if summary.get("points_beyond_bh_curve"):
-        print(f"  {summary['points_beyond_bh_curve']} points lie beyond the last point of a B-H curve: extrapolated")
-    if summary.get("rows_beyond_tolerance"):
-        print(f"  {summary['rows_beyond_tolerance']} points do not meet the tolerance; force_error_N says by how much")
+        print(f"  {counted(count, 'point')} {reason}")
+    if beyond := summary.get("points_beyond_bh_curve"):
+        lie = counted(beyond, "point lies", "points lie")
+        print(f"  {lie} beyond the last point of a B-H curve: extrapolated")
+    if beyond := summary.get("rows_beyond_tolerance"):
+        miss = counted(beyond, "point does", "points do")
+        print(f"  {miss} not meet the tolerance; force_error_N says by how much")
     if summary["failed"] == summary["rows"]:
         raise FieldSolverError(f"No point of {actuator} could be solved; the reasons are above and in the table.")
 

@@ -5,7 +5,7 @@ from typing import Annotated, TypedDict
 
 from cyclopts import Parameter
 
-from femfit.core.errors import TableError
+from femfit.core.errors import UsageError
 from femfit.tables.units import is_unit
 
 
@@ -17,6 +17,7 @@ class Keywords(TypedDict):
     table: str | None
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
 class TableOptions:
     """What a table's columns are, where their headers do not say it."""
@@ -53,6 +54,7 @@ class MeasurementKeywords(Keywords):
     noise: dict[str, float]
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
 class MeasurementOptions(TableOptions):
     """What a measurement's columns are, and how large their noise is."""
@@ -69,7 +71,7 @@ class MeasurementOptions(TableOptions):
             try:
                 noise[channel] = float(value)
             except ValueError as error:
-                raise TableError(f"--noise must be a number, as in force_N=2e-4; instead received {text!r}.") from error
+                raise UsageError(f"--noise must be a number, as in force_N=2e-4; instead received {text!r}.") from error
         return {**super().keywords, "noise": noise}
 
 
@@ -80,5 +82,5 @@ NO_MEASUREMENT_OPTIONS = MeasurementOptions()
 def _pair(text: str, option: str, example: str, name: str = "HEADER") -> tuple[str, str]:
     header, mark, value = text.rpartition("=")
     if not (mark and header.strip() and value.strip()):
-        raise TableError(f"{option} must be {name}={example} or the like; instead received {text!r}.")
+        raise UsageError(f"{option} must be {name}={example} or the like; instead received {text!r}.")
     return header.strip(), value.strip()

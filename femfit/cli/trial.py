@@ -38,6 +38,7 @@ def trial(
     """
     from femfit.cli.output import write_json
     from femfit.cli.progress import progress
+    from femfit.core.amount import counted
     from femfit.core.outputs import RESULT, require_outputs
     from femfit.trial.counts import trial_data, trial_lines
     from femfit.trial.run import diagnose_campaigns, make_campaigns, prepare_device
@@ -54,5 +55,6 @@ def trial(
     write_json(results, trial_data(outcomes))
     print("\n".join(trial_lines(outcomes)))
     if len(numbers) < cases:
-        print(f"left out: {cases - len(numbers)} campaigns of which the device cannot show what they were to hide")
+        left = counted(cases - len(numbers), "campaign")
+        print(f"left out: {left} of which the device cannot show what was to be hidden")
     print(f"written: {results}")

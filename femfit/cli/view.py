@@ -45,14 +45,14 @@ def view(
         File for the point, its force, and the files written, as JSON.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.errors import DomainError
+    from femfit.core.errors import UsageError
     from femfit.core.outputs import RESULT, require_outputs
     from femfit.device.load import read_actuator
     from femfit.report.field_figures import point_title, write_views
     from femfit.report.field_sample import solve_point
 
     if row is not None and (not source.is_dir() or distance_mm is not None or current_A is not None):
-        raise DomainError(
+        raise UsageError(
             "--row counts the rows of a sweep's table: give a run directory with it, and neither --distance-mm nor "
             "--current-A."
         )
@@ -133,12 +133,12 @@ def _within(actuator: "Actuator", distance_mm: float | None, current: float | No
 
 def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:
     """What to write where."""
-    from femfit.core.errors import RunDirectoryError
+    from femfit.core.errors import UsageError
     from femfit.report.field_figures import PICTURES, VTU
 
     suffix = output.suffix.lower()
     if suffix and suffix not in (*FORMATS, VTU_SUFFIX) and not output.is_dir():
-        raise RunDirectoryError(
+        raise UsageError(
             f"--output must be a directory, a picture ({', '.join(FORMATS)}) or the field ({VTU_SUFFIX}); instead "
             f"received {output.name}."
         )
@@ -149,7 +149,7 @@ def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:
         ]
     kinds = what or ((VTU,) if suffix == VTU_SUFFIX else ("flux-density",))
     if len(kinds) > 1 or (kinds[0] == VTU) != (suffix == VTU_SUFFIX):
-        raise RunDirectoryError(
+        raise UsageError(
             f"{output} can hold one picture (.png, .svg, .pdf) or the field (.vtu), not {' and '.join(kinds)}. Give a "
             "directory as --output for several."
         )

@@ -18,12 +18,8 @@ _SHARES = {"", "1/K", "1/K^2"}
 def amount(value: float | None, unit: str, digits: int = 2) -> str:
     """A value with its unit, rounded to so many digits; a value that is not finite is ``unknown``.
 
-    Parameters
-    ----------
-    unit : str
-        In SI, or a column's name that ends in one (``force_N``). Empty for a share, which is given in per cent, as is
-        a share per kelvin (``1/K``). The prefix is what a workshop says: mm from 0.1 mm to 1 m, A from 0.1 A, g for
-        kg.
+    The unit is in SI, or a column's name that ends in one (``force_N``); empty for a share, which is given in per cent,
+    as is a share per kelvin (``1/K``). The prefix is what a workshop says: mm from 0.1 mm to 1 m, A from 0.1 A.
     """
     unit = unit.rpartition("_")[2]
     if value is None or not math.isfinite(value):
@@ -39,10 +35,7 @@ def amount(value: float | None, unit: str, digits: int = 2) -> str:
 def amount_range(low: float, high: float, unit: str, digits: int = 2) -> str:
     """An interval in one unit, ``0.098 to 0.104 mm``, with the digits that tell its ends apart; equal ends once.
 
-    Parameters
-    ----------
-    digits : int
-        Of the end that is larger in magnitude.
+    ``digits`` are those of the end that is larger in magnitude.
     """
     largest, width = max(abs(low), abs(high)), abs(high - low)
     if not math.isfinite(low) or not math.isfinite(high) or largest == 0.0:
@@ -101,6 +94,22 @@ def rounded(value: float, digits: int = 3) -> str:
     if not -5 <= exponent < max(digits, 6):
         return written
     return f"{float(written):.{max(digits - 1 - exponent, 0)}f}"
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """A number with its noun, and its verb where one is given: ``1 reading lies``, ``1,200 readings lie``.
+
+    Parameters
+    ----------
+    many : str
+        What stands behind other numbers than one; the word for one and an s where empty.
+
+    Examples
+    --------
+    >>> counted(1, "reading lies", "readings lie"), counted(1200, "reading")
+    ('1 reading lies', '1,200 readings')
+    """
+    return f"{number:,} {one if number == 1 else many or one + 's'}"
 
 
 def probability(value: float) -> str:

@@ -14,6 +14,9 @@ MU_0 = 4e-7 * math.pi
 GRAVITY = 9.80665
 """Standard acceleration of free fall in m/s^2 (3rd CGPM, 1901)."""
 
+ABSOLUTE_ZERO_C = -273.15
+"""Absolute zero in degC, by the definition of the Celsius scale."""
+
 COPPER_RESISTIVITY_20C = 1.7241e-8
 """Resistivity of annealed copper at 20 degC in ohm m (IEC 60028)."""
 

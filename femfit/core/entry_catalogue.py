@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from typing import Generic, Protocol, TypeVar
 
-from femfit.core.errors import ModelFileError
+from femfit.core.errors import ModelFileError, UsageError
 
 
 class Named(Protocol):
@@ -44,10 +44,14 @@ class EntryCatalogue(Generic[Item]):
     def find(self, name: str, entries: Callable[[], Iterable[EntryPoint]]) -> Item:
         """Look up an item; only the package that gives it is loaded.
 
-        Parameters
-        ----------
-        entries : callable
-            Gives those of the catalogue's group; called only for a name that is not built in.
+        ``entries`` gives those of the catalogue's group; it is called only for a name that is not built in.
+
+        Raises
+        ------
+        UsageError
+            If there is no item of that name.
+        ModelFileError
+            If its package cannot be loaded.
         """
         for item in (*self.built_in, *self.unlisted):
             if item.name == name:
@@ -57,7 +61,7 @@ class EntryCatalogue(Generic[Item]):
             if entry.name == name:
                 return self._loaded(entry)
         known = [item.name for item in self.built_in] + [entry.name for entry in others]
-        raise ModelFileError(
+        raise UsageError(
             f"{self.title} must be one of {', '.join(known)}; instead received {name!r}. If another package gives it, "
             "install that package."
         )

@@ -3,6 +3,7 @@
 ::
 
     FemfitError
+    ├── UsageError (ValueError)           an argument that no file makes right, such as a name that there is not
     ├── ActuatorFileError (ValueError)    an actuator .toml, every problem at once
     ├── FemFileError (ValueError)         a FEMM model that cannot become an actuator, every cause at once
     ├── TableError (ValueError)           a sweep, FEMM or bench table that cannot be used
@@ -37,6 +38,10 @@ class FemfitError(Exception):
     ...     print(error)
     Model file nothing.json cannot be read: No such file or directory.
     """
+
+
+class UsageError(FemfitError, ValueError):
+    """An argument that is wrong whatever the files hold: an unknown name, a text that is not in its form."""
 
 
 class ActuatorFileError(FemfitError, ValueError):

@@ -31,6 +31,16 @@ _BY_SUFFIX = {
     **dict.fromkeys((".png", ".svg", ".pdf"), PICTURE),
     **dict.fromkeys((".bin", ".raw", ".f32"), RAW),
 }
+_SUFFIXES = {
+    **dict.fromkeys((MODEL, FIELD_MODEL, RESULT, MANIFEST), (".json",)),
+    **dict.fromkeys((NOTES, DRAWING), (".toml",)),
+    **dict.fromkeys((BENCH, LOOP), (".csv",)),
+    PAGE: (".html", ".htm"),
+}
+"""Kinds that are written in one format, and the suffixes that say so."""
+
+_OTHER_FORMATS = {".xlsx", ".xls", ".ods", ".mat", ".h5", ".hdf5", ".npz", ".toml", ".xml", ".fem", ".docx"}
+
 _BY_START = ((PARQUET, b"PAR1"), (PICTURE, (b"\x89PNG", b"%PDF")))
 _BY_MARK = (
     (PAGE, (b"<!doctype html", b"<html")),
@@ -59,14 +69,9 @@ _LARGEST_TEXT = 2**24
 
 
 def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, str | None]) -> None:
-    """Refuse outputs that would replace an input, each other, or a file of another kind.
+    """Refuse outputs that would replace an input, each other or a file of another kind, or are named as another format.
 
-    Parameters
-    ----------
-    inputs : iterable of Path or None
-        What the command reads; None stands for an option that was not given.
-    outputs : (Path or None, str or None)
-        What it writes and of which kind, one of this module's; None is the kind of the file's suffix.
+    A path of None stands for an option that was not given, a kind of None for that of the file's suffix.
     """
     read = {path.resolve(): path for path in inputs if path is not None}
     written: dict[Path, Path] = {}
@@ -81,6 +86,7 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
         written[place] = path
         if path.is_dir():
             raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
+        _require_suffix(path, kind)
         wanted = kind or _BY_SUFFIX.get(path.suffix.lower(), TEXT)
         if columns := kind in (SWEEP, BENCH, INTEGRATED, LOOP, OPEN_LOOP):
             by_suffix = _BY_SUFFIX.get(path.suffix.lower())
@@ -97,6 +103,15 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
             )
         if present is not None and own is None and not _is_own(path, present):
             raise OutputError(f"{path} was not written by femfit. Choose another name, or delete that file.")
+
+
+def _require_suffix(path: Path, kind: str | None) -> None:
+    """Refuse a name that promises another format than the one that is written."""
+    fitting, suffix = _SUFFIXES.get(kind or "", ()), path.suffix.lower()
+    if fitting and suffix not in fitting and suffix in {*_BY_SUFFIX, *_OTHER_FORMATS}:
+        raise OutputError(
+            f"{path} is to hold {kind}, which is not written as {suffix}. Give a name that ends in {fitting[0]}."
+        )
 
 
 def kind_of(path: Path) -> str | None:

@@ -81,7 +81,7 @@ def curve_problems(b: Sequence[float], h: Sequence[float]) -> list[str]:
     if len(b) != len(h):
         return [f"must have as many B_T as H_A_per_m; it has {len(b)} and {len(h)}. Give them in pairs."]
     if not MIN_POINTS <= len(b) <= MAX_POINTS:
-        return [f"must have {MIN_POINTS} to {MAX_POINTS} points; it has {len(b)}. Give more or fewer points."]
+        return [f"must have {MIN_POINTS} to {MAX_POINTS} points; it has {len(b)}. Give more or fewer of them."]
     if not all(abs(value) < 1e12 for value in (*b, *h)):  # false for NaN, too
         return ["must hold finite numbers. Correct or remove the others."]
     if (b[0], h[0]) != (0.0, 0.0):

@@ -8,8 +8,10 @@ distance d it stands shifted by +d.
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from femfit.core.amount import amount, amount_range
 from femfit.core.constants import MU_0
 from femfit.core.errors import MissingPartError
+from femfit.core.printed import Printed
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import AnySensor, HallElement
 
@@ -142,8 +144,8 @@ class SweepAxes:
     further_A: tuple[tuple[float, ...], ...] = ()  # Of each further circuit; all combinations are swept
 
 
-@dataclass(frozen=True)
-class Actuator:
+@dataclass(frozen=True, repr=False)
+class Actuator(Printed):
     """Fixed parts and a body that moves along their axis, with coils on either.
 
     Parameters
@@ -206,3 +208,26 @@ class Actuator:
     def hall(self) -> HallElement | None:
         """The first Hall element, if there is one."""
         return next((sensor for sensor in self.sensors if isinstance(sensor, HallElement)), None)
+
+    def __str__(self) -> str:
+        sweep, supply = self.sweep, self.supply
+        currents, distances = (
+            f"{len(values)} {name} {amount_range(min(values), max(values), unit, 3)}"
+            for values, name, unit in ((sweep.currents_A, "currents", "A"), (sweep.distances_m, "distances", "m"))
+        )
+        lines = [
+            f"{self.name}{': ' * bool(self.description)}{self.description}",
+            *(
+                f"{part}: {', '.join(f'{one.name} ({one.material.name})' for one in regions) or 'nothing'}"
+                for part, regions in (("fixed", self.fixed), ("moving", self.moving.regions))
+            ),
+            f"moving mass {amount(self.mechanics.mass_kg, 'kg', 3)}",
+            *(
+                f"{coil.name} of {coil.turns:g} turns, {amount(coil.resistance_ohm, 'ohm', 3)}{', moving' * coil.moves}"
+                for coil in self.coils
+            ),
+            f"supply {supply.voltage_min_V:g} to {supply.voltage_max_V:g} V" if supply else "no supply",
+            f"sensors: {', '.join(f'{one.name} ({one.kind})' for one in self.sensors) or 'none'}",
+            f"sweep: {currents}, {distances}",
+        ]
+        return "\n".join(lines)

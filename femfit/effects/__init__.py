@@ -1,1 +1,1 @@
-"""Physical effects that a model may lack: one small file each, registered in :mod:`femfit.effects.catalogue`."""
+"""Physical effects that a model may lack, in files by what they act on; :mod:`femfit.effects.catalogue` lists them."""

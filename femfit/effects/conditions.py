@@ -11,7 +11,8 @@ from femfit.core.constants import GRAVITY
 REFERENCE_TEMPERATURE_C = 20.0
 """Where a model's remanence and resistance hold unless it says otherwise."""
 
-_NO_MAGNET = 1e-3
+NO_MAGNET = 1e-3
+"""Share of the largest force or flux linkage below which what remains without current is the fit's own error."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Nominal:
     @property
     def has_magnet(self) -> bool:
         """Whether force or flux linkage without current is more than a fit's own error may make."""
-        return self.magnet_share >= _NO_MAGNET
+        return self.magnet_share >= NO_MAGNET
 
     @property
     def peak_current_A(self) -> float:  # noqa: N802 - the unit
@@ -64,7 +65,7 @@ class Nominal:
         return self.mass_kg * (abs(self.gravity_m_s2) or GRAVITY)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Conditions:
     """What else is known of every point; each an array of shape (n,) or a float that holds for all."""
 

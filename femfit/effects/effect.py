@@ -16,6 +16,7 @@ An effect acts at the stages that it gives a function for, in this order:
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, SupportsIndex
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal
@@ -176,6 +177,14 @@ class Effect:
     def null(self) -> dict[str, float]:
         """Parameters at which the effect changes nothing."""
         return {p.name: p.null for p in self.parameters}
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
+        """Copy and pickle an effect of the catalogue as its name: functions of its stages may have none."""
+        from femfit.effects.catalogue import all_effects, effect_by_name  # noqa: PLC0415  it imports this file
+
+        if all_effects().get(self.name) is self:
+            return effect_by_name, (self.name,)
+        return super().__reduce_ex__(protocol)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
 """Applies effects stage by stage: the one place that knows the order in which they act."""
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect, Coenergy, Parameters
+from femfit.effects.effect import AddedEffect
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
 
@@ -26,15 +27,23 @@ def changed_coenergy(inner: CoenergySeries, effects: Iterable[AddedEffect], cond
     """
     for added in sorted(effects, key=lambda added: added.effect.memory is not None):
         if added.effect.coenergy is not None:
-            inner = _wrapped(inner, added.effect.coenergy, added.parameters, conditions)
+            inner = partial(_changed, inner, added, conditions)
     return inner
 
 
-def _wrapped(inner: CoenergySeries, act: Coenergy, parameters: Parameters, conditions: Conditions) -> CoenergySeries:
-    def evaluate(distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-        return act(inner, distance, current, in_distance, in_current, conditions, parameters)
-
-    return evaluate
+def _changed(
+    inner: CoenergySeries,
+    added: AddedEffect,
+    conditions: Conditions,
+    distance: FloatArray,
+    current: FloatArray,
+    in_distance: int,
+    in_current: int,
+) -> TaylorSeries:
+    act = added.effect.coenergy
+    if act is None:
+        return inner(distance, current, in_distance, in_current)
+    return act(inner, distance, current, in_distance, in_current, conditions, added.parameters)
 
 
 def with_further_force(

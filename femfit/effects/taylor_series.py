@@ -71,10 +71,8 @@ class TaylorSeries:
     def compose(self, derivatives: Sequence[FloatArray]) -> "TaylorSeries":
         """The series of g(f) from the derivatives of g at the points' values of f.
 
-        Parameters
-        ----------
-        derivatives : sequence of array, each of shape (n,)
-            g, g', g'', ... at ``value``; those of an order above A + B + 1 are not needed, missing ones count as zero.
+        They are g, g', g'', ... at ``value``, each of shape (n,); those of an order above A + B + 1 are not needed,
+        missing ones count as zero.
         """
         n_d, n_i = self.orders
         rest = self.coefficients.copy()

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 
 from femfit.core.amount import amount, amount_range
+from femfit.core.ties import first_best
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 
@@ -28,10 +29,7 @@ def describe(added: AddedEffect, nominal: Nominal) -> list[str]:
 def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: Nominal) -> str:
     """The smallest size of an effect that data would show, as a clause; empty where none lies within its bounds.
 
-    Parameters
-    ----------
-    magnitudes : mapping of str to float
-        Per amplitude taken alone; the one that needs the least part of its plausible range is said.
+    Magnitudes are of each amplitude taken alone; the one that needs the least part of its plausible range is said.
     """
     parts = [
         (magnitudes[p.name] / p.width, p)
@@ -40,7 +38,7 @@ def smallest_visible(effect: Effect, magnitudes: Mapping[str, float], nominal: N
     ]
     if not parts:
         return ""
-    _, p = min(parts, key=lambda part: part[0])
+    _, p = parts[first_best([-share for share, _ in parts])]
     size = magnitudes[p.name] if p.null + magnitudes[p.name] <= p.upper else -magnitudes[p.name]
     clauses = describe(AddedEffect(effect, effect.null() | {p.name: p.null + size}), nominal)
     return clauses[0] if clauses else ""

@@ -14,23 +14,19 @@ from numpy.polynomial.polynomial import polyval
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
+from femfit.field.force import OtherForces, weight
 from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.point_rows import DistanceSolution, superpose
 from femfit.field.settings import SolverSettings
-from femfit.field.stress import OtherForces, weight
 
 
 class LinearActuator:
     """One mesh of an actuator with linear materials, to be stretched over a group of distances.
 
-    Parameters
-    ----------
-    group : tuple of float
-        Distances that share the mesh, in m, ascending.
-    estimate : bool
-        Whether every distance is also solved one order lower, for the force's error.
+    The group's distances are in m, ascending; with ``estimate`` each is also solved one order lower, for the force's
+    error.
     """
 
     def __init__(

@@ -16,8 +16,8 @@ from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, Mesh, dx
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.constants import MU_0
 from femfit.device.parts import Actuator
+from femfit.field.force import LayerForce
 from femfit.field.layout import Layout
-from femfit.field.stress import LayerForce
 from femfit.field.weak_form import AIR, coil_load, flux_density, linear_materials, magnet_load, reluctivity, stiffness
 
 
@@ -35,7 +35,7 @@ class FieldPair:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coefficients:
     """What :meth:`LinearSystem.evaluate` gives; shapes and units as in :mod:`femfit.field.point_rows`."""
 
@@ -107,12 +107,7 @@ class SummedInverse:
     The air's form changes with the distance, those of parts do not, since they move as rigid bodies. Inner unknowns are
     condensed element by element, so the condensed form of the whole is the sum of the air's, assembled once a distance,
     and the parts', assembled once a mesh; the same air serves the field of the moving part alone in free space.
-    Renewals keep the elimination order.
-
-    Parameters
-    ----------
-    space : ngsolve.H1
-        Of the forms, which must be symmetric and condensed.
+    Renewals keep the elimination order. The forms must be symmetric and condensed.
     """
 
     def __init__(self, space: H1) -> None:
@@ -127,13 +122,7 @@ class SummedInverse:
         self._load, self._solution = (GridFunction(self._space).vec for _ in range(2))
 
     def renew(self, parts: Sequence[BilinearForm]) -> None:
-        """Sum and factorise.
-
-        Parameters
-        ----------
-        parts : sequence of ngsolve.BilinearForm
-            Assembled, on disjoint regions; on the same ones, in the same order, at every renewal.
-        """
+        """Sum and factorise forms that are assembled on disjoint regions, the same in the same order every time."""
         self._parts = parts
         values = self._matrix.AsVector().FV().NumPy()
         values[:] = 0.0

@@ -16,9 +16,9 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.drawing import build_mesh
+from femfit.field.force import AROUND_FIXED, weight
 from femfit.field.layout import Layout, layer_outlines, layout_of_group, reference_distance
 from femfit.field.settings import SolverSettings
-from femfit.field.stress import AROUND_FIXED, weight
 
 STILL = 0.6  # of the gap above the fixed parts
 FADE = 8.0  # the stretch has faded out at this multiple of the actuator's radius

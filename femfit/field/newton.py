@@ -54,7 +54,7 @@ class Expansion:
     square: float  # w . K w of the state itself, J: the scale of corrections
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NewtonResult:
     """How an iteration ended."""
 

@@ -24,6 +24,7 @@ from ngsolve import ConvertOperator
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
+from femfit.field.force import AROUND_FIXED, LayerForce, weight
 from femfit.field.layout import Layout
 from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh, PointField
@@ -31,7 +32,6 @@ from femfit.field.newton import TOLERANCE, NewtonResult, inner, minimise
 from femfit.field.nonlinear_system import RESPONSE_LIMIT, NonlinearSystem
 from femfit.field.point_rows import NonlinearPoint, PointSolution, table_rows
 from femfit.field.settings import SolverSettings
-from femfit.field.stress import AROUND_FIXED, LayerForce, weight
 from femfit.field.weak_form import flux_density
 
 

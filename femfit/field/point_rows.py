@@ -4,7 +4,7 @@ A linear actuator's distance is a polynomial in the current: F = F_0 + F_1 i + F
 W' = W_0 + flux_0 i + L i^2 / 2, B = B_0 + B_1 i. A saturating one's is solved current by current.
 
 No single body is always safe, so the force is also had from the reaction on the fixed parts and by virtual work
-(:mod:`femfit.field.stress`). The estimate is the larger of the change from one order lower, with its factor,
+(:mod:`femfit.field.force`). The estimate is the larger of the change from one order lower, with its factor,
 and of the disagreement of the three. With the fields' own stresses removed the bodies mostly differ by far less than
 the orders do: what is left is the error of the magnetisation, which they share.
 """
@@ -29,14 +29,14 @@ BEYOND_CURVE = "beyond_bh_curve"
 """Not a column of the table; the sweep's manifest counts it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DistanceSolution:
     """One distance: three coefficients of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A."""
 
     force: FloatArray
     # Change of the force from one polynomial order lower, where that was solved; shape (3,)
     force_change: FloatArray | None
-    # The force by reaction and by virtual work (:class:`femfit.field.stress.OtherForces`); shape (3,)
+    # The force by reaction and by virtual work (:class:`femfit.field.force.OtherForces`); shape (3,)
     reaction: FloatArray
     work: FloatArray
     flux_linkage: FloatArray
@@ -70,7 +70,7 @@ def superpose(currents: FloatArray, solution: DistanceSolution) -> dict[str, Flo
     return columns
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointSolution:
     """One current at one distance, in SI units.
 

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.sweep_columns import COLUMNS, VARIANT
+from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.device.parts import SweepAxes
+from femfit.device.sensors import HallElement
 from femfit.device.summary import sweep_manifest_entry
 from femfit.device.variants import VariantSweep
 from femfit.tables.sweep_table import SweepTable
@@ -24,17 +26,9 @@ FIELD_COLUMNS = ("force_N", "flux_linkage_Wb", "inductance_H", "coenergy_J", "ha
 
 
 def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result]) -> "pd.DataFrame":
-    """The rows of a sweep.
+    """The rows of a sweep, by variant, current and distance; the parameters' columns last.
 
-    Parameters
-    ----------
-    results : mapping
-        By number of the variant, from 1, and distance in m: ``status``, and ``rows`` where there are any.
-
-    Returns
-    -------
-    DataFrame
-        In the order of the variants, then currents, then distances; the parameters' columns last.
+    Results are by number of the variant, from 1, and distance in m: ``status``, and ``rows`` where there are any.
     """
     import pandas as pd  # noqa: PLC0415  loads while the workers solve
 
@@ -51,6 +45,21 @@ def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result])
     if rows["hall_T"].isna().all():
         rows = rows.drop(columns="hall_T")
     return rows.sort_values([*axes[:1], "current_A", "distance_m"], kind="stable", ignore_index=True)
+
+
+def clipped_hall(sweep: VariantSweep, table: SweepTable) -> list[str]:
+    """Where Hall elements' outputs are clipped within a sweep, a sentence for each element that is."""
+    rows, numbers = table.valid_rows(), dict[HallElement, list[int]]()
+    for number, variant in enumerate(sweep.variants, 1):
+        if variant.actuator is not None and variant.actuator.hall is not None:
+            numbers.setdefault(variant.actuator.hall, []).append(number)
+    sentences = []
+    for hall, own in numbers.items() if "hall_T" in rows else ():
+        here = rows[rows[VARIANT].isin(own)] if sweep.columns else rows
+        clause = where_clipped(hall, *(here[name].to_numpy() for name in ("distance_m", "current_A", "hall_T")))
+        if clause:
+            sentences.append(f"Hall element: its output is {clause}. {REMEDY}")
+    return sentences
 
 
 def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ is the level's own error but for a sixth. All of the group is then solved on the
 and with it the error, changes smoothly with the distance. A distance with a mesh of its own is compared with the level
 below instead, which costs a third of the solution: the difference is five times the error.
 
-On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.stress`),
+On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.force`),
 and a row states the larger of the difference and of their disagreement.
 
 References

@@ -56,15 +56,7 @@ def linear_materials(actuator: Actuator) -> dict[str, LinearMaterial]:
 def stiffness(
     space: H1, reluctivity: Any, outer_radius: float | None, *, regions: str = ".*", condense: bool = True
 ) -> BilinearForm:
-    """The energy form.
-
-    Parameters
-    ----------
-    reluctivity : ngsolve.CoefficientFunction
-        nu in m/H.
-    outer_radius : float or None
-        R in m of the open boundary; None leaves the boundary out.
-    """
+    """The energy form for nu in m/H, with an open boundary of radius R in m; None leaves the boundary out."""
     w, v = space.TnT()
     r = ng.x
     form = BilinearForm(space, symmetric=condense, condense=condense)

@@ -9,7 +9,7 @@ D. Simon, Optimal State Estimation (Wiley, 2006), sections 13.2 and 5.2.
 """
 
 from dataclasses import dataclass
-from typing import final
+from typing import ClassVar, final
 
 import numpy as np
 
@@ -19,9 +19,11 @@ from femfit.filters.filter_state import FilterState
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ExtendedFilter(Filter):
     """Extended Kalman filter; parameters as in :class:`Filter`."""
+
+    title: ClassVar[str] = "extended Kalman filter"
 
     def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
         dtype = state.mean.dtype

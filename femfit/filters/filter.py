@@ -7,13 +7,15 @@ innovations is here, once.
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from itertools import chain
-from typing import NamedTuple, final
+from typing import ClassVar, NamedTuple, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import FilterError
+from femfit.core.printed import Printed
 from femfit.filters.cholesky import cholesky
 from femfit.filters.constants import BAND_99_9, DIVERGENCE_STEPS
 from femfit.filters.filter_state import FilterOutcome, FilterState
@@ -38,8 +40,8 @@ class Correction(NamedTuple):
     innovation_variance: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Filter(ABC):
+@dataclass(frozen=True, eq=False, repr=False)
+class Filter(Printed, ABC):
     """A recursive estimator for a :class:`FilterProcess`, batched over runs.
 
     Parameters
@@ -59,6 +61,22 @@ class Filter(ABC):
 
     process: FilterProcess
     divergence_steps: int = DIVERGENCE_STEPS
+
+    title: ClassVar[str]
+
+    def __str__(self) -> str:
+        process = self.process
+        noise = np.sqrt(np.diag(process.process_covariance))
+        return "\n".join(
+            [
+                f"{self.title} with a step of {amount(process.step_s, 's')}",
+                *(
+                    f"  {name}, process noise {deviation:.2g} a step"
+                    for name, deviation in zip(process.names, noise, strict=True)
+                ),
+                f"noise of one reading {amount(process.measurement_variance**0.5, 'V')}",
+            ]
+        )
 
     @abstractmethod
     def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:

@@ -12,7 +12,7 @@ from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import FilterNoise, initial_covariance, with_memory
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 
 FilterKind = Literal["ukf", "ekf"]
 
@@ -68,7 +68,7 @@ def kalman_filter(
     """
     if kind not in _KINDS:
         raise FilterError(f"The kind of a filter must be one of {', '.join(_KINDS)}; instead received {kind!r}.")
-    model = model if isinstance(model, ActuatorModel) else read_model(Path(model))
+    model = model_of(model)
     process = levitation_process(model, hall_bias=hall_bias, noise=noise, distance=distance)
     covariance = initial_covariance(first_deviation_m, hall_bias_V=BIAS_DEVIATION_V if hall_bias else None)
     return _KINDS[kind](replace(process, start_covariance=with_memory(model, covariance)))

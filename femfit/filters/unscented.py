@@ -17,7 +17,7 @@ S. J. Julier, The scaled unscented transformation, American Control Conference (
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import final
+from typing import ClassVar, final
 
 import numpy as np
 
@@ -31,9 +31,11 @@ DOUBLE = np.dtype(np.float64)
 
 
 @final
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class UnscentedFilter(Filter):
     """Unscented Kalman filter."""
+
+    title: ClassVar[str] = "unscented Kalman filter"
 
     alpha: float = 1.0  # Scaling of the sigma points, with beta = 2 (a Gaussian) and kappa = 0
 

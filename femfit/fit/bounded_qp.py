@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.optimize import nnls
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
 
@@ -98,14 +99,7 @@ def solve_bounded_qp(
 ) -> QPSolution:
     """Least squares with bounds and linear inequalities, with a proof that no other solution is better.
 
-    Parameters
-    ----------
-    matrix : array, shape (n, k)
-        A; n >= k.
-    y, sigma : array, shape (n,)
-        Data and their standard deviations (> 0), in the same unit.
-    lower, upper : array, shape (k,), or None
-        Bounds; infinite entries bound nothing.
+    A has shape (n, k) with n >= k, y and sigma > 0 in its unit (n,), bounds (k,); infinite ones bound nothing.
     """
     labels = [f"x{k + 1}" for k in range(matrix.shape[1])] if names is None else list(names)
     problem = _scaled_qp(matrix, y, sigma, lower, upper, inequalities, labels)
@@ -264,7 +258,10 @@ def _check(
 ) -> None:
     rows, count = matrix.shape
     if rows < count:
-        raise FitError(f"{count} coefficients need at least {count} rows; instead received {rows}. Sweep more points.")
+        raise FitError(
+            f"{counted(count, 'coefficient needs', 'coefficients need')} at least "
+            f"{counted(count, 'row')}; instead received {rows}. Sweep more points."
+        )
     if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(y))):
         raise FitError("Rows of a fit must be finite numbers; at least one is not. Remove or repair these rows.")
     if not np.all((sigma > 0) & np.isfinite(sigma)):

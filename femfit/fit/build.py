@@ -11,16 +11,15 @@ import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.constants import GRAVITY
-from femfit.core.errors import FitError
-from femfit.device.load import read_actuator
-from femfit.device.summary import sweep_manifest_entry
+from femfit.core.errors import FitError, UsageError
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
+from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows
-from femfit.fit.model_parts import kind_of, mechanics_of, model_parts, number, sample_time
-from femfit.fit.ranking import MAY_MISS, rank_laws
+from femfit.fit.model_parts import actuator_entry, kind_of, mechanics_of, model_parts, number, sample_time
+from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
@@ -30,8 +29,6 @@ from femfit.tables.variant_choice import choose_variant
 
 COENERGY = "coenergy"
 
-_ROUNDING = 1e-9
-"""What storing numbers in decimals may change, as a part of a quantity's rms."""
 
 ALL = "all"
 
@@ -75,6 +72,8 @@ def fit_model(
 
     Raises
     ------
+    UsageError
+        If there is no such law, constraint or coefficient function, or a value is out of its range.
     TableError
         If the table cannot be fitted at all.
     FitError
@@ -97,7 +96,7 @@ def fit_model(
     if not isinstance(table, SweepTable):
         table = read_sweep_table(Path(table))
     table = choose_variant(table, dict(where or {}))
-    entry = _actuator_entry(table, actuator, mass_kg, resistance_ohm, supply_V)
+    entry = actuator_entry(table.manifest.get("actuator"), actuator, mass_kg, resistance_ohm, supply_V)
     mechanics = None if entry.get("mass_kg") is None else mechanics_of(entry)
     rows = rows_of_table(table, *((mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)))
 
@@ -148,18 +147,18 @@ def _check_options(
     positive: Mapping[str, float | None],
 ) -> None:
     if law not in {None, ALL, *all_laws()}:
-        raise FitError(
+        raise UsageError(
             f"The model must be {COENERGY}, {ALL} or a law ({', '.join(all_laws())}); instead received {law!r}."
         )
     for_one_law = [name for name, value in (("bounds", bounds), ("functions", functions)) if value]
     if for_one_law and law in {None, ALL}:
-        raise FitError(
+        raise UsageError(
             f"{' and '.join(for_one_law)} can be given for one law only; instead received model {law or COENERGY!r}. "
             "Leave out the option or name a law."
         )
     for name, value in positive.items():
         if value is not None and not (np.isfinite(value) and value > 0):
-            raise FitError(f"{name} must be > 0; instead received {value:g}.")
+            raise UsageError(f"{name} must be > 0; instead received {value:g}.")
 
 
 def _coenergy(
@@ -172,29 +171,6 @@ def _coenergy(
         if needed:
             raise
         return None
-
-
-def _actuator_entry(
-    table: SweepTable,
-    actuator: str | Path | Mapping[str, Any] | None,
-    mass_kg: float | None,
-    resistance_ohm: float | None,
-    supply_V: tuple[float, float] | None,
-) -> dict[str, Any]:
-    """The manifest's actuator entry with what was given in its place."""
-    entry = dict(table.manifest.get("actuator") or {})
-    if isinstance(actuator, str | Path):
-        actuator = sweep_manifest_entry(read_actuator(actuator))
-    entry.update(actuator or {})
-    if supply_V is not None:
-        if not supply_V[0] < supply_V[1]:
-            raise FitError(f"The supply's lowest voltage must be below its highest; instead received {supply_V}.")
-        entry["voltage_min_V"], entry["voltage_max_V"] = supply_V
-    if mass_kg is not None:
-        entry["mass_kg"] = mass_kg
-    if resistance_ohm is not None:
-        entry["resistance_ohm"] = resistance_ohm
-    return entry
 
 
 def _require_as_fitted(written: ActuatorModel, built: Misfit, law: LawFit | None) -> None:
@@ -210,7 +186,7 @@ def _require_as_fitted(written: ActuatorModel, built: Misfit, law: LawFit | None
     ):
         if found is None or fitted is None:
             continue
-        if found > MAY_MISS * fitted and (share is None or share > _ROUNDING):
+        if found > MAY_MISS * fitted and (share is None or share > STORED):
             raise FitError(
                 f"The model of {name} is not written: read back it misses the table's {quantity} by "
                 f"{amount(found, unit, 3)} rms, and the fit by {amount(fitted, unit, 3)}. The law's columns and "

@@ -10,20 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import UsageError
 from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_choice import choose_basis
-from femfit.fit.coenergy_system import U_DEGREE, CoenergyBasis, coenergy_system, determined
+from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system, determined
+from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
 from femfit.fit.rows import FitRows, rms
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.magnetics import CoenergySpline
-
-SHAPE_POINTS = 24
-"""Shape constraints are imposed at so many points of an axis, or six a cell where that is more; between them a quartic
-can dip by a fraction of a per cent."""
-
-ALLOWED_VIOLATION = 1e-5
-"""A shape counts as obeyed where it fails by less than this part of its largest value (inductance, slope or k_m)."""
 
 SHAPES: dict[str, str] = {
     "inductance": "inductance >= 0 (co-energy convex in the current)",
@@ -51,20 +45,15 @@ class CoenergyFit:
 def fit_coenergy(
     rows: FitRows, constraints: Sequence[str] | None = None, open_inductance_H: float = 0.0
 ) -> CoenergyFit:
-    """Fit the co-energy.
+    """Fit the co-energy, by default with those constraints of :data:`SHAPES` that the raw data obey everywhere.
 
-    Parameters
-    ----------
-    constraints : sequence of str or None
-        Names of :data:`SHAPES`; None: those that the raw data obey everywhere.
-    open_inductance_H : float
-        Inductance at the largest distance of a sweep without flux linkage, which the force leaves open; not used where
-        flux linkage is given.
+    The force leaves the inductance at the largest distance open: a sweep without flux linkage takes
+    ``open_inductance_H`` for it.
     """
     names = tuple(obeyed_shapes(rows) if constraints is None else constraints)
     unknown = [name for name in names if name not in SHAPES]
     if unknown:
-        raise FitError(f"Shape constraints must be among {', '.join(SHAPES)}; instead received {', '.join(unknown)}.")
+        raise UsageError(f"Shape constraints must be among {', '.join(SHAPES)}; instead received {', '.join(unknown)}.")
     system = coenergy_system(rows)
     basis, held_out = choose_basis(system)
     matrix, value, sigma = system.equations(basis)

@@ -8,41 +8,27 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.coenergy_system import SMOOTHED_DEGREE, U_DEGREE, CoenergyBasis, CoenergySystem
+from femfit.core.ties import ROUNDING, first_best
+from femfit.fit.coenergy_system import CoenergyBasis, CoenergySystem
+from femfit.fit.constants import (
+    BENT_CELLS,
+    CELLS_IN_CURRENT,
+    DISTANCES_PER_FUNCTION,
+    FEWEST_CURRENTS,
+    HELD_OUT_TARGET,
+    LEAST_DENSITY,
+    MOST_CELLS,
+    NEARLY_BEST,
+    NEARLY_BEST_BENT,
+    ROUNDS,
+    SHIFTS,
+    SMOOTHED_DEGREE,
+    U_DEGREE,
+)
 from femfit.fit.rows import FitRows
-
-FEWEST_CURRENTS = 3
-FEWEST_DISTANCES = U_DEGREE + 1
-ROUNDS = 3
-"""How often distance and current are searched in turn."""
-
-HELD_OUT_TARGET = 5e-5
-"""The smallest basis whose held-out error is below this fraction is taken: below a good sweep's own error."""
-
-SHIFTS = (0.0, 0.1, 0.3, 1.0, 3.0)
-"""Shifts s of u = d_0 / (d + s) that are tried, as parts of the range of distances: none suits a magnet far from its
-electromagnet, large ones a plunger or a pole with a long gap of its own, where d_0 / d would crowd the distances."""
-
-CELLS_IN_CURRENT = (1, 2, 3, 4, 6)
-BENT_CELLS = (3, 4, 6, 8, 12, 16)
-"""Where the inductance shows a bend, their knots lie denser at it."""
-
-MOST_CELLS = 16
-"""In each direction where the inductance bends: as many functions as a QP with shapes solves in seconds."""
-
-DISTANCES_PER_FUNCTION = 1.2
-"""Beside a bend: with a function of u for each distance, the force between a pot magnet's currents was off by half."""
-
-LEAST_DENSITY = 0.2
-"""Density of knots in the current where the flux linkage is straight, as a part of their largest density."""
-
-NEARLY_BEST = 1.1
-"""Where none reaches the target (noisy rows), the smallest within this factor of the least held-out error."""
-
-NEARLY_BEST_BENT = 1.02
-"""As much where the inductance bends: what misses the target there is the bend, seldom noise."""
 
 
 def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
@@ -79,7 +65,7 @@ def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[Coene
     scored: list[tuple[FloatArray, CoenergyBasis]] = []
     for _, alike in groupby(sorted(bases, key=_size), key=_size):
         tried = [(system.held_out_errors(basis), basis) for basis in alike]
-        errors, basis = min(tried, key=lambda pair: float(np.max(pair[0])))
+        errors, basis = tried[first_best([-float(np.max(errors)) for errors, _ in tried])]
         if np.max(errors) < HELD_OUT_TARGET:
             return basis, float(np.max(errors))
         # A column that is good enough must not ask for more.
@@ -89,7 +75,7 @@ def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[Coene
         return scored[0][1], np.inf
     nearly = NEARLY_BEST if system.rows.inductance is None else NEARLY_BEST_BENT
     allowed = max(nearly, min(float(np.max(errors / best)) for errors, _ in scored))
-    errors, basis = next(pair for pair in scored if np.max(pair[0] / best) <= allowed)
+    errors, basis = next(pair for pair in scored if np.max(pair[0] / best) <= (1.0 + ROUNDING) * allowed)
     return basis, float(np.max(errors))
 
 
@@ -97,12 +83,12 @@ def _size(basis: CoenergyBasis) -> int:
     return basis.shape[0] * basis.shape[1]
 
 
-def check_grid(currents: int, distances: int, fewest_distances: int = FEWEST_DISTANCES) -> None:
+def check_grid(currents: int, distances: int, fewest_distances: int = U_DEGREE + 1) -> None:
     """Refuse a grid with fewer currents or distances than any co-energy needs, by a FitError."""
     if currents < FEWEST_CURRENTS or distances < fewest_distances:
         raise FitError(
             f"A co-energy needs at least {FEWEST_CURRENTS} currents and {fewest_distances} distances; instead received "
-            f"{currents} currents and {distances} distances. Sweep more "
+            f"{counted(currents, 'current')} and {counted(distances, 'distance')}. Sweep more "
             + ("currents." if currents < FEWEST_CURRENTS else "distances, or fit a law.")
         )
 

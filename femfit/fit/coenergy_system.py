@@ -10,10 +10,19 @@ from functools import cached_property
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.fit.constants import (
+    DISTANCE_FOLDS,
+    FEWEST_CURRENTS,
+    FREE_SLOPE,
+    INDUCTANCE_SIGMA,
+    JUDGED,
+    RELATIVE_SIGMA,
+    SCATTERED_FOLDS,
+    SMOOTHED_DEGREE,
+    U_DEGREE,
+)
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import basis_matrix
-
-U_DEGREE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,30 +71,6 @@ class CoenergyBasis:
         in_u = u[:-1, None] + np.diff(u)[:, None] * np.array([1.0, 3.0, 5.0]) / 6.0
         grid_u, grid_i = np.meshgrid(in_u.ravel(), 0.5 * (i[1:] + i[:-1]), indexing="ij")
         return self.reference_distance_m / grid_u.ravel() - self.distance_shift_m, grid_i.ravel()
-
-
-RELATIVE_SIGMA = 1e-4
-"""Rows are weighted for this error relative to the force's scale, or to the change of flux linkage and of inductance
-over the distance."""
-
-SMOOTHED_DEGREE = 3
-"""With cubics in the current the inductance is a broken line, and one slope a cell is all there is to hold."""
-
-FEWEST_CURRENTS = 3
-DISTANCE_FOLDS = 4
-SCATTERED_FOLDS = 5
-"""With row j + 2 current k modulo 5, no two rows of a fold are neighbours, nor next but one along an axis."""
-
-INDUCTANCE_SIGMA = 3.0
-"""Relative sigma of the inductance, over that of the other columns: it is a difference of flux linkages at neighbouring
-currents, which it must not outweigh."""
-
-FREE_SLOPE = 10.0
-"""Sigma of the inductance's slope, as a part of largest inductance over range of currents: above any winding's slope,
-it holds only what no row determines."""
-
-JUDGED = 2
-"""Force and flux linkage are asked for on held-out rows; the inductance, their slope, only helps to find them."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,16 +13,12 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
+from femfit.core.ties import first_best
 from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
-from femfit.fit.coenergy_choice import SHIFTS
+from femfit.fit.constants import HALL_TARGET, SHIFTS, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.hall import HallSpline
-
-U_DEGREE = 4
-HELD_OUT_TARGET = 2e-5
-"""The fewest cells are taken whose held-out error is below this part of the field's range: far from the magnet, where
-the field is a twentieth of its range, a thousandth of it is still tens of micrometres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +95,9 @@ def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, floa
                 break
             alike = [_basis(rows, part, cells, np.repeat(ends, degree + 1)) for part in SHIFTS]
             errors = [_held_out(basis, rows, hall) / scale for basis in alike]
-            basis, error = alike[int(np.argmin(errors))], min(errors)
-            if error < HELD_OUT_TARGET:
+            best = first_best([-error for error in errors])
+            basis, error = alike[best], errors[best]
+            if error < HALL_TARGET:
                 return basis, error
             if error < 0.9 * least:
                 chosen, least = basis, error

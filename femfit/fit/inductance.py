@@ -11,34 +11,31 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from html import escape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import FitError
-from femfit.device.load import read_actuator
-from femfit.device.mechanics import Mechanics
+from femfit.core.errors import FitError, UsageError
+from femfit.core.printed import Printed
 from femfit.fit.bounded_qp import non_negative
+from femfit.fit.constants import POOR_CIRCUIT
 from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
-from femfit.fit.model_parts import sample_time
+from femfit.fit.model_parts import actuator_entry, circuit_and_motion, sample_time
 from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
-from femfit.model.actuator_model import ActuatorModel, Circuit, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.inductance_table import InductanceTable
 
-POOR = 0.1
-"""Misfit over the inductance's change with the distance that the user is warned of; conventional."""
 
-
-@dataclass(frozen=True, eq=False)
-class InductanceFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class InductanceFit(Printed):
     """A model and how far it is from the inductances."""
 
     model: ActuatorModel
@@ -75,9 +72,6 @@ class InductanceFit:
             ]
         )
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
-
 
 def fit_inductance(
     table: InductanceTable,
@@ -90,29 +84,20 @@ def fit_inductance(
 ) -> InductanceFit:
     """Fit a force law to measured inductances.
 
-    Parameters
-    ----------
-    supply_V : (float, float) or None
-        The driver's lowest and highest voltage, for the circuit.
-    actuator : str, Path or None
-        Actuator file, for the mass, resistance and supply that are not given themselves.
+    The supply is the driver's lowest and highest voltage; an actuator file gives what is not given itself.
     """
     if law in {"coenergy", "all"}:
-        raise FitError(
+        raise UsageError(
             f"Inductances without forces give a law; --model must name one, for example two-exponentials, "
             f"instead of {law}."
         )
-    if actuator is not None:
-        drawn = read_actuator(actuator)
-        mass_kg = drawn.mechanics.mass_kg if mass_kg is None else mass_kg
-        resistance_ohm = drawn.coil.resistance_ohm if resistance_ohm is None else resistance_ohm
-        supply_V = (drawn.supply.voltage_min_V, drawn.supply.voltage_max_V) if supply_V is None else supply_V
+    entry = actuator_entry(None, actuator, mass_kg, resistance_ohm, supply_V)
     chosen = law_by_name(law)
     distances = np.unique(table.distance)
     numbers = 1 + len(chosen.basis) + len(chosen.shape)
     if len(distances) < numbers:
         raise FitError(
-            f"Law {chosen.name} has {numbers} numbers and needs as many distances; {table.source} has "
+            f"Law {chosen.name} has {counted(numbers, 'number')} and needs as many distances; {table.source} has "
             f"{len(distances)}. Measure at more distances, or take a simpler law."
         )
     _require_falling(table)
@@ -124,7 +109,7 @@ def fit_inductance(
         for basis, unit, value in zip(chosen.basis, chosen.coefficient_units, solution[1:], strict=True)
     )
     magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
-    circuit, motion, notes = _parts(mass_kg, resistance_ohm, supply_V)
+    circuit, motion, notes = circuit_and_motion(entry)
     model = ActuatorModel(
         name=table.source.rpartition(".")[0] or table.source,
         magnetics=magnetics,
@@ -143,7 +128,7 @@ def fit_inductance(
     )
     model = as_written(replace(model, sample_time_s=sample_time(model)))
     error = model.magnetics.inductance(table.distance, table.current) - table.inductance
-    if rms(error) > POOR * float(np.ptp(table.inductance)):
+    if rms(error) > POOR_CIRCUIT * float(np.ptp(table.inductance)):
         notes = (
             *notes,
             (
@@ -179,20 +164,3 @@ def _linear(law: ForceLaw, shape: Mapping[str, float], table: InductanceTable) -
     scale = np.linalg.norm(matrix, axis=0)
     solution = non_negative(matrix / scale, table.inductance * table.current)[0] / scale
     return solution, matrix @ solution - table.inductance * table.current
-
-
-def _parts(
-    mass_kg: float | None, resistance_ohm: float | None, supply_V: tuple[float, float] | None
-) -> tuple[Circuit | None, Mechanics | None, tuple[str, ...]]:
-    circuit, motion, notes = None, None, []
-    if resistance_ohm is not None and supply_V is not None:
-        circuit = Circuit(resistance_ohm, *supply_V)
-    else:
-        notes.append(
-            "No circuit in the model: give --actuator ACTUATOR.toml, or --resistance-ohm and --supply-V LOW:HIGH."
-        )
-    if mass_kg is not None:
-        motion = Mechanics(mass_kg)
-    else:
-        notes.append("No motion in the model: give --actuator ACTUATOR.toml or --mass-g.")
-    return circuit, motion, tuple(notes)

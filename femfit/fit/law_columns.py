@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import UsageError
 from femfit.fit.bounded_qp import Inequalities, QPSolution
 from femfit.laws.law import ForceLaw
 
@@ -42,7 +42,7 @@ class CoefficientBounds:
         lower, upper = self.lower.copy(), self.upper.copy()
         for basis, ends in single.items():
             if basis not in law.basis:
-                raise FitError(f"Law {law.name} has the coefficients of {', '.join(law.basis)}; none of {basis!r}.")
+                raise UsageError(f"Law {law.name} has the coefficients of {', '.join(law.basis)}; none of {basis!r}.")
             lower[law.basis.index(basis)], upper[law.basis.index(basis)] = ends
         attracting = None if self.attracting is None else self.attracting & ~np.isin(law.basis, list(single))
         return CoefficientBounds(lower, upper, attracting)

@@ -7,9 +7,12 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import FitError
+from femfit.core.errors import FitError, UsageError
+from femfit.core.ties import first_best
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
+from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (
     FUNCTIONS,
     CoefficientBounds,
@@ -23,9 +26,6 @@ from femfit.fit.rows import FitRows
 from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
 from femfit.laws.law import ForceLaw
 from femfit.model.magnetics import Coefficient, LawMagnetics
-
-STEPS = (0.0, -0.1, 0.1)
-"""Starts beside the law's first guess, as parts of the logarithm of the range between its bounds."""
 
 
 def search_shape(
@@ -64,16 +64,10 @@ def search_shape(
         )
         for step in (STEPS if start is None else STEPS[:1])
     ]
-    best = min(found, key=lambda r: float(r.cost))
+    best = found[first_best([-float(r.cost) for r in found])]
     if not best.success:
         raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
     return named(best.x)
-
-
-NEGLIGIBLE = 5e-4
-"""Part of the weight (or of the rms force) below which a coefficient function's held-out error does not matter."""
-
-JACKKNIFE_BLOCKS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,16 +121,11 @@ def law_sigma(rows: FitRows) -> FloatArray:
 def fit_law(
     law: ForceLaw, rows: FitRows, bounds: CoefficientBounds | None = None, functions: Sequence[str] | None = None
 ) -> LawFit:
-    """Fit a force law in two stages, and jointly.
-
-    Parameters
-    ----------
-    bounds : CoefficientBounds or None
-        On every c_k(i); None for the law's own.
-    """
+    """Fit a force law in two stages, and jointly; without bounds on every c_k(i) by the law's own."""
     if functions is not None and (len(functions) != len(law.basis) or not set(functions) <= set(FUNCTIONS)):
-        raise FitError(
-            f"Coefficient functions must be one of {', '.join(FUNCTIONS)} for each of {len(law.basis)} columns "
+        raise UsageError(
+            f"Coefficient functions must be one of {', '.join(FUNCTIONS)} for each of "
+            f"{counted(len(law.basis), 'column')} "
             f"({', '.join(law.basis)}); instead received {', '.join(functions)}."
         )
     bounds = default_bounds(law) if bounds is None else bounds

@@ -1,11 +1,13 @@
 """How far a model is from its table, that of the file as it is read back, and what the user is told of it."""
 
 import json
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
+from femfit.fit.constants import COARSE, POOR_CIRCUIT
 from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel, Misfit
 from femfit.model.json_file import model_from_dict, model_to_dict
@@ -63,12 +65,6 @@ def _share(error: float, values: FloatArray) -> float | None:
     return error / size if size > 0.0 else None
 
 
-COARSE = 0.01
-"""Misfit of the force, of its rms or of each point's own, that a co-energy's user is warned of; conventional."""
-
-POOR_CIRCUIT = 0.1
-"""Misfit of flux linkage or inductance, over the rms of the table's, that the user is warned of; conventional."""
-
 _UNITS_ASSUMED = "assumed-units"
 
 
@@ -115,17 +111,25 @@ def _finer_sweep(magnetics: CoenergySpline, misfit: Misfit, rows: FitRows) -> li
     poor = next((pair for pair in shares if pair[0] >= COARSE), None)
     if poor is None:
         return []
-    worst = np.argmax(np.abs(magnetics.force(rows.distance, rows.current) - rows.force))
+    worst, finer = _worst(magnetics, rows), finer_settings(magnetics, rows)
     d, i = rows.distance[worst], rows.current[worst]
-    more_d, more_i = 1e3 * _middles(rows.distances, d), _middles(rows.currents, i)
     return [
         (
             f"The sweep is too coarse for its force: the co-energy misses it by {amount(poor[0], '')} of {poor[1]}, "
-            f"most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits that. Add to [sweep] the distances "
-            f"{' and '.join(f'{x:.4g}' for x in more_d)} mm and the currents "
-            f"{' and '.join(f'{x:.4g}' for x in more_i)} A, then sweep and fit again."
+            f"most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits that. {to_be_added(finer)}"
         )
     ]
+
+
+def finer_settings(magnetics: CoenergySpline, rows: FitRows) -> dict[str, list[float]]:
+    """The ``distance_m`` and ``current_A`` that halve the intervals around the largest error of the force."""
+    worst = _worst(magnetics, rows)
+    around = {"distance_m": (rows.distances, rows.distance[worst]), "current_A": (rows.currents, rows.current[worst])}
+    return {name: _middles(axis, at).tolist() for name, (axis, at) in around.items()}
+
+
+def _worst(magnetics: CoenergySpline, rows: FitRows) -> int:
+    return int(np.argmax(np.abs(magnetics.force(rows.distance, rows.current) - rows.force)))
 
 
 def _middles(axis: FloatArray, at: float) -> FloatArray:
@@ -133,3 +137,12 @@ def _middles(axis: FloatArray, at: float) -> FloatArray:
     k = int(np.searchsorted(axis, at))
     around = axis[max(k - 1, 0) : k + 2]
     return np.asarray(0.5 * (around[1:] + around[:-1]))
+
+
+def to_be_added(finer: Mapping[str, Sequence[float]]) -> str:
+    """What to do with finer settings, in a sentence."""
+    distances, currents = 1e3 * np.array(finer["distance_m"]), finer["current_A"]
+    return (
+        f"Add to [sweep] the distances {' and '.join(f'{x:.4g}' for x in distances)} mm and the currents "
+        f"{' and '.join(f'{x:.4g}' for x in currents)} A, then sweep and fit again."
+    )

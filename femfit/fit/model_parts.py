@@ -3,14 +3,17 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from femfit.core.errors import TableError
+from femfit.core.errors import TableError, UsageError
+from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import Drive as DrawnDrive
+from femfit.device.summary import sweep_manifest_entry
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_kind import ActuatorKind
@@ -23,37 +26,61 @@ Parts = tuple[Circuit | None, Mechanics | None, HallSensor | None, tuple[str, ..
 """The parts of a model as far as they are known, and what is missing."""
 
 
+def actuator_entry(
+    recorded: Mapping[str, Any] | None,
+    actuator: str | Path | Mapping[str, Any] | None,
+    mass_kg: float | None,
+    resistance_ohm: float | None,
+    supply_V: tuple[float, float] | None,
+) -> dict[str, Any]:
+    """What a manifest records of its actuator, with what was given in its place."""
+    if isinstance(actuator, str | Path):
+        actuator = sweep_manifest_entry(read_actuator(actuator))
+    if supply_V is not None and not supply_V[0] < supply_V[1]:
+        raise UsageError(f"The supply's lowest voltage must be below its highest; instead received {supply_V}.")
+    low, high = supply_V or (None, None)
+    given = {"voltage_min_V": low, "voltage_max_V": high, "mass_kg": mass_kg, "resistance_ohm": resistance_ohm}
+    return {**(recorded or {}), **(actuator or {}), **{key: one for key, one in given.items() if one is not None}}
+
+
 def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> Parts:
     """What a manifest's actuator entry makes of a model beside its magnetics, and how to give each part missing."""
-    notes = []
-    circuit = None
-    keys = ("resistance_ohm", "voltage_min_V", "voltage_max_V")
+    circuit, motion, notes = circuit_and_motion(entry, rows.flux_linkage is not None, inductance_given)
+    element = entry.get("hall")
+    if hall is None or not element:
+        note = "No sensor in the model: it needs hall_T in the table and [hall] in the actuator file."
+        return circuit, motion, None, (*notes, note)
+    names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
+    values = {name: number(element, name) for name in names}
+    sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)
+    return circuit, motion, sensor, notes
+
+
+def circuit_and_motion(
+    entry: Mapping[str, Any], flux_linkage: bool = True, inductance_given: bool = True
+) -> tuple[Circuit | None, Mechanics | None, tuple[str, ...]]:
+    """Circuit and motion of an actuator entry, and how to give what is missing.
+
+    A circuit needs an inductance: from the table's flux linkage, or given.
+    """
+    keys, notes = ("resistance_ohm", "voltage_min_V", "voltage_max_V"), []
     missing = [key for key in keys if entry.get(key) is None]
-    if rows.flux_linkage is None and not inductance_given:
+    if not (flux_linkage or inductance_given):
         missing.append("flux_linkage_Wb or an inductance")
     if missing:
         notes.append(
             f"No circuit in the model: {', '.join(missing)} unknown. Give --actuator ACTUATOR.toml, or "
             "--resistance-ohm and --supply-V"
-            + (", and --inductance-H since the table has no flux linkage." if rows.flux_linkage is None else ".")
+            + ("." if flux_linkage else ", and --inductance-H since the table has no flux linkage.")
         )
-    else:
-        resistance, lowest, highest = (number(entry, key) for key in keys)
-        circuit = Circuit(resistance, lowest, highest, _drive(entry))
-    motion = None
     if entry.get("mass_kg") is None:
         notes.append("No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
-    else:
-        motion = mechanics_of(entry)
-    sensor = None
-    element = entry.get("hall")
-    if hall is None or not element:
-        notes.append("No sensor in the model: it needs hall_T in the table and [hall] in the actuator file.")
-    else:
-        names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
-        values = {name: number(element, name) for name in names}
-        sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)
-    return circuit, motion, sensor, tuple(notes)
+    circuit = None
+    if not missing:
+        resistance, lowest, highest = (number(entry, key) for key in keys)
+        circuit = Circuit(resistance, lowest, highest, _drive(entry))
+    motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
+    return circuit, motion, tuple(notes)
 
 
 def mechanics_of(entry: Mapping[str, Any]) -> Mechanics:

@@ -19,7 +19,9 @@ import numpy as np
 from femfit.core.amount import rounded
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FemfitError, FitError
+from femfit.core.ties import ranked
 from femfit.fit.bounded_qp import active_set_least_squares
+from femfit.fit.constants import DISTANCE_BLOCKS, MAY_MISS, TARGET
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law, fit_shape, law_magnetics, law_sigma
 from femfit.fit.misfit import as_written, misfit_to_rows
@@ -27,14 +29,6 @@ from femfit.fit.rows import FitRows, rms
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
 from femfit.model.magnetics import LawMagnetics
-
-TARGET = 5e-3
-"""Held-out rms error, as a part of the weight (or of the rms force), that is good enough; conventional."""
-
-MAY_MISS = 1.1
-"""What a law misses the table by as it is written, over what its fit does: a tenth is allowed; conventional."""
-
-DISTANCE_BLOCKS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +131,7 @@ def _percent(share: float | None) -> str:
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
     """Fit every law, and rank them by :attr:`Candidate.error`."""
     folds = ranking_folds(rows)
-    candidates = sorted((_candidate(law, rows, folds) for law in laws), key=lambda c: c.error)
+    candidates = ranked([_candidate(law, rows, folds) for law in laws], lambda c: -c.error)
     fitted = [c for c in candidates if c.fit is not None]
     if not fitted:
         if len(candidates) > 1 and len({c.failure for c in candidates}) == 1:

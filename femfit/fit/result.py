@@ -3,23 +3,26 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from html import escape
 from typing import Any
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
+from femfit.core.printed import Printed
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
+from femfit.fit.misfit import finer_settings
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel, Misfit
+from femfit.model.magnetics import CoenergySpline
+from femfit.model.model_text import fit_lines
 
 _LABELS_SHOWN = 4
 """So many active constraints are listed; more are counted."""
 
 
-@dataclass(frozen=True, eq=False)
-class FitResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class FitResult(Printed):
     """A model and how it came about.
 
     Parameters
@@ -43,7 +46,8 @@ class FitResult:
     --------
     >>> import femfit as ff
     >>> print(ff.fit_model("runs/rig"))
-    emaws-rig: co-energy; it misses its table of 50 points by...
+    emaws-rig: co-energy
+    it misses its table of 50 points by...
     """
 
     model: ActuatorModel
@@ -65,11 +69,9 @@ class FitResult:
         """The lines that ``femfit fit`` prints, the answer first."""
         return "\n".join(_lines(self))
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
-
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
+        magnetics = self.model.without_effects.magnetics
         return {
             "model": self.law.law.name if self.law else "coenergy",
             "rows": len(self.rows.force),
@@ -78,20 +80,14 @@ class FitResult:
             "law": _law_data(self.law) if self.law else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": _hall_data(self.hall) if self.hall else None,
+            "finer_sweep": finer_settings(magnetics, self.rows) if isinstance(magnetics, CoenergySpline) else None,
             "notes": [*self.of_data, *self.notes],
         }
 
 
 def _lines(result: FitResult) -> list[str]:
-    model, domain = result.model, result.model.validity
-    kind = f"law {result.law.law.name}, {result.law.law.formula}" if result.law else "co-energy"
     lines = [
-        f"{model.name}: {kind}; it misses its table of {len(result.rows.force)} points by",
-        *misfit_lines(result.misfit),
-        (
-            f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm and "
-            f"{domain.current_min_A:.4g} to {domain.current_max_A:.4g} A"
-        ),
+        *fit_lines(result.model),
         *(f"note: {note}" for note in (*result.of_data, *result.notes)),
         _derived_line(result),
     ]
@@ -102,32 +98,8 @@ def _lines(result: FitResult) -> list[str]:
     elif result.coenergy is not None:
         lines += _coenergy_lines(result.coenergy, result.rows)
     if result.hall is not None:
-        lines += _hall_lines(result.hall, model)
+        lines += _hall_lines(result.hall, result.model)
     return lines
-
-
-def misfit_lines(misfit: Misfit) -> list[str]:
-    """A line for each quantity that the table has."""
-    weight = "" if misfit.force_rms_of_weight is None else f", {100 * misfit.force_rms_of_weight:.3g} % of the weight"
-    lines = [
-        (
-            f"  force        {_share(misfit.force_share)} ({amount(misfit.force_rms_N, 'N', 3)} rms, "
-            f"{amount(misfit.force_max_N, 'N', 3)} at most{weight})"
-        )
-    ]
-    if misfit.flux_linkage_rms_Wb is not None:
-        lines.append(
-            f"  flux linkage {_share(misfit.flux_linkage_share)} ({amount(misfit.flux_linkage_rms_Wb, 'Wb', 3)} rms)"
-        )
-    if misfit.inductance_rms_H is not None:
-        lines.append(
-            f"  inductance   {_share(misfit.inductance_share)} ({amount(misfit.inductance_rms_H, 'H', 3)} rms)"
-        )
-    return lines
-
-
-def _share(share: float | None) -> str:
-    return "" if share is None else amount(share, "")
 
 
 def _derived_line(result: FitResult) -> str:
@@ -154,7 +126,7 @@ def _active(labels: Sequence[str]) -> str:
     if len(labels) <= _LABELS_SHOWN:
         return "; ".join(labels) or "none"
     counts = Counter(label.partition(" at ")[0] for label in labels)
-    return "; ".join(f"{name} at {count} places" for name, count in counts.items())
+    return "; ".join(f"{name} at {counted(count, 'place')}" for name, count in counts.items())
 
 
 def _law_lines(fit: LawFit) -> list[str]:

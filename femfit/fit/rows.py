@@ -5,18 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import TableError
+from femfit.fit.constants import FAR_ABOVE_WEIGHT, FEWEST_DISTANCES, FEWEST_ROWS, SMALL_FORCE, STRAIGHT, TRAPEZOID
 from femfit.tables.suspected_units import suspected_by_size
 from femfit.tables.sweep_table import SweepTable
-
-FEWEST_ROWS = 12
-FEWEST_DISTANCES = 4
-FAR_ABOVE_WEIGHT = 10.0
-
-SMALL_FORCE = 0.01
-"""Forces below this part of the largest one at the same distance are passages through zero, whose relative error would
-say nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +112,7 @@ def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float)
     if len(distance) < FEWEST_ROWS or len(np.unique(distance)) < FEWEST_DISTANCES:
         raise TableError(
             f"A fit needs at least {FEWEST_ROWS} usable rows at {FEWEST_DISTANCES} distances; instead received "
-            f"{len(distance)} rows at {len(np.unique(distance))} distances. Sweep more distances."
+            f"{counted(len(distance), 'row')} at {counted(len(np.unique(distance)), 'distance')}. Sweep more distances."
         )
     duplicate = rows.duplicated(subset=["distance_m", "current_A"])
     if duplicate.any():
@@ -169,14 +163,6 @@ def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:
     return values
 
 
-TOLERANCE = 0.1
-"""Part of the flux linkage's change over the currents that the integral of the inductance may miss: what the
-trapezoidal rule loses at a bend between a few currents."""
-
-STRAIGHT = 1e-3
-"""An inductance that changes with the current by less than this part adds nothing to the flux linkage."""
-
-
 def incremental_inductance(
     distance: FloatArray, current: FloatArray, flux_linkage: FloatArray, inductance: FloatArray | None
 ) -> FloatArray | None:
@@ -204,4 +190,4 @@ def incremental_inductance(
     slope_miss, quotient_miss = (
         float(np.linalg.norm(misses) / np.linalg.norm(changes)) for misses in (slope_misses, quotient_misses)
     )
-    return inductance if slope_miss <= min(TOLERANCE, 0.5 * quotient_miss) else None
+    return inductance if slope_miss <= min(TRAPEZOID, 0.5 * quotient_miss) else None

@@ -17,11 +17,10 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
+from femfit.fit.constants import FEWEST_CURRENTS
 from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, term_bounds
 from femfit.fit.rows import FitRows
 from femfit.laws.law import ForceLaw
-
-FEWEST_CURRENTS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +84,7 @@ def fit_coefficient_function(
 
     The simplest function is taken whose mean squared held-out error lies within one standard error of the best one's
     (Breiman et al.), or below ``negligible``.
-
-    Parameters
-    ----------
-    currents, values : array, shape (m,)
-        c at each current.
-    bounds : CoefficientBounds or None
-        Of c, one column; None for none.
-    negligible : float
-        Held-out error, in the coefficient's unit, that does not matter.
+    Values are c at each current, bounds those of c, one column; ``negligible`` is in the coefficient's unit.
 
     References
     ----------

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from html import escape
 from json import dumps
 from pathlib import Path
 from typing import Any
@@ -10,17 +9,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing, write_text
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.outputs import BENCH, NOTES, require_outputs
+from femfit.core.printed import Printed
 from femfit.effects.conditions import Conditions
 from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
 from femfit.integrate.plateaus import OffsetMethod, PlateauFlux, PlateauOptions, plateau_flux
 from femfit.integrate.record_watch import RecordWatch
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_block import CoilBlock
@@ -30,8 +31,8 @@ from femfit.tables.measurement_file import has_columns, read_columns, read_raw_t
 NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]
 
 
-@dataclass(frozen=True, eq=False)
-class BenchFlux:
+@dataclass(frozen=True, eq=False, repr=False)
+class BenchFlux(Printed):
     """A bench table, a row a plateau, whose flux linkage was integrated from a coil's voltage.
 
     ``noise_Wb`` is the standard uncertainty of a row's flux linkage from the voltage's noise, rms over the rows;
@@ -46,16 +47,13 @@ class BenchFlux:
 
     def __str__(self) -> str:
         lines = [
-            f"{len(self.rows)} plateaus, flux linkage within {self.noise_Wb:.3g} Wb (noise, rms)",
+            f"{counted(len(self.rows), 'plateau')}, flux linkage within {self.noise_Wb:.3g} Wb (noise, rms)",
             self.notes,
             *(f"{finding.code}: {finding}" for finding in self.findings),
         ]
         if self.output is not None:
             lines.append(f"written: {self.output}, {self.output.with_suffix('.toml')}")
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, without the rows."""
@@ -120,7 +118,7 @@ def make_bench_table(
     begins = f"taken as {first:g} Wb"
     if model is not None:
         begins = f"taken from {model.name if isinstance(model, ActuatorModel) else Path(model).name}"
-        first = model if isinstance(model, ActuatorModel) else read_model(Path(model))
+        first = model_of(model)
     rows = _read(record, columns, units, table)
     rows = rows.assign(induced_V=(rows["coil_voltage_V"] - (resistance_ohm or 0.0) * rows["current_A"]) * turns_ratio)
     made, sigma, findings = _table(rows, PlateauOptions(method, settling_s, still_A, still_m), first)

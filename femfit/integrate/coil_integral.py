@@ -1,18 +1,19 @@
 """What integrating a coil's voltage gave, as it is printed and as JSON."""
 
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.finding import Finding
+from femfit.core.printed import Printed
 from femfit.integrate.methods import FEED_FORWARD, Method
 
 
-@dataclass(frozen=True, eq=False)
-class CoilIntegral:
+@dataclass(frozen=True, eq=False, repr=False)
+class CoilIntegral(Printed):
     """What integrating a coil's voltage gave.
 
     Parameters
@@ -72,7 +73,7 @@ class CoilIntegral:
                 f"{self.end_s:.6g} s, the record's end"
             ),
             (
-                f"{how}: {self.samples} samples, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
+                f"{how}: {counted(self.samples, 'sample')}, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
                 f"{1e6 * self.offset_V:.3g} uV at the end"
             ),
             f"standard uncertainty in {unit}: {given}" + (f"; nothing given for {', '.join(none)}" if none else ""),
@@ -80,9 +81,6 @@ class CoilIntegral:
             *(f"written: {path}" for path in (self.field_model, self.output) if path is not None),
         ]
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, without the rows."""

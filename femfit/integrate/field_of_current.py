@@ -127,12 +127,6 @@ def _lag_paths(terms: FieldTerms, state: MagnetState, time: FloatArray, current:
     return paths
 
 
-def field_of_ratio(current_to_field_A_per_T: float, rms: float) -> FieldModel:
-    """B = I / g, without hysteresis and eddy currents."""
-    half = 0.5 / current_to_field_A_per_T
-    return FieldModel(FieldTerms(1.0, degree=1), np.array([half, half]), rms)
-
-
 def field_model_of_sweep(
     curve: Callable[[FloatArray], FloatArray], current_min: float, current_max: float, rms: float, degree: int = 7
 ) -> FieldModel:

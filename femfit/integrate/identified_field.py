@@ -1,4 +1,4 @@
-"""Where the field of a current is taken from: lab runs with a Hall probe, or a swept femfit model.
+"""Where the field of a current is taken from: a ratio, lab runs with a Hall probe, or a swept femfit model.
 
 Strengths of plays and lags are bounded below by zero: a loop runs in one direction, and an eddy current delays.
 """
@@ -15,9 +15,16 @@ from femfit.core.errors import DomainError, FitError, MissingPartError, TableErr
 from femfit.effects.conditions import Conditions
 from femfit.fit.bounded_qp import active_set_least_squares, solve_bounded_qp
 from femfit.integrate.constants import SWEPT_SHARE
-from femfit.integrate.field_of_current import FieldModel, FieldTerms, field_columns, field_model_of_sweep, precycled
+from femfit.integrate.field_of_current import (
+    FieldModel,
+    FieldTerms,
+    field_columns,
+    field_model_of_sweep,
+    precycled,
+    read_field_model,
+)
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
-from femfit.integrate.uncertainty import SensingCoil
+from femfit.integrate.uncertainty import LinearSigma, SensingCoil
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
@@ -54,6 +61,36 @@ class LabRun:
     time: FloatArray
     current: FloatArray
     field: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class CurrentField:
+    """What is known of the field of a current; nothing by default."""
+
+    model: FieldModel | None = None
+    currents: tuple[float, float] | None = None  # Between which the model holds, A
+    sigma: LinearSigma | None = None  # Of a ratio, in T
+    ratio: float | None = None  # In A/T
+
+
+def field_of_ratio(ratio: float, sigma: LinearSigma) -> CurrentField:
+    """B = I / g with the ratio g in A/T, without hysteresis and eddy currents."""
+    model = FieldModel(FieldTerms(1.0, degree=1), np.array([0.5, 0.5]) / ratio, sigma.floor)
+    return CurrentField(model, None, sigma, ratio)
+
+
+def identified_field(coil: SensingCoil, lab: str | Path | None, given: str | Path | FieldModel | None) -> CurrentField:
+    """A field model that was identified before, or is now from a lab record."""
+    if lab is None and given is None:
+        raise TableError(
+            "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
+            "magnet that was cycled before), --field-model FILE, or --model MODEL.json with --distance-mm."
+        )
+    if lab is not None:
+        model = _field_of_lab_record(lab, coil)
+    else:
+        model = given if isinstance(given, FieldModel) else read_field_model(Path(str(given)))
+    return CurrentField(model, (0.0, model.terms.current_max_A))
 
 
 def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> FieldModel:
@@ -128,14 +165,13 @@ def _left_out_rms(problem: _Problem, current: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-def field_of_lab_record(lab: str | Path, coil_area_m2: float) -> FieldModel:
-    """Identify the field of a current from a record with a Hall probe, of a magnet that was cycled before."""
+def _field_of_lab_record(lab: str | Path, coil: SensingCoil) -> FieldModel:
     record = open_coil_record(Path(lab))
     if not {"hall_T", "current_A"} <= set(record.columns):
         raise TableError(f"A lab record needs hall_T and current_A; {record.path} has {', '.join(record.columns)}.")
     blocks = record.blocks()
     first = next(blocks)
-    integrator = make_integrator(IntegrationOptions("cs1-offset", SensingCoil(coil_area_m2)), first)
+    integrator = make_integrator(IntegrationOptions("cs1-offset", coil), first)
     step = max(1, round(PATH_INTERVAL / integrator.sample_time))
     parts = [
         np.stack([_means(column, step) for column in (block.time, block.current, out.field) if column is not None])
@@ -146,15 +182,11 @@ def field_of_lab_record(lab: str | Path, coil_area_m2: float) -> FieldModel:
 
 def field_of_swept_model(
     model: ActuatorModel, distance_m: float, *, of_flux: bool, sigma: float | None = None
-) -> tuple[FieldModel, tuple[float, float]]:
-    """The field of a current as a femfit model has it, with the moving part held, and between which currents in A.
+) -> CurrentField:
+    """The field of a current as a femfit model has it, with the moving part held: at the Hall element, in T.
 
-    Parameters
-    ----------
-    of_flux : bool
-        Whether the winding's flux linkage is meant, in Wb, and not the field at the Hall element, in T.
-    sigma : float or None
-        What the model is believed to be off by, in that unit; None is :data:`SWEPT_SHARE` of its largest.
+    ``of_flux`` means the winding's flux linkage in Wb instead; sigma is what the model is believed to be off by, by
+    default :data:`SWEPT_SHARE` of its largest.
     """
     sensor, domain = model.sensor, model.validity
     if sensor is None and not of_flux:
@@ -176,4 +208,4 @@ def field_of_swept_model(
     currents = (domain.current_min_A, domain.current_max_A)
     if sigma is None:
         sigma = SWEPT_SHARE * float(np.abs(curve(np.linspace(*currents, 33))).max())
-    return field_model_of_sweep(curve, *currents, sigma), currents
+    return CurrentField(field_model_of_sweep(curve, *currents, sigma), currents)

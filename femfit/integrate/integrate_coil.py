@@ -1,46 +1,25 @@
-"""From a coil's record to its field or flux linkage: read, integrate, watch and write, block by block."""
+"""From a coil's record to its field or flux linkage: what a method needs, and how sure the result is."""
 
-import itertools
 import time
 from collections.abc import Callable, Mapping
-from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
 from femfit.core.outputs import FIELD_MODEL, INTEGRATED, RAW_SIDECAR, require_outputs
 from femfit.integrate.coil_integral import CoilIntegral
-from femfit.integrate.constants import (
-    LARGEST_VOLTAGE_V,
-    OFFSET_SIGMA_V,
-    SETTLING_S,
-    STILL_A,
-)
-from femfit.integrate.field_of_current import FieldModel, field_of_ratio, read_field_model, write_field_model
-from femfit.integrate.identified_field import field_of_lab_record, field_of_swept_model
-from femfit.integrate.methods import (
-    FEED_FORWARD,
-    FILTERS,
-    IntegrationOptions,
-    Method,
-    integrate_blocks,
-    make_integrator,
-)
-from femfit.integrate.offset_filter import OffsetFilter
-from femfit.integrate.record_watch import RecordWatch, Reference
-from femfit.integrate.smoother import smooth as smoothed
-from femfit.integrate.uncertainty import FieldBlock, LinearSigma, SensingCoil, Systematics
+from femfit.integrate.constants import OFFSET_SIGMA_V, SETTLING_S, STILL_A
+from femfit.integrate.field_of_current import FieldModel, write_field_model
+from femfit.integrate.identified_field import CurrentField, field_of_ratio, field_of_swept_model, identified_field
+from femfit.integrate.methods import FILTERS, IntegrationOptions, Method
+from femfit.integrate.record_stream import stream_record
+from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
-from femfit.tables.coil_block import CoilBlock, joined_record
 from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, open_coil_record
-from femfit.tables.record_writer import RecordWriter
 
 USED_BY = {
     "--zero-reading-s": ("ffa1",),
@@ -166,60 +145,45 @@ def integrate_coil(
     written = Path(field_model) if lab is not None and isinstance(field_model, str | Path) else None
     _require_free([record, lab, model, field_model if lab is None else None], output, written)
     coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2)
-    known = _CurrentField()
+    known = CurrentField()
     if current_to_field_A_per_T is not None:
-        known = _of_ratio(current_to_field_A_per_T, reference_gain_sigma, reference_offset_sigma_T)
+        sigma = LinearSigma(reference_offset_sigma_T or 0.0, reference_gain_sigma or 0.0)
+        known = field_of_ratio(current_to_field_A_per_T, sigma)
     elif model is not None and distance_m is not None:
         swept = model if isinstance(model, ActuatorModel) else read_model(Path(model))
-        field_, currents = field_of_swept_model(swept, distance_m, of_flux=coil_area_m2 is None, sigma=model_sigma)
-        known = _CurrentField(field_, currents)
+        known = field_of_swept_model(swept, distance_m, of_flux=coil_area_m2 is None, sigma=model_sigma)
     elif chosen == "cs2-identified":
-        known = _identified(coil, lab, field_model)
+        known = identified_field(coil, lab, field_model)
     if written is not None and known.model is not None:
         write_field_model(known.model, written)
+    settling, still = SETTLING_S if settling_s is None else settling_s, STILL_A if still_A is None else still_A
+    options = IntegrationOptions(
+        chosen, coil, initial_field_T, zero_reading_s, settling, still, known.model, known.sigma
+    )
     systematics = Systematics(
         (coil_area_sigma_m2 or 0.0) / coil.area_m2,
         reference_gain_sigma or 0.0,
         max(reference_offset_sigma_T or 0.0, known.model.rms_T if chosen == "cs2-identified" and known.model else 0.0),
         OFFSET_SIGMA_V.get(chosen, 0.0) if offset_sigma_V is None else offset_sigma_V,
     )
-    options = IntegrationOptions(
-        chosen,
-        coil,
-        initial_field_T,
-        zero_reading_s,
-        SETTLING_S if settling_s is None else settling_s,
-        STILL_A if still_A is None else still_A,
-        known.model,
-        known.sigma,
-    )
-    quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
     before = systematics  # Until ffa2 takes an offset off, all of the amplifier's is left
     if chosen == "ffa2" and offset_sigma_V is None:
         before = replace(systematics, offset_voltage_V=OFFSET_SIGMA_V["trapezoid"])
-    made = _stream(source, recorded, options, known, (before, systematics), quantity, smooth, output, progress)
-    end = made.last
-    if not made.corrected:
-        systematics = before
-    parts = {name: float(values[-1]) for name, values in end.responses.parts(systematics).items()}
+    quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
+    doubts = before, systematics
+    made = stream_record(
+        source, recorded, options, known, doubts, quantity, smooth=smooth, output=output, progress=progress
+    )
     return CoilIntegral(
         record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
         method=chosen,
         smoothed=smooth,
         quantity=quantity,
-        samples=made.samples,
-        sample_time_s=made.sample_time,
-        end_s=float(end.time[-1]),
-        value=float(end.field[-1]),
-        standard_uncertainty=float(end.sigma(systematics)[-1]),
         coverage=coverage,
-        parts={"noise": float(np.sqrt(end.variance[-1])), **parts},
-        offset_V=float(end.offset[-1]),
-        findings=made.findings,
         output=output,
         field_model=written,
-        rows=made.rows,
         seconds=time.perf_counter() - begin,
+        **made.result(systematics if made.corrected else before),
     )
 
 
@@ -249,119 +213,6 @@ def _require_fitting(method: Method, given: set[str]) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _CurrentField:
-    """What is known of the field of a current: a model, the currents in A between which it holds, a ratio's error."""
-
-    model: FieldModel | None = None
-    currents: tuple[float, float] | None = None
-    sigma: LinearSigma | None = None
-    ratio: float | None = None
-
-
-def _of_ratio(ratio: float, gain_sigma: float | None, offset_sigma: float | None) -> _CurrentField:
-    sigma = LinearSigma(offset_sigma or 0.0, gain_sigma or 0.0)
-    return _CurrentField(field_of_ratio(ratio, sigma.floor), None, sigma, ratio)
-
-
-def _identified(coil: SensingCoil, lab: str | Path | None, given: str | Path | FieldModel | None) -> _CurrentField:
-    if lab is None and given is None:
-        raise TableError(
-            "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
-            "magnet that was cycled before), --field-model FILE, or --model MODEL.json with --distance-mm."
-        )
-    if lab is not None:
-        model = field_of_lab_record(lab, coil.area_m2)
-    else:
-        model = given if isinstance(given, FieldModel) else read_field_model(Path(str(given)))
-    return _CurrentField(model, (0.0, model.terms.current_max_A))
-
-
-@dataclass(frozen=True, eq=False)
-class _Streamed:
-    """What is left when a record has streamed past: its last block, and the rows where they were not written."""
-
-    last: FieldBlock
-    samples: int
-    sample_time: float
-    corrected: bool  # Whether an offset voltage was taken off
-    findings: tuple[Finding, ...]
-    rows: pd.DataFrame | None
-
-
-def _stream(
-    source: CoilRecord | pd.DataFrame,
-    columns: tuple[str, ...],
-    options: IntegrationOptions,
-    known: _CurrentField,
-    systematics: tuple[Systematics, Systematics],
-    quantity: str,
-    smooth: bool,
-    output: Path | None,
-    progress: Callable[[int, int], None] | None,
-) -> _Streamed:
-    blocks = map(_plausible, [_block(source)] if isinstance(source, pd.DataFrame) else source.blocks())
-    total = len(source) if isinstance(source, pd.DataFrame) else source.samples
-    first = next(blocks)
-    integrator = make_integrator(options, first)
-    pairs = integrate_blocks(integrator, itertools.chain([first], blocks))
-    if smooth and isinstance(integrator, OffsetFilter):
-        whole = joined_record(itertools.chain([first], blocks))
-        pairs = iter([(whole, smoothed(integrator, whole))])
-    watch = _watch(options, columns, quantity, integrator.sample_time, known)
-    if progress is not None and total:
-        progress(0, total)
-    samples, corrected = 0, False
-    value, unit = quantity.rsplit("_", 1)
-    sigma_name = f"{value}_sigma_{unit}"
-    names = ["time_s", *columns, quantity, sigma_name, "offset_V"]
-    kept: list[pd.DataFrame] = []
-    with nullcontext() if output is None else RecordWriter(output, names, integrator.sample_time) as writer:
-        for block, out in pairs:
-            read = {"coil_voltage_V": block.voltage, "hall_T": block.hall, "current_A": block.current}
-            table = {"time_s": block.time} | {name: there for name in columns if (there := read[name]) is not None}
-            taken_off = np.logical_or.accumulate(out.offset != 0.0) | corrected
-            sigma = np.where(taken_off, out.sigma(systematics[1]), out.sigma(systematics[0]))
-            table |= {quantity: out.field, sigma_name: sigma, "offset_V": out.offset}
-            if writer is None:
-                kept.append(pd.DataFrame(table))
-            else:
-                writer.write(table)
-            watch.see(block, out)
-            samples += len(block)
-            corrected |= bool(np.any(out.offset != 0.0))
-            if progress is not None and total:
-                progress(samples, total)
-        length = float(out.time[-1] - first.time[0])
-        if options.method == "ffa1" and options.zero_reading is not None and length <= options.zero_reading:
-            raise TableError(
-                f"The zero reading must end before the record does; instead it lasts {options.zero_reading:g} s, and "
-                f"the record {length:.3g} s. Give a smaller --zero-reading-s."
-            )
-    findings = watch.findings()
-    if options.method == "ffa2" and not corrected:
-        text = (
-            f"ffa2 found no settled plateau, on which the current moves by less than {options.still_A:g} A in a "
-            "second: nothing was taken off, and this is the plain integral."
-        )
-        remedy = "Give --still-A, a shorter --settling-s, or another method."
-        findings += (Finding("plateau", "warning", text, remedy),)
-    rows = pd.concat(kept, ignore_index=True) if kept else None
-    return _Streamed(out, samples, integrator.sample_time, corrected, findings, rows)
-
-
-def _watch(
-    options: IntegrationOptions, columns: tuple[str, ...], quantity: str, sample_time: float, known: _CurrentField
-) -> RecordWatch:
-    """Compare the coil with the reference that the method uses, or with one that the record has besides."""
-    of_hall = options.method == "cs1-offset" or (options.method in FEED_FORWARD and "hall_T" in columns)
-    reference: Reference | None = "hall_T" if of_hall else "current_A" if "current_A" in columns else None
-    scale = None if known.ratio is None else 1.0 / known.ratio
-    if of_hall and quantity == "field_T":
-        scale = 1.0
-    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, known.currents)
-
-
 def _require_free(read: list[Any], output: Path | None, field_model: Path | None) -> None:
     """Refuse results that would replace what is read, or a file of another kind."""
     inputs = [Path(path) for path in read if isinstance(path, str | Path)]
@@ -369,38 +220,3 @@ def _require_free(read: list[Any], output: Path | None, field_model: Path | None
     sidecars = [path.with_suffix(suffix) for path in raw for suffix in (".toml", ".json")]
     sidecar = output.with_suffix(".json") if output is not None and output.suffix in RAW_SUFFIXES else None
     require_outputs([*inputs, *sidecars], (output, INTEGRATED), (sidecar, RAW_SIDECAR), (field_model, FIELD_MODEL))
-
-
-def _block(rows: pd.DataFrame) -> CoilBlock:
-    missing = [name for name in ("time_s", "coil_voltage_V") if name not in rows]
-    if missing:
-        raise TableError(f"A coil record needs {' and '.join(missing)}; the table has {', '.join(map(str, rows))}.")
-
-    columns: dict[str, FloatArray] = {}
-    for name in ("time_s", *COLUMNS):
-        if name in rows:
-            try:
-                columns[name] = rows[name].to_numpy(dtype=np.float64, na_value=np.nan)
-            except (TypeError, ValueError) as error:
-                raise TableError(f"Column {name} of a coil record must hold numbers; {error}.") from error
-    time_s, voltage = columns["time_s"], columns["coil_voltage_V"]
-    read = np.isfinite(time_s) & np.isfinite(voltage)
-    block = CoilBlock(time_s, voltage, columns.get("hall_T"), columns.get("current_A"))[read]
-    if len(block) == 0 or np.any(np.diff(block.time) <= 0.0):
-        raise TableError("A coil record must have a rising time_s; repair the clock, or give each stretch on its own.")
-    return block
-
-
-def _plausible(block: CoilBlock) -> CoilBlock:
-    """The block with readings that are no number left out; a voltage that no coil has is refused."""
-    highest = float(np.abs(block.voltage).max())
-    if highest > LARGEST_VOLTAGE_V:
-        raise TableError(
-            f"A coil's voltage must stay below {LARGEST_VOLTAGE_V:g} V; instead received {highest:.3g} V. Check the "
-            "column and its unit."
-        )
-
-    def known(column: FloatArray | None) -> FloatArray | None:
-        return None if column is None else np.where(np.isfinite(column), column, np.nan)
-
-    return CoilBlock(block.time, block.voltage, known(block.hall), known(block.current))

@@ -170,10 +170,12 @@ def _require_still(time: FloatArray, values: FloatArray, still: float, unit: str
     quarter = max(1, len(values) // 4)
     crept = abs(float(values[-quarter:].mean() - values[:quarter].mean()))
     if crept > still:
+        name = "current" if unit == "A" else "distance"
         raise TableError(
-            f"From {time[0]:g} to {time[-1]:g} s no sample moves by more than {still:g} {unit}, but all of them by "
-            f"{crept:.3g} {unit}. Lower the limit below a slow ramp's step, or thin the record; if this is a plateau, "
-            "raise it."
+            f"The {name} changes slowly from {time[0]:g} to {time[-1]:g} s, by {crept:.3g} {unit} in all, although no "
+            f"two neighbouring samples differ by more than {still:g} {unit}. If this is a ramp, give a limit below its "
+            "step from sample to sample, or leave out samples; if it is a plateau, give a limit above the change. The "
+            f"limit is --still-{'A' if unit == 'A' else 'um'}."
         )
 
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.integrate.constants import (
@@ -104,7 +105,12 @@ class RecordWatch:
             at_top = self._stuck_at >= (1.0 - 1e-9) * self._highest
             if source in self._tallies and (source != "stuck" or at_top == (code == "saturated")):
                 seen = self._tallies[source]
-                said = text.format(count=seen.count, first=f"{seen.first:.6g}", amount=f"{seen.amount:.3g}")
+                said = text.format(
+                    samples=counted(seen.count, "sample"),
+                    gaps=counted(seen.count, "gap"),
+                    first=f"{seen.first:.6g}",
+                    amount=f"{seen.amount:.3g}",
+                )
                 found.append(Finding(code, "warning", said, _REMEDIES[code]))
         found += self._disagreement()
         if "innovations" in self._tallies:
@@ -201,16 +207,16 @@ class RecordWatch:
 
 
 _SENTENCES = {
-    "gap": "{count} gaps, first before {first} s, {amount} s lost in all: bridged by a straight line, and the field's "
+    "gap": "{gaps}, first before {first} s, {amount} s lost in all: bridged by a straight line, and the field's "
     "uncertainty grew by what they may hide.",
-    "clock": "{count} samples come after less than half a sample time, first at {first} s: the clock jumped.",
-    "clipped": "{count} samples repeat the largest voltage exactly, first at {first} s: the converter clipped, and "
+    "clock": "{samples} came after less than half a sample time, first at {first} s: the clock jumped.",
+    "clipped": "{samples} repeated the largest voltage exactly, first at {first} s: the converter clipped, and "
     "their flux is lost.",
     "saturated": "The Hall probe stood still at its largest reading, first at {first} s, for {amount} s in all, while "
     "the coil saw the field move: it saturated.",
     "stuck": "The Hall probe repeated one reading, first at {first} s, for {amount} s in all, while the coil saw the "
     "field move: it stuck.",
-    "range": "{count} samples have a current outside of what the field model was made for, first at {first} s: it "
+    "range": "{samples} had a current outside of what the field model was made for, first at {first} s: it "
     "extrapolates there.",
 }
 _REMEDIES = {

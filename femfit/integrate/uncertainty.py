@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 
@@ -109,7 +110,9 @@ def white_sigma(values: FloatArray) -> float:
     """
     known = values[np.isfinite(values)]
     if len(known) < 3:
-        raise TableError(f"Noise cannot be evaluated from {len(known)} readings in the first block; give at least 3.")
+        raise TableError(
+            f"Noise cannot be evaluated from {counted(len(known), 'reading')} in the first block; give at least 3."
+        )
     bends = np.abs(np.diff(known, 2))
     # The median of coarsely quantised readings may be 0; their mean is not.
     centre = float(np.median(bends)) or 0.845 * float(np.mean(bends))

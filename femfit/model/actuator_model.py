@@ -11,19 +11,18 @@ from numpy.typing import ArrayLike
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError, MissingPartError
+from femfit.core.printed import Printed
 from femfit.device.mechanics import Mechanics
-from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
+from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.drive import BRIDGE, Drive
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
+from femfit.model.model_text import model_lines
 
 # Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
-
-NO_MAGNET = 1e-3
-"""Share of the largest force or flux linkage below which what remains without current is the fit's own error."""
 
 
 @dataclass(frozen=True)
@@ -126,8 +125,8 @@ class Misfit:
     inductance_share: float | None = None
 
 
-@dataclass(frozen=True)
-class ActuatorModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ActuatorModel(Printed):
     """An actuator as the estimator and the simulator need it.
 
     Parameters
@@ -184,6 +183,9 @@ class ActuatorModel:
     kind: ActuatorKind | None = None
     provenance: Mapping[str, Any] = limited(default_factory=dict)
 
+    def __str__(self) -> str:
+        return "\n".join(model_lines(self))
+
     def force(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Magnetic force on the moving part in N, positive towards smaller distance.
 
@@ -197,7 +199,7 @@ class ActuatorModel:
         Raises
         ------
         DomainError
-            If a point lies outside of the validity domain and ``extrapolate`` is false.
+            If a point lies outside of the validity domain and ``extrapolate`` is false, or the shapes do not broadcast.
         """
         return self._evaluate(self.magnetics.force, distance, current, extrapolate)
 
@@ -216,7 +218,14 @@ class ActuatorModel:
         current: ArrayLike,
         extrapolate: bool,
     ) -> FloatArray:
-        d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        try:
+            d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+            np.broadcast_shapes(d.shape, i.shape)
+        except (TypeError, ValueError) as error:
+            raise DomainError(
+                "Distance and current must be numbers, or arrays of numbers whose shapes broadcast; instead received "
+                f"{_shape_of(distance)} and {_shape_of(current)}. For a grid, give distance[:, None] and current."
+            ) from error
         if not extrapolate:
             self.validity.require(d, i)
         value: FloatArray = quantity(d, i)[()]  # a number for two numbers
@@ -332,3 +341,10 @@ class ActuatorModel:
             f"Model {self.name!r} must have a {part} for this; it has none. Fit it again with an actuator file that "
             f"gives {keys} (for an imported table: femfit fit TABLE --actuator ACTUATOR.toml)."
         )
+
+
+def _shape_of(values: ArrayLike) -> str:
+    try:
+        return f"shape {np.asarray(values, dtype=np.float64).shape}"
+    except (TypeError, ValueError):
+        return "what is no such array"

@@ -42,7 +42,7 @@ _BEYOND = 0.2
 """Part of the domain's ranges by which the grid reaches beyond it: filters probe there."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Cells:
     """Polynomials sum_kl P[k, l] (d - d_0)^k (i - i_0)^l, in n x m cells with a border of cells that hold nothing."""
 

@@ -110,18 +110,3 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
 def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
     """Jacobian of :func:`euler_step`."""
     return np.eye(state.shape[-1]) + step * state_jacobian(model, state, voltage)
-
-
-def runge_kutta_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """Jacobian of :func:`runge_kutta_step` with one substep, by the chain rule."""
-    k1 = state_derivative(model, state, voltage)
-    second = state + 0.5 * step * k1
-    k2 = state_derivative(model, second, voltage)
-    third = state + 0.5 * step * k2
-    fourth = state + step * state_derivative(model, third, voltage)
-    unit = np.eye(state.shape[-1])
-    j1 = state_jacobian(model, state, voltage)
-    j2 = state_jacobian(model, second, voltage) @ (unit + 0.5 * step * j1)
-    j3 = state_jacobian(model, third, voltage) @ (unit + 0.5 * step * j2)
-    j4 = state_jacobian(model, fourth, voltage) @ (unit + step * j3)
-    return np.asarray(unit + step / 6.0 * (j1 + 2.0 * j2 + 2.0 * j3 + j4))

@@ -5,32 +5,43 @@ same equations as in :mod:`femfit.model.dynamics`, number by number, take a fift
 one list a state, one entry a point. Only for models of splines without effects; the others go by arrays.
 """
 
-from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from operator import add
 
-from femfit.model.actuator_model import ActuatorModel
+from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.bspline import FloatFunction
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 
 Columns = list[list[float]]
 
 
-def float_euler_step(model: ActuatorModel) -> Callable[[Columns, float], Columns] | None:
-    """A function (columns, voltage) -> columns one explicit Euler step later, columns beyond the current passed on.
+@dataclass(frozen=True, eq=False)
+class FloatEulerStep:
+    """(columns, voltage) -> columns one explicit Euler step later, columns beyond the current passed on."""
 
-    None where this module does not cover the model.
-    """
-    magnetics, step = model.magnetics, model.sample_time_s
-    circuit, motion = model.require_circuit(), model.require_motion()
-    linear = motion.linear_terms
-    if model.dynamics is not None or type(magnetics) is not CoenergySpline or linear is None:
-        return None
-    resistance, mass, gravity = circuit.resistance_ohm, motion.mass_kg, motion.gravity_m_s2
-    constant, per_distance, per_velocity = linear
-    reference, shift = magnetics.reference_distance_m, magnetics.distance_shift_m
-    derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
+    model: ActuatorModel
 
-    def advance(columns: Columns, voltage: float) -> Columns:
+    def __reduce__(self) -> tuple[type["FloatEulerStep"], tuple[ActuatorModel]]:
+        return FloatEulerStep, (self.model,)
+
+    @cached_property
+    def _numbers(self) -> tuple[float, float, float, float, float, float, FloatFunction, tuple[float, float, float]]:
+        model, magnetics = self.model, self.model.magnetics
+        assert isinstance(magnetics, CoenergySpline)  # noqa: S101  float_euler_step asks
+        circuit, motion = model.require_circuit(), model.require_motion()
+        derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
+        place = (magnetics.reference_distance_m, magnetics.distance_shift_m)
+        electrical = circuit.resistance_ohm, motion.mass_kg, motion.gravity_m_s2
+        linear = motion.linear_terms
+        assert linear is not None  # noqa: S101  float_euler_step asks
+        return (*electrical, model.sample_time_s, *place, derivatives, linear)
+
+    def __call__(self, columns: Columns, voltage: float) -> Columns:
+        """Columns one step later."""
+        resistance, mass, gravity, step, reference, shift, derivatives, linear = self._numbers
+        constant, per_distance, per_velocity = linear
         distance, velocity, current, *others = columns
         u = [reference / (d + shift) for d in distance]
         values = derivatives(u, current)
@@ -44,25 +55,40 @@ def float_euler_step(model: ActuatorModel) -> Callable[[Columns, float], Columns
             moved_i.append(i + step * ((voltage - resistance * i + per_metre * mixed * v) / inductance))
         return [moved_d, moved_v, moved_i, *others]
 
-    return advance
+
+def float_euler_step(model: ActuatorModel) -> FloatEulerStep | None:
+    """The step of a model; None where this module does not cover it."""
+    covered = model.dynamics is None and type(model.magnetics) is CoenergySpline
+    covered = covered and model.require_motion().linear_terms is not None
+    return FloatEulerStep(model) if covered else None
 
 
-def float_hall_voltage(model: ActuatorModel) -> Callable[[Columns], list[float]] | None:
-    """A function columns -> output of the Hall element before clipping, the offset of a fourth column added.
+@dataclass(frozen=True, eq=False)
+class FloatHallVoltage:
+    """Columns -> output of the Hall element before clipping, the offset of a fourth column added."""
 
-    None where this module does not cover the model.
-    """
-    sensor = model.require_sensor()
-    field = sensor.field
-    if model.dynamics is not None or type(field) is not HallSpline:
-        return None
-    reference, shift = field.reference_distance_m, field.distance_shift_m
-    quiescent, sensitivity = sensor.quiescent_V, sensor.sensitivity_V_per_T
-    field_of = field.spline.in_floats(((0, 0),))
+    sensor: HallSensor
 
-    def look(columns: Columns) -> list[float]:
+    def __reduce__(self) -> tuple[type["FloatHallVoltage"], tuple[HallSensor]]:
+        return FloatHallVoltage, (self.sensor,)
+
+    @cached_property
+    def _numbers(self) -> tuple[float, float, float, float, FloatFunction]:
+        sensor, field = self.sensor, self.sensor.field
+        assert isinstance(field, HallSpline)  # noqa: S101  float_hall_voltage asks
+        scale = (sensor.quiescent_V, sensor.sensitivity_V_per_T)
+        return (*scale, field.reference_distance_m, field.distance_shift_m, field.spline.in_floats(((0, 0),)))
+
+    def __call__(self, columns: Columns) -> list[float]:
+        """Output in V of each point."""
+        quiescent, sensitivity, reference, shift, field_of = self._numbers
         u = [reference / (d + shift) for d in columns[0]]
         volts = [quiescent + sensitivity * value for (value,) in field_of(u, columns[2])]
         return volts if len(columns) == 3 else list(map(add, volts, columns[3]))
 
-    return look
+
+def float_hall_voltage(model: ActuatorModel) -> FloatHallVoltage | None:
+    """The Hall voltage of a model; None where this module does not cover it."""
+    sensor = model.require_sensor()
+    covered = model.dynamics is None and type(sensor.field) is HallSpline
+    return FloatHallVoltage(sensor) if covered else None

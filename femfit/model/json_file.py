@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.atomic import write_text
+from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import ModelFileError
 from femfit.core.outputs import MODEL, require_outputs
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
@@ -39,7 +40,7 @@ def write_model(model: ActuatorModel, path: str | Path) -> None:
     Raises
     ------
     ModelFileError
-        If a value is not finite, or of a kind that JSON does not have.
+        If it is no model, a value is not finite, or of a kind that JSON does not have.
     OutputError
         If the file there is no model file.
 
@@ -49,6 +50,11 @@ def write_model(model: ActuatorModel, path: str | Path) -> None:
     >>> model = ff.fit_model("runs/rig").model
     >>> ff.write_model(model, "model.json")
     """
+    if not isinstance(model, ActuatorModel):
+        raise ModelFileError(
+            f"What is written must be an ActuatorModel; instead received {type(model).__name__}. Give what read_model "
+            "or fit_model(...).model returns."
+        )
     try:
         text = json.dumps(model_to_dict(model), indent=1, allow_nan=False) + "\n"
     except (TypeError, ValueError) as error:
@@ -66,7 +72,7 @@ def read_model(path: str | Path) -> ActuatorModel:
     Raises
     ------
     ModelFileError
-        If the file is missing, no JSON, newer than this femfit, or damaged.
+        If it is no path, or the file is missing, no JSON, newer than this femfit, or damaged.
 
     Examples
     --------
@@ -75,6 +81,11 @@ def read_model(path: str | Path) -> ActuatorModel:
     >>> model.validity.distance_min_m, model.validity.current_max_A
     (0.015, 1.4)
     """
+    if not isinstance(path, str | Path):
+        raise ModelFileError(
+            f"A model must be an ActuatorModel or the path of a model file; instead received {type(path).__name__}. "
+            "Give what read_model or fit_model(...).model returns."
+        )
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
@@ -82,6 +93,11 @@ def read_model(path: str | Path) -> ActuatorModel:
     except (ValueError, RecursionError) as error:
         raise ModelFileError(f"Model file {path} must be JSON; {error}.") from error
     return model_from_dict(data, str(path))
+
+
+def model_of(model: ActuatorModel | str | Path) -> ActuatorModel:
+    """The model, read where a path is given."""
+    return model if isinstance(model, ActuatorModel) else read_model(model)
 
 
 if TYPE_CHECKING:
@@ -174,8 +190,8 @@ def _build(top: Section) -> ActuatorModel:
         reference_distances_m=tuple(top.array("reference_distances_m", 1).tolist()),
         covariance=None if top.data.get("covariance") is None else top.array("covariance", 2),
         provenance=dict(top.section("provenance").data),
-        coil_temperature_C=top.number("coil_temperature_C", absent=REFERENCE_TEMPERATURE_C),
-        magnet_temperature_C=top.number("magnet_temperature_C", absent=REFERENCE_TEMPERATURE_C),
+        coil_temperature_C=top.number("coil_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
+        magnet_temperature_C=top.number("magnet_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         kind=kind.record(ActuatorKind) if kind else None,
     )
     added = top.sections("effects") if top.data.get("effects") else ()
@@ -189,7 +205,7 @@ def _circuit_from(section: Section) -> Circuit:
 
 def _effect_from(section: Section) -> AddedEffect:
     section.refuse_others(("name", "parameters", "ci95"))
-    effect = effect_by_name(section.text("name"))
+    effect = section.item("name", effect_by_name)
     names = tuple(p.name for p in effect.parameters)
     parameters, intervals = section.section("parameters"), section.section("ci95")
     parameters.refuse_others(names)
@@ -236,7 +252,7 @@ def _magnetics_from(section: Section) -> Magnetics:
         return CoenergySpline(*_spline_from(section))
     if kind != "law":
         raise section.refusal("kind", "coenergy_spline or law")
-    law = law_by_name(section.text("law"))
+    law = section.item("law", law_by_name)
     section.section("shape").refuse_others(tuple(p.name for p in law.shape))
     return LawMagnetics(
         law_name=law.name,

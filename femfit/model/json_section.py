@@ -1,18 +1,20 @@
 """Values of a JSON object, each checked where it is read and named by its key path in every message."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import ModelFileError
+from femfit.core.errors import ModelFileError, UsageError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
+Item = TypeVar("Item")
 Record = TypeVar("Record", bound="DataclassInstance")
 
 
@@ -64,6 +66,13 @@ class Section:
         if isinstance(value, bool) or not isinstance(value, int) or not lower <= value <= upper:
             raise self.refusal(key, f"a whole number in {lower}..{upper}")
         return value
+
+    def item(self, key: str, find: Callable[[str], Item]) -> Item:
+        """What a name stands for; an unknown one is the file's fault, not that of an argument."""
+        try:
+            return find(self.text(key))
+        except UsageError as error:
+            raise ModelFileError(f"{self.source}, {self.where(key)}: {error}") from error
 
     def truth(self, key: str) -> bool:
         """True or false."""
@@ -124,7 +133,7 @@ class Section:
 
     def array(self, key: str, dimensions: int) -> FloatArray:
         """Finite numbers in nested lists of equal lengths."""
-        needed = f"an array of finite numbers with {dimensions} dimension{'s' if dimensions > 1 else ''}"
+        needed = f"an array of finite numbers with {counted(dimensions, 'dimension')}"
         value = self.data.get(key)
         if not isinstance(value, list):
             raise self.refusal(key, needed)

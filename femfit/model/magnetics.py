@@ -68,7 +68,7 @@ def _in_distance(
     return np.asarray((-1.0 / shifted) ** a * total)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MagneticState:
     """What the circuit and the motion need at one or many points."""
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
-from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.model.actuator_model import NO_MAGNET, ActuatorModel, HallSensor
-from femfit.model.coenergy_series import coenergy_series
+from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
@@ -66,7 +66,7 @@ def base_coenergy(model: ActuatorModel) -> CoenergySeries:
         (distances, currents, A, B) -> :class:`femfit.effects.taylor_series.TaylorSeries`.
     """
     base = model.without_effects
-    return coenergy_series(base.magnetics, base.sensor.field if base.sensor else None)
+    return ModelCoenergy(base.magnetics, base.sensor.field if base.sensor else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     hall_coenergy = changed_coenergy(base_coenergy(base), static, at)
     dynamics = EffectDynamics(
         motion_coenergy=CoenergyTable(
-            changed_coenergy(coenergy_series(base.magnetics, None), static, at), at.nominal, hall=False
+            changed_coenergy(ModelCoenergy(base.magnetics, None), static, at), at.nominal, hall=False
         ),
         hall_coenergy=CoenergyTable(hall_coenergy, at.nominal, hall=True) if acting else hall_coenergy,
         effects=effects,

@@ -11,14 +11,16 @@ import numpy as np
 from femfit.audit.carried import COLD_C, WARM_C, carried_range
 from femfit.core.amount import axis_scale
 from femfit.core.constants import GRAVITY
+from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
+from femfit.fit.constants import TARGET
 from femfit.fit.law_fit import LawFit
-from femfit.fit.ranking import TARGET, Ranking
+from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.content import ReportContent
-from femfit.report.cutaway import OffScreenPicture, draw_off_screen
+from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
 from femfit.report.field_figures import field_figure, line_flux
 from femfit.report.field_sample import FieldSample
@@ -32,16 +34,17 @@ from femfit.report.force_figures import (
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
 from femfit.report.numbers import quantity, significant
-from femfit.report.page import Drawing, picture_uri, render
+from femfit.report.page import render
 from femfit.report.parts import all_regions, saturates
 from femfit.report.rating import SMALL, USUAL_KNEES, Rating, copper_share, growth, iron_loads, rate
+from femfit.report.style import Drawing, data_uri, svg_uri
 from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
 
-Draw = Callable[[Actuator, FieldSample], OffScreenPicture]
+Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
-CUTAWAY, HOW = "cutaway", "how the cut-away was drawn"
+CUTAWAY, NO_CUTAWAY = "cutaway", "why there is no cut-away"
 
 
 def draw_figures(
@@ -56,11 +59,10 @@ def draw_figures(
             cutaway = background.submit(draw, actuator, sample)
         for name, make in _figures(content).items():
             if name not in pictures:
-                pictures[name] = picture_uri(name, make)
+                pictures[name] = svg_uri(make, name)
         if cutaway is not None:
-            result = cutaway.result()
-            pictures[CUTAWAY] = "" if result.image is None else picture_uri(CUTAWAY, lambda: result.image or b"")
-            pictures[HOW] = result.how
+            image, pictures[NO_CUTAWAY] = cutaway.result()
+            pictures[CUTAWAY] = "" if image is None else data_uri("image/png", image)
     return pictures
 
 
@@ -263,8 +265,12 @@ def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
     other = zero + (step if zero[0] + step <= box.current_max_A else -step)
     slope = (sensor.field.field(d, other) - sensor.field.field(d, zero)) / (other - zero)
     idle = sensor.field.field(d, zero)
+    levels = np.linspace(box.current_min_A, box.current_max_A, 15)
+    places, currents = (x.ravel() for x in np.meshgrid(d, levels))
     return {
         "sensor": sensor,
+        "clipped": where_clipped(sensor, places, currents, sensor.field.field(places, currents)),
+        "remedy": REMEDY,
         "near_T": float(idle[0]),
         "far_T": float(idle[-1]),
         "slope_T_per_A": float(slope[np.argmax(np.abs(slope))]),

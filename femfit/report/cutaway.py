@@ -1,17 +1,12 @@
 """The actuator in three dimensions with a quarter cut away: |B| on the cut faces, flux lines in them.
 
-It is drawn without a screen in a child process that runs this file as a module. VTK ends the whole process with a
-segmentation fault where neither EGL nor OSMesa is there. The child that tries is the child that draws: what kills it
-costs one picture, and the report says so.
+It is drawn in a child process that runs this file as a module, without a screen where there is none. VTK ends the whole
+process with a segmentation fault where neither EGL nor OSMesa is there: that costs one picture, and the report says so.
 """
 
-import os
 import pickle
 import subprocess
 import sys
-import tempfile
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,62 +27,26 @@ SEGMENTS = 90
 SUBDIVISIONS = 6
 """How often each triangle of a cut face is divided into four."""
 
-
-WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
-"""Windows of VTK that need no screen."""
-
-VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
-
 TIMEOUT_S = 60.0
-"""For one window; a picture takes 3 to 5 s on a free machine, most of it the import of VTK."""
+"""For a picture that takes 3 to 5 s on a free machine, most of it the import of VTK."""
 
 
-@dataclass(frozen=True)
-class OffScreenPicture:
-    """A PNG file, or None where no window works, and with which window it was drawn or why not."""
-
-    image: bytes | None
-    how: str
-
-
-def draw_off_screen(actuator: Actuator, sample: FieldSample, timeout: float = TIMEOUT_S) -> OffScreenPicture:
-    """Draw the cut-away in a child process, with the first window that works in so many seconds.
-
-    A window that the environment asks for is the only one tried.
-    """
-    given = os.environ.get(VARIABLE)
-    reasons = []
-    with tempfile.TemporaryDirectory() as directory:
-        task, image = Path(directory) / "task", Path(directory) / "image.png"
-        task.write_bytes(pickle.dumps((actuator, sample)))
-        for window in (given,) if given else WINDOWS:
-            failure = _try(window, task, image, timeout)
-            if not failure:
-                return OffScreenPicture(image.read_bytes(), f"pyvista, off-screen ({window})")
-            reasons.append(f"{window}: {failure}")
-    return OffScreenPicture(None, "pyvista cannot draw off-screen here (" + "; ".join(reasons) + ")")
-
-
-def _try(window: str, task: Path, image: Path, timeout: float) -> str:
-    """Empty if there is a picture, else why not."""
+def draw_off_screen(actuator: Actuator, sample: FieldSample, timeout: float = TIMEOUT_S) -> tuple[bytes | None, str]:
+    """Draw the cut-away in a child process: a PNG file, or None and why there is none."""
+    command = [sys.executable, "-m", "femfit.report.cutaway"]
+    task = pickle.dumps((actuator, sample))
     try:
-        child = subprocess.run(  # noqa: S603 - this interpreter, this package
-            [sys.executable, "-m", "femfit.report.cutaway", str(task), str(image)],
-            env=os.environ | {VARIABLE: window},
-            capture_output=True,
-            timeout=timeout,
-            check=False,
-        )
+        child = subprocess.run(command, input=task, capture_output=True, timeout=timeout, check=False)  # noqa: S603 - our own
     except subprocess.TimeoutExpired:
-        return f"no picture within {timeout:g} s"
+        return None, f"no picture within {timeout:g} s"
     if child.returncode < 0:
-        return f"the process was killed by signal {-child.returncode}"
-    if child.returncode or not image.is_file():
-        return f"the process ended with code {child.returncode} and no picture"
-    return ""
+        return None, f"the process that draws was killed by signal {-child.returncode}"
+    if child.returncode or not child.stdout.startswith(b"\x89PNG"):
+        return None, f"the process that draws ended with code {child.returncode} and no picture"
+    return child.stdout, ""
 
 
-def draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
+def _draw_cutaway(actuator: Actuator, sample: FieldSample) -> Any:
     """The cut-away as an array of uint8, shape (rows, columns, 3); VTK may end this process where it cannot draw."""
     import pyvista
 
@@ -148,6 +107,9 @@ def _half_plane(sample: FieldSample) -> Any:
 
 
 def _picture(plotter: Any, sample: FieldSample) -> Any:
+    """What the camera sees, without white margins."""
+    from PIL import Image
+
     middle = -0.5 * MM * (sample.height_m[0] + sample.height_m[-1])
     size = MM * (sample.height_m[-1] - sample.height_m[0])
     plotter.camera.parallel_projection = True
@@ -158,18 +120,11 @@ def _picture(plotter: Any, sample: FieldSample) -> Any:
     plotter.reset_camera_clipping_range()
     image = plotter.screenshot(return_img=True)
     plotter.close()
-    return cropped(image)
+    left, top, right, bottom = Image.fromarray(255 - image).getbbox() or (0, 0, *SIZE)
+    return image[top:bottom, left:right]
 
 
-def cropped(image: Any) -> Any:
-    """A picture without its white margins."""
-    drawn = (image < 250).any(axis=2)
-    rows, columns = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
-    top, left = max(rows[0] - 8, 0), max(columns[0] - 8, 0)
-    return image[top : rows[-1] + 9, left : columns[-1] + 9]
-
-
-def save_with_bar(image: Any, sample: FieldSample, path: Path) -> None:
+def _save_with_bar(image: Any, sample: FieldSample, file: Any) -> None:
     """Write a picture beside its colour bar, which covers nothing of it."""
     from matplotlib.cm import ScalarMappable
 
@@ -183,14 +138,9 @@ def save_with_bar(image: Any, sample: FieldSample, path: Path) -> None:
         bar = figure.colorbar(ScalarMappable(**colours), ax=axes, shrink=0.6, pad=0.02, extend="max", format="{x:g}")
         bar.set_ticks([colour_limit(sample) * part for part in (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0)])
         bar.set_label(words("field", "flux_density"))
-        figure.savefig(path, dpi=rows / 6.0, format="png")
-
-
-def main(task: Path, image: Path) -> None:
-    """Draw what a task file holds: a pickled (actuator, sample), written by :func:`draw_off_screen`."""
-    actuator, sample = pickle.loads(task.read_bytes())  # noqa: S301 - our own parent wrote it
-    save_with_bar(draw_cutaway(actuator, sample), sample, image)
+        figure.savefig(file, dpi=rows / 6.0, format="png")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    given = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
+    _save_with_bar(_draw_cutaway(*given), given[1], sys.stdout.buffer)

@@ -29,7 +29,7 @@ _BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 
 
 @styled
-def actuator_figure(actuator: Actuator, distance: float) -> "Figure":
+def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> "Figure":
     """Draw an actuator in mm, with the moving part at a distance in m below the fixed one."""
     corners = np.concatenate([standing_corners(actuator), moving_corners(actuator, distance)])
     wide = float(2.0 * corners[:, 0].max())
@@ -41,6 +41,7 @@ def actuator_figure(actuator: Actuator, distance: float) -> "Figure":
     axes.plot([0.0, 0.0], [low - over, high + over], color=MUTED, linewidth=0.7, dashes=(9, 3, 2, 3))
     _dimensions(axes, actuator, distance)
     axes.set(xlabel=words("drawing", "x"), ylabel=words("drawing", "z"), aspect="equal")
+    axes.set_title(title, loc="left", fontweight="normal")
     left, right = axes.get_xlim()
     axes.set_xlim(left - 0.12 * (right - left), right + 0.18 * (right - left))  # room for the dimensions' labels
     axes.invert_yaxis()  # z points down in every picture, as the moving part hangs below

@@ -51,10 +51,7 @@ def ranking_figure(
 def waterfall_figure(steps: Sequence[tuple[str, dict[str, float]]], floor: dict[str, float]) -> "Figure":
     """How each step lowers the error of each channel towards the noise, a panel a channel.
 
-    Parameters
-    ----------
-    steps : sequence of (str, dict of str to float)
-        What was added, and the error per channel with it and everything before; the first is the model as it was.
+    A step is what was added, and the error per channel with it and all before; the first is the model as it was.
     """
     names = [name for name in steps[0][1] if name in floor]
     labels = [*(text for text, _ in steps), "after"]

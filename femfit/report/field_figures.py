@@ -44,7 +44,7 @@ def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldS
     """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format."""
     actuator, sample, cells = point.actuator, sample_of(point), field_cells(point)
     draw: dict[str, Callable[[], Figure]] = {
-        "geometry": lambda: _titled(actuator_figure(actuator, point.distance_m), actuator, sample, "geometry"),
+        "geometry": lambda: actuator_figure(actuator, point.distance_m, _title(actuator, sample, "geometry")),
         "mesh": lambda: mesh_figure(actuator, sample, cells),
         "flux-lines": lambda: flux_lines_figure(actuator, sample),
         "flux-density": lambda: flux_density_figure(actuator, sample, cells),
@@ -125,8 +125,7 @@ def field_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
 @styled
 def mesh_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "Figure":
     """Draw the finite elements over the parts, in mm."""
-    figure, axes = _section(sample)
-    _titled(figure, actuator, sample, "mesh")
+    figure, axes = _section(sample, _title(actuator, sample, "mesh"))
     _light_parts(axes, actuator, sample)
     inside = _in_window(cells, cells.elements, sample)
     r, z = MM * cells.points_m.T
@@ -140,8 +139,7 @@ def mesh_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "
 @styled
 def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
     """Draw flux lines over the parts, in mm."""
-    figure, axes = _section(sample)
-    _titled(figure, actuator, sample, "flux-lines")
+    figure, axes = _section(sample, _title(actuator, sample, "flux-lines"))
     _light_parts(axes, actuator, sample)
     draw_flux_lines(axes, sample, color=BLUE, linewidth=0.8)
     if flux := line_flux(sample):
@@ -152,8 +150,7 @@ def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
 @styled
 def flux_density_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "Figure":
     """Draw |B| in colours, sharp at the parts' faces, with flux lines, in mm."""
-    figure, axes = _section(sample)
-    _titled(figure, actuator, sample, "flux-density")
+    figure, axes = _section(sample, _title(actuator, sample, "flux-density"))
     magnitude = np.hypot(*cells.flux_density_T.T)
     inside = _in_window(cells, cells.triangles, sample)
     shown = _colour(axes, cells, magnitude, inside, **colours_of(colour_limit(sample), "turbo"))
@@ -170,8 +167,7 @@ def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCel
     """Draw mu_r = B / (mu_0 H) of the soft parts on a logarithmic scale; what is not soft is white."""
     from matplotlib.colors import LogNorm
 
-    figure, axes = _section(sample)
-    _titled(figure, actuator, sample, "permeability")
+    figure, axes = _section(sample, _title(actuator, sample, "permeability"))
     fixed = len(actuator.fixed)
     lines, soft = [], np.zeros(len(cells.regions), dtype=np.bool_)
     for k, region in enumerate(all_regions(actuator)):
@@ -208,7 +204,7 @@ def _range(values: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _section(sample: FieldSample) -> tuple["Figure", "Axes"]:
+def _section(sample: FieldSample, title: str = "") -> tuple["Figure", "Axes"]:
     """An empty picture of the window with as much height as it needs; z points down, as in the drawing."""
     right, z = MM * sample.radius_m[-1], MM * sample.height_m
     figure = new_figure(float(np.clip(0.9 + 5.0 * np.ptp(z) / (2.0 * right), 3.2, 6.6)), 6.8)
@@ -217,14 +213,12 @@ def _section(sample: FieldSample) -> tuple["Figure", "Axes"]:
     axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.xaxis.set_major_formatter(lambda x, _: f"{abs(x):g}")
+    axes.set_title(title, loc="left", fontweight="normal")
     return figure, axes
 
 
-def _titled(figure: "Figure", actuator: Actuator, sample: FieldSample, what: str) -> "Figure":
-    """Write name, point and force over a picture."""
-    title = f"{actuator.name}: {words(what, 'title')}\n{point_title(sample)}"
-    figure.axes[0].set_title(title, loc="left", fontweight="normal")
-    return figure
+def _title(actuator: Actuator, sample: FieldSample, what: str) -> str:
+    return f"{actuator.name}: {words(what, 'title')}\n{point_title(sample)}"
 
 
 def point_title(sample: FieldSample) -> str:

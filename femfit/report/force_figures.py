@@ -116,12 +116,9 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
 
 @styled
 def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
-    """Draw force over distance and current in colours; blue and red where it changes its sign.
+    """Draw force over distance and current in colours, blue and red where it changes its sign.
 
-    Parameters
-    ----------
-    weight : float or None
-        m g in N, drawn as the line on which the body is held.
+    The weight in N is drawn as the line on which the body is held.
     """
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import MaxNLocator

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.report.numbers import percent, quantity
-from femfit.report.page import Drawing
-from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, new_figure, styled, words
+from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, Drawing, new_figure, styled, words
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.study import ClosedLoopStudy, FaultRow, SpectrumPair, StepSeries
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.fit.ranking import TARGET, Ranking
+from femfit.fit.constants import TARGET
+from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.style import BLUE, INK, MUTED, VERMILION, label, new_figure, ordered_colours, styled, words

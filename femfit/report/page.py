@@ -1,39 +1,30 @@
 """A page from a template: the words stand in ``templates/``, the numbers come from the rooms below."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femfit import __version__
+from femfit.core.amount import counted
 from femfit.core.atomic import write_text
 from femfit.core.errors import RunDirectoryError
 from femfit.report.numbers import NOTHING, formula_markup, p_value, percent, plain, quantity, significant
-from femfit.report.style import data_uri, svg_uri, words
+from femfit.report.style import words
 from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-    from matplotlib.figure import Figure
 
 LARGEST_BYTES = 3_000_000
 """A report is one file that can be sent by mail."""
-
-Drawing = Callable[[], "Figure | bytes"]
-"""Makes a picture: a figure, or the bytes of a PNG file."""
 
 
 def render(template: str, facts: Mapping[str, Any], figures: Mapping[str, str]) -> str:
     """Fill a template with numbers and with the data URIs of pictures by name."""
     return _environment().get_template(template).render(facts, figures=figures)
-
-
-def picture_uri(name: str, draw: Drawing) -> str:
-    """Draw a picture and give its data URI."""
-    drawn = draw()
-    return data_uri("image/png", drawn) if isinstance(drawn, bytes) else svg_uri(drawn, name)
 
 
 @cache
@@ -61,7 +52,7 @@ def _environment() -> "Environment":
         "formula": formula_markup,
         "channel": CHANNEL_WORDS.__getitem__,
         "p_value": p_value,
-        "counted": lambda number, word: f"{number:,} {word}{'' if number == 1 else 's'}",
+        "counted": counted,
     }
     templates = files("femfit.report") / "templates"
     environment.globals |= {

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Drawing = Callable[[], "Figure"]
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
@@ -113,11 +114,11 @@ def ordered_colours(count: int) -> list[tuple[float, float, float, float]]:
     return [viridis(0.85 * k / max(count - 1, 1)) for k in range(count)]
 
 
-def svg_uri(figure: "Figure", name: str) -> str:
-    """A figure as the data URI of an SVG image; lines and text stay lines, rasterised artists become PNG inside."""
+def svg_uri(draw: Drawing, name: str) -> str:
+    """Draw a figure as the data URI of an SVG image; text becomes lines, and what is rasterised PNG inside."""
     buffer = io.BytesIO()
     with style(svg__hashsalt=name):
-        figure.savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
+        draw().savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
     return data_uri("image/svg+xml", buffer.getvalue())
 
 

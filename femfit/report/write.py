@@ -1,11 +1,13 @@
 """``write_report``: one page for whatever femfit found out, as one HTML file that loads nothing."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError
+from femfit.core.outputs import PAGE, require_outputs
 from femfit.device.summary import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
@@ -15,13 +17,7 @@ from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.report.actuator_report import draw_figures, render_report
-from femfit.report.bench_report import (
-    DiagnosisContent,
-    content_of,
-    render_added,
-    render_comparison,
-    render_diagnosis,
-)
+from femfit.report.bench_report import render_added, render_comparison, render_diagnosis
 from femfit.report.content import ReportContent, picture_point, strongest_point
 from femfit.report.page import write_page
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
@@ -65,6 +61,7 @@ def write_report(result: Any, path: str | Path) -> Path:
     >>> ff.write_report("runs/rig", "rig.html").name
     'rig.html'
     """
+    require_outputs([], (Path(path), PAGE))
     return write_page(_page(result), path)
 
 
@@ -74,8 +71,6 @@ def _page(result: Any) -> str:
     if isinstance(result, AddResult):
         return render_added(result)
     if isinstance(result, Diagnosis):
-        result = content_of(None, result)
-    if isinstance(result, DiagnosisContent):
         return render_diagnosis(result)
     content = result if isinstance(result, ReportContent) else _content(result)
     return render_report(content, draw_figures(content))
@@ -129,6 +124,6 @@ def with_field(content: ReportContent, actuator: "Actuator") -> ReportContent:
     return replace(content, field=samples[points[0]], strongest=samples[points[1]])
 
 
-def hashes(files: list[Path]) -> tuple[tuple[str, str], ...]:
+def hashes(files: Iterable[Path]) -> tuple[tuple[str, str], ...]:
     """Names and SHA-256 of files."""
     return tuple((file.name, sha256(file.read_bytes()).hexdigest()) for file in files)

@@ -3,21 +3,22 @@
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femfit.core import atomic
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
 from femfit.core.outputs import LOOP, require_outputs
+from femfit.core.printed import Printed
+from femfit.core.random_numbers import random_generator
 from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
@@ -48,8 +49,8 @@ class Spread:
     upper: float
 
 
-@dataclass(frozen=True, eq=False)
-class LoopSummary:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopSummary(Printed):
     """What many runs of one closed loop came to; printed, it says so in a few lines.
 
     Parameters
@@ -102,15 +103,12 @@ class LoopSummary:
     def __str__(self) -> str:
         return "\n".join([*self._lines(), "", *design_lines(self.design)])
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
-
     def _lines(self) -> list[str]:
         seconds = self.steps * self.design.model.sample_time_s
         lines = [verdict(self.design, seconds, [(self.experiment, self.held, self.runs)], self.plant)]
         for name, count in self.outcomes.items():
             if name != LoopOutcome.HELD.name:
-                runs = f"{count} run" if count == 1 else f"{count} runs"
+                runs = counted(count, "run")
                 lines.append(f"  {runs} lost: {LoopOutcome[name].sentence}")
         if self.last_loss_s is not None:
             lines.append(f"  lost between {self.first_loss_s:.4g} and {self.last_loss_s:.4g} s")
@@ -210,7 +208,7 @@ def close_loop(
     MissingPartError
         If the model has no circuit, motion or sensor.
     DomainError
-        If the body cannot be held at the reference distances, or there is no such controller, estimator or time.
+        If the body cannot be held at the reference distances, or an argument has no such value.
 
     Examples
     --------
@@ -224,11 +222,15 @@ def close_loop(
     for given, value, known in (("controller", controller, CONTROLLERS), ("estimator", estimator, OBSERVERS)):
         if value not in known:
             raise DomainError(f"There is no {given} {value!r}. Give one of {', '.join(known)}.")
-    if runs < 1:
-        raise DomainError(f"A closed loop must be run at least once; instead received runs={runs}. Give 1 or more.")
+    for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0)):
+        if not isinstance(count, int | np.integer) or count < least:
+            raise DomainError(
+                f"{name} must be a whole number >= {least}; instead received {name}={count!r}. Give 20, say."
+            )
     if seconds is not None and not 0.0 < seconds < np.inf:
         raise DomainError(f"A closed loop must last a time > 0 s; instead received seconds={seconds:g}. Give 1, say.")
-    believed, truth = _model(model), None if plant is None else _model(plant)
+    random = random_generator(rng)
+    believed, truth = model_of(model), None if plant is None else model_of(plant)
     if targets_m is not None:
         believed = replace(believed, reference_distances_m=tuple(float(d) for d in targets_m))
     design = design_loop(believed, noise_V)
@@ -243,9 +245,7 @@ def close_loop(
         dropout_probability=dropout,
     )
     duration = float(len(design.targets_m)) if seconds is None else seconds
-    return run_loops(
-        design, experiment, np.random.default_rng(rng), runs=runs, duration_s=duration, recorded=recorded, plant=truth
-    )
+    return run_loops(design, experiment, random, runs=runs, duration_s=duration, recorded=recorded, plant=truth)
 
 
 def run_loops(
@@ -263,7 +263,8 @@ def run_loops(
     supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT_TIME_CONSTANTS)
     before = deepcopy(random)
     too_long = DomainError(
-        f"The memory does not suffice for {runs} runs of {duration_s:g} s, {float(steps):.3g} samples each. Simulate "
+        f"The memory does not suffice for {counted(runs, 'run')} of {duration_s:g} s, "
+        f"{float(steps):.3g} samples each. Simulate "
         "fewer seconds, or fewer runs."
     )
     if steps > _MOST_STEPS:
@@ -302,10 +303,6 @@ def run_loops(
         else why_lost(LostLoop(design, experiment, before, runs, steps, supported, plant), result),
         result=result,
     )
-
-
-def _model(model: ActuatorModel | str | Path) -> ActuatorModel:
-    return model if isinstance(model, ActuatorModel) else read_model(Path(model))
 
 
 def _spread(values: FloatArray) -> Spread:

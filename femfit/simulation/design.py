@@ -93,6 +93,10 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
     noise_V : float or None
         White noise of a Hall sample; None: the model's own, or a part of the output's range where it has none.
     """
+    if noise_V is not None and not 0.0 <= noise_V < np.inf:
+        raise DomainError(
+            f"The noise of a Hall sample must be >= 0 V; instead received {noise_V:g} V. Leave it out for the model's."
+        )
     model.require_motion()
     sensor = model.require_sensor()
     model = replace(model, circuit=_covered(model))

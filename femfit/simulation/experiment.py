@@ -7,6 +7,7 @@ from typing import Literal, cast
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.errors import DomainError
 from femfit.filters.constants import FIRST_DEVIATION_M
 from femfit.filters.direct import hall_inverse
 from femfit.model.actuator_model import ActuatorModel
@@ -36,6 +37,20 @@ class Experiment:
     # Distance that the observer starts with; None: the true one. The filter is told of so large an error.
     believed_m: float | None = None
     start_error_m: float = 0.0  # How far the body truly starts from the first reference distance
+
+    def __post_init__(self) -> None:
+        for name, value, lawful, needed in (
+            ("force scale", self.force_scale, 0.0 < self.force_scale < np.inf, "> 0"),
+            ("Hall sensor's offset in V", self.offset_V, np.isfinite(self.offset_V), "finite"),
+            ("Hall sensor's drift in V/s", self.drift_V_per_s, np.isfinite(self.drift_V_per_s), "finite"),
+            ("time in s after which the sensor is stuck", self.stuck_after_s, self.stuck_after_s >= 0.0, ">= 0"),
+            ("probability of a dropout", self.dropout_probability, 0.0 <= self.dropout_probability <= 1.0, "0 to 1"),
+        ):
+            if not lawful:
+                raise DomainError(
+                    f"A loop's {name} must be {needed}; instead received {value:g}. Leave it out for a sensor and a "
+                    "force without that fault."
+                )
 
 
 def run_experiments(

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from femfit.core.amount import counted
 from femfit.core.quoted import quoted
 from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment
@@ -24,7 +25,7 @@ def verdict(
     )
     around = f" around the plant {quoted(plant)}" if plant else ""
     model = quoted(design.model.name)
-    return f"{word}: {held} of {runs} runs of {seconds:.3g} s held the body; {names}, {model}{around}"
+    return f"{word}: {held} of {counted(runs, 'run')} of {seconds:.3g} s held the body; {names}, {model}{around}"
 
 
 def losses(outcomes: Mapping[str, int]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_series import coenergy_series
+from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.magnetics import Magnetics
 from femfit.model.with_effects import EffectMagnetics
@@ -78,5 +78,5 @@ def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> Actuato
     dynamics = model.dynamics
     if dynamics is not None:
         scaled = ScaledForce(EffectMagnetics(dynamics.motion_coenergy), factor, middle)
-        dynamics = replace(dynamics, motion_coenergy=coenergy_series(scaled, None))
+        dynamics = replace(dynamics, motion_coenergy=ModelCoenergy(scaled, None))
     return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle), dynamics=dynamics)

@@ -13,15 +13,15 @@ the noise.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from html import escape
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
+from femfit.core.printed import Printed
 from femfit.filters.theory import ConsistencyBand, consistency_band, noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
@@ -119,8 +119,8 @@ class SpectrumPair:
     filtered_m: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedLoopStudy:
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosedLoopStudy(Printed):
     """Everything that command line, report and run show of the closed loop."""
 
     design: LoopDesign
@@ -137,9 +137,6 @@ class ClosedLoopStudy:
 
     def __str__(self) -> str:
         return "\n".join(_lines(self))
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def data(self) -> dict[str, Any]:
         """The numbers without time series and spectra, ready for JSON; what does not exist is null."""
@@ -390,7 +387,7 @@ def _ratio(value: float) -> str:
 
 
 def _lost(held: int, runs: int) -> str:
-    return "" if held == runs else f"  ({runs - held} of {runs} runs lost)"
+    return "" if held == runs else f"  ({runs - held} of {counted(runs, 'run')} lost)"
 
 
 def _fault_line(row: FaultRow) -> str:
@@ -398,7 +395,7 @@ def _fault_line(row: FaultRow) -> str:
     e, parts = row.experiment, []
     if row.held < row.runs:
         when = "" if row.last_loss_s is None else f", the last after {row.last_loss_s:.3f} s"
-        parts.append(f"{row.runs - row.held} of {row.runs} runs lost ({losses(row.outcomes)}){when}")
+        parts.append(f"{row.runs - row.held} of {counted(row.runs, 'run')} lost ({losses(row.outcomes)}){when}")
     elif not math.isfinite(row.position_shift_m):
         parts.append(f"all {row.runs} runs held")
     if math.isfinite(row.position_shift_m):

@@ -15,6 +15,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
@@ -76,7 +77,8 @@ class CoilRecord:
             if len(back):
                 at = float(time[back[0]])
                 raise TableError(
-                    f"{self.path} must have a rising time_s; it jumps back to {at:.9g} s after {seen + back[0]} rows. "
+                    f"{self.path} must have a rising time_s; it jumps back to {at:.9g} s after "
+                    f"{counted(int(seen + back[0]), 'row')}. "
                     "Split the record there, or repair the clock."
                 )
             before, seen = float(time[-1]), seen + len(time)
@@ -151,18 +153,14 @@ def open_coil_record(
     path: str | Path,
     *,
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
     table: str | None = None,
 ) -> CoilRecord:
     """Look at a coil record; text, Parquet and raw records are not read before their blocks are asked for.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; XLSX, MAT, HDF5, TDMS or WAV; else a text table of
-        any dialect.
-    columns, units, table : optional
-        As in :func:`femfit.tables.measurement_file.read_measurement`.
+    It is ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; XLSX, MAT, HDF5, TDMS or WAV; else a text table
+    of any dialect. ``columns``, ``units`` and ``table`` are as in
+    :func:`femfit.tables.measurement_file.read_measurement`.
     """
     path = Path(path)
     if not path.is_file():

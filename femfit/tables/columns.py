@@ -11,8 +11,9 @@ from difflib import get_close_matches
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
-from femfit.core.constants import GRAVITY
+from femfit.core.constants import ABSOLUTE_ZERO_C, GRAVITY
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
@@ -49,24 +50,17 @@ def match_columns(
     source: str,
     names: Sequence[str],
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
     *,
     guess: bool = False,
     optional: Collection[str] = (),
 ) -> tuple[dict[int, UsedColumn], dict[str, list[int]], list[Finding]]:
     """Find columns among headers.
 
-    Parameters
-    ----------
-    columns : mapping of str to str, optional
-        Header to the column that it is, where its name does not say it.
-    units : mapping of str to str, optional
-        Header (or column) to its unit, or to a number that multiplies it to SI; a unit to itself where only one column
-        can be meant.
-    guess : bool
-        Whether a name may also stand inside a header: ``Fz, total``.
-    optional : collection of str
-        Columns that are left out, and not refused, where several headers may be them.
+    The user's ``columns`` say which header is which column where its name does not say it, and ``units``, by header or
+    column, its unit or a number that multiplies it to SI; a unit alone (to itself) where only one column can be meant.
+    With ``guess`` a name may also stand inside a header: ``Fz, total``. An optional column is left out, not refused,
+    where several headers may be it.
 
     Returns
     -------
@@ -83,9 +77,9 @@ def match_columns(
             raise TableError(
                 f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
             )
-    units = settled_units(headers, source, names, given, units, guess=guess)
-    said = _units_by_header(headers, units)
-    for_name = {} if guess else units
+    texts = settled_units(headers, source, names, given, units, guess=guess)
+    said = _units_by_header(headers, texts)
+    for_name = {} if guess else texts
     chosen = {name: headers.index(header) for header, name in given.items()}
     findings: list[Finding] = []
     rivals: dict[str, list[int]] = {}
@@ -115,7 +109,7 @@ def match_columns(
             undecided |= set(rivals[name])
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
-        unit = units.get(name, said.get(headers[k]))
+        unit = texts.get(name, said.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
     unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
     return used, rivals, findings + _unused(unused, names)
@@ -126,13 +120,13 @@ def recognise(
     source: str,
     names: Sequence[str] = BENCH_COLUMNS,
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
 ) -> tuple[list[UsedColumn], list[Finding]]:
     """Find the columns of a measurement, whose headers are names and nothing else, as :func:`match_columns` does."""
     headers = list(headers)
-    units = settled_units(headers, source, names, columns or {}, units)
-    used, _, findings = match_columns(headers, source, names, columns, units)
-    for key in units:
+    texts = settled_units(headers, source, names, columns or {}, units)
+    used, _, findings = match_columns(headers, source, names, columns, texts)
+    for key in texts:
         if key not in {column.name for column in used.values()}:
             find_header(key, headers, source, "--unit")
     said = []
@@ -156,10 +150,10 @@ def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColum
     return None if name is None else used_column(header, name, parsed.unit, "")
 
 
-def used_column(header: str, name: str, unit: str | None, source: str, given: str | None = None) -> UsedColumn:
+def used_column(header: str, name: str, unit: str | None, source: str, given: str | float | None = None) -> UsedColumn:
     """Return the use of a column in the unit that the user gives, or else the file."""
     _, si_unit = column_unit(name)
-    unit = given or (None if header.strip() == name else unit)
+    unit = str(given) if given not in {None, ""} else None if header.strip() == name else unit
     if unit is None:
         return UsedColumn(header, name, 1.0, si_unit, assumed=bool(si_unit) and header.strip() != name)
     return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)
@@ -170,13 +164,14 @@ def settled_units(
     source: str,
     names: Sequence[str],
     columns: Mapping[str, str],
-    units: Mapping[str, str] | None,
+    units: Mapping[str, str | float] | None,
     *,
     guess: bool = False,
 ) -> dict[str, str]:
     """Return units by header or column; a unit that stands alone goes to the one column that it can be of."""
     result: dict[str, str] = {}
-    for key, unit in (units or {}).items():
+    for key, given in (units or {}).items():
+        unit = str(given)
         kinds = [name for name in names if unit_factor(unit, column_unit(name)[1]) is not None]
         if key != unit or not kinds or any(same_header(key, header) for header in headers):
             result[key] = unit
@@ -243,11 +238,23 @@ def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFra
     for column in used:
         values[column.name], said = _values(raw, column)
         findings += said
+        if column.name.endswith("_temperature_C"):
+            _require_possible(raw, column, values[column.name])
     if raw.ragged:
         lines = listing(raw.ragged)
         text = f"Line{'s' * (len(raw.ragged) > 1)} {lines} of {raw.source} had more or fewer cells than column names."
         findings.append(Finding("cells", "warning", f"{text} Nothing was read there."))
     return pd.DataFrame(values), findings
+
+
+def _require_possible(raw: RawTable, column: UsedColumn, values: FloatArray) -> None:
+    cold = np.flatnonzero(values < ABSOLUTE_ZERO_C)
+    if len(cold):
+        raise TableError(
+            f"Column {quoted(column.header)!r} of {raw.source} must be a temperature above absolute zero, "
+            f"{ABSOLUTE_ZERO_C:g} °C; line {raw.lines[cold[0]]} holds {values[cold[0]]:g} °C. Leave a cell empty where "
+            "no temperature was read."
+        )
 
 
 def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding]]:
@@ -272,6 +279,6 @@ def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding
     bad = np.flatnonzero(np.isnan(values) & ~empty)
     if not len(bad):
         return values * column.factor, []
-    count = "1 cell holds" if len(bad) == 1 else f"{len(bad)} cells hold"
+    count = counted(len(bad), "cell holds", "cells hold")
     text = f"In {quoted(column.header)} {count} no number ({quoted(cells[bad[0]])!r}); these readings count as missing."
     return values * column.factor, [Finding("cells", "info", text, size=float(len(bad)), column=column.name)]

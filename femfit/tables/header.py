@@ -83,12 +83,9 @@ def find_header(key: str, headers: Sequence[str], source: str, option: str) -> s
 def match_score(header: Header, column: str, *, guess: bool = True) -> int:
     """Tell how surely a header names a column.
 
-    Returns
-    -------
-    int
-        0: not; 2: a name stands inside a word; 4: it stands as words; 6: it is the name; one more if the unit fits. A
-        unit of another kind makes it 0. Without guessing 2: it is the name; 1: it may be, and the unit fits. A name of
-        one letter, and one that means several things, then counts only beside a unit of the right kind.
+    0: not; 2: a name stands inside a word; 4: it stands as words; 6: it is the name; one more if the unit fits. A unit
+    of another kind makes it 0. Without guessing 2: it is the name; 1: it may be, and the unit fits. A name of one
+    letter, and one that means several things, then counts only beside a unit of the right kind.
     """
     stem, si_unit = column_unit(column)
     fits = header.unit is not None and bool(si_unit) and unit_factor(header.unit, si_unit) is not None

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
@@ -43,7 +44,7 @@ def is_inductance_table(path: Path) -> bool:
 
 
 def read_inductance_table(
-    path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+    path: Path, *, columns: Mapping[str, str] | None = None, units: Mapping[str, str | float] | None = None
 ) -> InductanceTable:
     """Read measured inductances; columns as in :data:`COLUMNS` or in other units (``distance_mm, inductance_mH``)."""
     raw = read_raw_table(path, wanted=has_columns([frozenset(COLUMNS)], columns, units))
@@ -59,6 +60,6 @@ def read_inductance_table(
     if not usable.any():
         raise TableError(f"{path} has no row with distance >= 0, a current and an inductance > 0.")
     if not usable.all():
-        text = f"{int((~usable).sum())} rows without distance >= 0, current and inductance > 0 were left out."
+        text = f"{counted(int((~usable).sum()), 'row')} without distance >= 0, current and inductance > 0 left out."
         findings.append(Finding("cells", "info", text, size=float((~usable).sum())))
     return InductanceTable(d[usable], i[usable], inductance[usable], tuple(findings), path.name)

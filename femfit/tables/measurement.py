@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.finding import Finding, listing
+from femfit.core.printed import Printed
 
 CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 """Columns that a bench reads."""
@@ -54,8 +54,8 @@ SERIES_COLUMNS = ("run", "time_s", *SERIES_CHANNELS)
 """All columns of a time series."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Measured:
+@dataclass(frozen=True, eq=False, repr=False)
+class _Measured(Printed):
     """What bench tables and time series have in common."""
 
     rows: pd.DataFrame
@@ -86,10 +86,10 @@ class _Measured:
         return "\n".join([*first, *lines, *(f"note: {one}" for one in self.findings if one.severity == "info")])
 
     def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>{self.rows.to_html(max_rows=12)}"
+        return super()._repr_html_() + str(self.rows.to_html(max_rows=12))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BenchTable(_Measured):
     """A bench measurement, read and checked.
 
@@ -108,7 +108,7 @@ class BenchTable(_Measured):
     known_channels: ClassVar[tuple[str, ...]] = CHANNELS
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TimeSeries(_Measured):
     """A recorded time series, read and checked.
 

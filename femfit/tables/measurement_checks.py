@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.finding import Finding
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
@@ -55,13 +56,8 @@ def checked(table: BenchTable) -> BenchTable:
 def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> BenchTable:
     """Set aside single readings whose deviation from a model contradicts that of all neighbours.
 
-    Without a model a steep curve's true end looks like an outlier, so that readings are compared by what the model
-    leaves of them.
-
-    Parameters
-    ----------
-    predicted : mapping of str to array, shape (n,)
-        Channel to the model's prediction for each row; NaN where it has none.
+    Without a model a steep curve's true end looks like an outlier, so that readings are compared by what the model,
+    channel by channel and row by row, leaves of them; NaN where it has no prediction.
     """
     rows, findings = table.rows, []
     for name in (name for name in table.channels if name in predicted):
@@ -76,7 +72,7 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
         if not len(lone):
             continue
         shown = "; ".join(_row(rows, int(k), name) for k in lone[:3]) + ("; and so on" if len(lone) > 3 else "")
-        count = "1 reading contradicts" if len(lone) == 1 else f"{len(lone)} readings contradict"
+        count = counted(len(lone), "reading contradicts", "readings contradict")
         text = f"{count} all neighbours in {name} and {'was' if len(lone) == 1 else 'were'} set aside: {shown}."
         findings.append(Finding("outliers", "info", text, size=float(len(lone)), column=name))
         values[lone] = np.nan
@@ -203,18 +199,9 @@ def _row(rows: pd.DataFrame, k: int, name: str) -> str:
 
 
 def in_measuring_order(rows: pd.DataFrame, has_run: bool) -> tuple[pd.DataFrame, list[Finding]]:
-    """Put rows of one run together, in the order of measuring.
+    """Put rows of one run together, in the order of measuring: a believable one, else that of the file.
 
-    Parameters
-    ----------
-    has_run : bool
-        Whether the file has a column of runs.
-
-    Returns
-    -------
-    tuple of DataFrame and list of Finding
-        Sorted by a believable order, else as in the file; ``order`` counts from 0 in a run where it is missing or
-        not believable.
+    ``order`` counts from 0 in a run where it is missing or not believable.
     """
     rows, findings = rows.copy(), []
     order = rows["order"].to_numpy()
@@ -245,9 +232,9 @@ def _clock(order: FloatArray, run: float) -> tuple[list[Finding], bool]:
         return [_said(f"order has gaps in run {run:g}; its rows were taken in the order of the file.")], False
     back = np.flatnonzero(steps < 0.0)
     twice = len(order) - len(np.unique(order))
-    counted = bool(np.all(order == np.round(order)))
-    if twice or (not counted and 0 < len(back) <= max(1.0, _FEW * len(order))):
-        what = f"goes back {len(back)} times" if len(back) else f"holds {twice} numbers twice"
+    numbered = bool(np.all(order == np.round(order)))
+    if twice or (not numbered and 0 < len(back) <= max(1.0, _FEW * len(order))):
+        what = f"goes back {counted(len(back), 'time')}" if len(back) else f"holds {counted(twice, 'number')} twice"
         text = f"order {what} in run {run:g}: the clock was reset; its rows were taken in the order of the file."
         return [_said(text)], False
     steps = np.diff(np.sort(order))
@@ -266,10 +253,7 @@ def _said(text: str) -> Finding:
 def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Finding]]:
     """Read the branch of every row from the order of measuring, where the currents of a table go up and down.
 
-    Returns
-    -------
-    array, shape (n,), or None
-        +1 while the current rises, -1 while it falls, 0 where it does not change; None where it was not cycled.
+    +1 while the current rises, -1 while it falls, 0 where it does not change; None where it was not cycled.
     """
     current = rows["current_A"].to_numpy()
     still = STILL_CURRENT * float(np.nanmax(current) - np.nanmin(current)) if np.isfinite(current).any() else 0.0

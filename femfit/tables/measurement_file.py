@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
+from femfit.core.quoted import quoted
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, match_columns, recognise
 from femfit.tables.measurement import (
     CHANNELS,
@@ -32,13 +34,14 @@ SERIES_NEEDS = tuple(frozenset(("time_s", channel)) for channel in SERIES_CHANNE
 """Sets of columns, each of which makes a table a measurement."""
 
 _PROTOCOL_STEP_S = 1.0
+"""Chosen: a hand writes down no two readings in a second, and no motion of an actuator is sampled so slowly."""
 
 
 def read_measurement(
     path: str | Path,
     *,
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
     table: str | None = None,
     noise: Mapping[str, float] | None = None,
 ) -> Measurement:
@@ -63,7 +66,7 @@ def read_measurement(
     Raises
     ------
     TableError
-        If there is no such file, or it is not such a table.
+        If it is no path, there is no such file, or it is not such a table.
 
     Examples
     --------
@@ -72,6 +75,11 @@ def read_measurement(
     >>> bench.channels
     ('force_N', 'flux_linkage_Wb', 'hall_V', 'voltage_V')
     """
+    if not isinstance(path, str | Path):
+        raise TableError(
+            f"A measurement must be what read_measurement returns, or the path of a file; instead received "
+            f"{type(path).__name__}. Give the path of a .csv or .parquet file."
+        )
     path = Path(path)
     said = reading_of(path, columns, units, table, noise)
     wanted = has_columns((*BENCH_NEEDS, *SERIES_NEEDS), said.columns, said.units)
@@ -82,17 +90,22 @@ def read_measurement(
     clock = next((header for header, column in matched.items() if column and column.name == "time_s"), None)
     if clock is None:
         return _bench_table(raw, path, said)
-    if _is_protocol(raw, clock):
-        return _bench_table(raw, path, replace(said, columns={clock: "order", **said.columns}))
-    return _time_series(raw, path, said)
-
-
-def _is_protocol(raw: RawTable, header: str) -> bool:
-    """Whether somebody wrote down the time of day of each reading, a second or more apart."""
-    moments = clock_seconds(raw.text(header), header)
-    return (
-        moments is not None and len(moments) > 1 and float(np.nanmedian(np.diff(np.sort(moments)))) >= _PROTOCOL_STEP_S
+    step = _step_of_moments(raw, clock)
+    if step < _PROTOCOL_STEP_S:
+        return _time_series(raw, path, said)
+    bench = _bench_table(raw, path, replace(said, columns={clock: "order", **said.columns}))
+    text = (
+        f"The moments in {quoted(clock)!r} are {step:.3g} s apart, where a record over time has samples less than "
+        f"{_PROTOCOL_STEP_S:g} s apart: the rows were taken for readings at rest, and the moments for their order. For "
+        f"a record, say --column {quoted(clock)}=time_s."
     )
+    return replace(bench, findings=(Finding("protocol", "info", text, size=step, column="order"), *bench.findings))
+
+
+def _step_of_moments(raw: RawTable, header: str) -> float:
+    """Median time in s between the times of day that somebody wrote down beside the readings; 0 for other columns."""
+    moments = clock_seconds(raw.text(header), header)
+    return 0.0 if moments is None or len(moments) < 2 else float(np.nanmedian(np.diff(np.sort(moments))))
 
 
 def read_bench_table(
@@ -100,21 +113,14 @@ def read_bench_table(
     *,
     planned: bool = False,
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
     table: str | None = None,
     noise: Mapping[str, float] | None = None,
 ) -> BenchTable:
     """Read and check a bench measurement, or a plan of one.
 
-    Parameters
-    ----------
-    planned : bool
-        Whether it is a plan: a channel counts as given by its column alone, its cells may be empty.
-
-    Returns
-    -------
-    BenchTable
-        Rows in the order of measuring, with what the checks set aside as NaN and said in ``findings``.
+    Rows stand in the order of measuring, with what the checks set aside as NaN and said in ``findings``. In a plan a
+    channel counts as given by its column alone, its cells may be empty.
     """
     path = Path(path)
     said = reading_of(path, columns, units, table, noise)
@@ -125,7 +131,7 @@ def read_bench_table(
 def has_columns(
     needs: Sequence[frozenset[str]],
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
 ) -> Callable[[RawTable], bool]:
     """Return whether a table has the columns of one of some sets, as they are recognised and named by the user."""
     names = tuple(sorted(frozenset[str]().union(*needs)))
@@ -148,8 +154,9 @@ def read_raw_table(
     raw = parse_table(file_content(path, what), str(path), table=table, wanted=wanted, open_decimal=",")
     if not raw.headers:
         raise TableError(
-            f"{path} must have as many column names as columns; there is no line of {raw.numbers.shape[1]} names above "
-            f"its rows of {raw.numbers.shape[1]} cells. Complete the line of names."
+            f"{path} must have as many column names as columns; there is no line of "
+            f"{counted(raw.numbers.shape[1], 'name')} above "
+            f"its rows of {counted(raw.numbers.shape[1], 'cell')}. Complete the line of names."
         )
     twice = [header for k, header in enumerate(raw.headers) if header and header in raw.headers[:k]]
     if twice:
@@ -163,7 +170,7 @@ def read_columns(
     raw: RawTable,
     names: Sequence[str],
     columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
 ) -> tuple[pd.DataFrame, list[UsedColumn], list[Finding]]:
     """Read what a file has of some columns, in SI."""
     filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts[k])]
@@ -239,15 +246,23 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
     if not any(name in SERIES_CHANNELS for name in given):
         missing.append(f"one of {', '.join(SERIES_CHANNELS)}")
     if missing:
+        unread = " ".join(one.text for one in findings if one.column in missing)
         raise TableError(
             f"A time series must have time_s and at least one channel, with numbers in them; {path} lacks "
-            f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). Rename the columns "
-            "or add them."
+            f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). "
+            f"{unread and unread + ' '}Rename the columns or add them, or leave out the times of readings at rest."
         )
     sidecar = read_sidecar(path, SERIES_CHANNELS, used, said.noise)
     rows, lost = _complete_series(values)
     if lost:
-        findings.append(Finding("cells", "info", f"{lost} rows without a time were left out.", size=float(lost)))
+        findings.append(
+            Finding(
+                "cells",
+                "info",
+                f"{counted(lost, 'row without a time was', 'rows without a time were')} left out.",
+                size=float(lost),
+            )
+        )
     rows["segment"], clock = check_clock(rows, str(path))
     rows, readings = check_readings(rows)
     return TimeSeries(

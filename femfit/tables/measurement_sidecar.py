@@ -31,7 +31,7 @@ class Reading:
     """How a table is to be read: what columns are, their units, which table of a file, and the noise of channels."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str | float] = field(default_factory=dict)
     table: str | None = None
     noise: Mapping[str, float] = field(default_factory=dict)
 
@@ -39,7 +39,7 @@ class Reading:
 def reading_of(
     measurement: Path,
     columns: Mapping[str, str] | None,
-    units: Mapping[str, str] | None,
+    units: Mapping[str, str | float] | None,
     table: str | None,
     noise: Mapping[str, float] | None,
 ) -> Reading:
@@ -71,18 +71,10 @@ def read_sidecar(
     used: Sequence[UsedColumn] = (),
     noise: Mapping[str, float] | None = None,
 ) -> Sidecar:
-    """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement.
+    """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement; what it says is empty where there is none.
 
-    Parameters
-    ----------
-    noise : mapping of str to float, optional
-        What the caller declares; it counts in place of what the sidecar says of the same channel.
-
-    Returns
-    -------
-    Sidecar
-        A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
-        header of its column, whose unit it then has.
+    A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
+    header of its column, whose unit it then has. The ``noise`` that the caller declares counts in its place.
     """
     file = _sidecar_file(measurement)
     sidecar = Sidecar() if file is None else _parsed(file, channels, used)

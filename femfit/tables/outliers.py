@@ -47,18 +47,9 @@ def isolated_outliers(
 ) -> BoolArray:
     """Find the readings that contradict all of their neighbours: at most 2 %, else none.
 
-    Parameters
-    ----------
-    value : array, shape (n,)
-        Readings of one channel minus a prediction.
-    place : array, shape (n, 3)
-        Distance, current and branch of each reading, scaled so that neighbours in each are about equally far.
-    run : array of int, shape (n,)
-        Only readings of one run are neighbours.
-    predicted : array, shape (n,)
-        The prediction.
-    floor : float
-        Least standard deviation of a reading, in the channel's unit: its quantisation.
+    Each value is a reading of one channel minus its prediction, its place, shape (n, 3), distance, current and branch,
+    scaled so that neighbours in each are about equally far; only readings of one run are neighbours. The floor is the
+    least standard deviation of a reading, in the channel's unit: its quantisation.
     """
     # Equally near neighbours are taken in this order, so that the order of the rows does not matter
     order = np.lexsort((value, *place.T[::-1], run))
@@ -121,10 +112,15 @@ def _is_alone(
 def _surrounded(offset: FloatArray) -> bool:
     """Whether a reading lies between its neighbours in every direction they lie in, so that they interpolate it.
 
-    Zero is inside the hull of the offsets x_j, and not on its border, if sum_j w_j x_j = 0 with every w_j > 0.
+    Zero is inside the hull of the offsets x_j, and not on its border, if sum_j w_j x_j = 0 with every w_j > 0. Where
+    the weights are not found, the reading is not called surrounded, and is kept.
     """
     total = -offset.sum(axis=0)
-    return bool(nnls(offset.T, total)[1] <= _ROUNDING * max(float(np.abs(offset).sum()), 1e-300))
+    try:
+        norm = nnls(offset.T, total)[1]
+    except RuntimeError:  # the most iterations that nnls does
+        return False
+    return bool(norm <= _ROUNDING * max(float(np.abs(offset).sum()), 1e-300))
 
 
 def _slipped(k: int, neighbours: IntArray, value: FloatArray, predicted: FloatArray) -> bool:

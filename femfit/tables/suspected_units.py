@@ -74,10 +74,7 @@ def suspicion(column: str, unit: str, why: str, remedy: str = "") -> Finding:
 def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Finding]:
     """Suspect the units of columns from the sizes of their numbers alone.
 
-    Parameters
-    ----------
-    solved : bool
-        Whether the table was computed, so that one impossible number is enough: it is no outlier.
+    In a table that was computed (``solved``) one impossible number is enough: it is no outlier.
     """
     findings = []
     for name in (str(name) for name in rows if name in LIMITS):

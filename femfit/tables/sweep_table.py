@@ -5,15 +5,16 @@ Written by the sweep and by the importer of FEMM tables, read by the fit; both k
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
+from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
 from femfit.tables.settings_file import read_settings
 
@@ -27,8 +28,8 @@ KINDS = ("sweep", "import")
 """Kinds of manifest; what such a table holds was checked when it was made."""
 
 
-@dataclass(frozen=True)
-class SweepTable:
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepTable(Printed):
     """A sweep table with its manifest.
 
     Parameters
@@ -62,12 +63,13 @@ class SweepTable:
         rows = self.valid_rows()
         current, distance = rows["current_A"], 1e3 * rows["distance_m"]
         return (
-            f"{len(rows)} points: {current.nunique()} currents {current.min():g} to {current.max():g} A, "
-            f"{distance.nunique()} distances {distance.min():g} to {distance.max():g} mm"
+            f"{counted(len(rows), 'point')}: {counted(current.nunique(), 'current')} "
+            f"{current.min():g} to {current.max():g} A, "
+            f"{counted(distance.nunique(), 'distance')} {distance.min():g} to {distance.max():g} mm"
         )
 
     def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>{self.rows.to_html(max_rows=12)}"
+        return super()._repr_html_() + str(self.rows.to_html(max_rows=12))
 
 
 def write_sweep_table(table: SweepTable, directory: Path) -> Path:

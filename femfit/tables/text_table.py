@@ -12,6 +12,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
+from femfit.core.quoted import quoted
 from femfit.tables.column_names import COLUMN_NAMES
 from femfit.tables.header import match_score, parse_header
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
@@ -240,7 +241,15 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
         else:
             continue
         used |= {line_number}
-    return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
+    damaged = [line for line in above if line.number > number and line.number not in used and _is_row(line, delimiter)]
+    notes = [f"line {line.number} was left out, a row that cannot be read ({quoted(line.text)})" for line in damaged]
+    passed = _passed_over(above, used | {line.number for line in damaged})
+    return Layout(delimiter, width, headers, start, used, (*notes, *passed))
+
+
+def _is_row(line: Line, delimiter: str) -> bool:
+    """Whether a line below the headers is a row of readings that is damaged: some of its cells begin with a number."""
+    return not line.comment and any(re.match(r"[-+]?[.,]?\d", cell) for cell in split(line.text, delimiter))
 
 
 def _two_lines(groups: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
@@ -27,7 +28,8 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
     forward = step[same & (step > 0.0)]
     if not len(forward):
         raise TableError(
-            f"The time_s of {source} rises nowhere within a run: {len(rows)} samples from {time.min():.6g} s to "
+            f"The time_s of {source} rises nowhere within a run: {counted(len(rows), 'sample')} from "
+            f"{time.min():.6g} s to "
             f"{time.max():.6g} s. Repair the clock, or leave out the column time_s if the rows are readings at rest."
         )
     usual = float(np.quantile(forward, 0.95))
@@ -37,7 +39,7 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
         if where.any():
             first = int(np.flatnonzero(where)[0])
             text = (
-                f"The clock {said} at {int(where.sum())} place{'s' if where.sum() > 1 else ''}, first from "
+                f"The clock {said} at {counted(int(where.sum()), 'place')}, first from "
                 f"{time[first]:.6g} s to {time[first + 1]:.6g} s in run {run[first]:g}; no stretch across it is used."
             )
             findings.append(Finding("clock", "info", text, size=float(where.sum()), column="time_s"))
@@ -56,14 +58,21 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
         if not known.all():
             count = int((~known).sum())
             findings.append(
-                Finding("cells", "info", f"{count} samples of {name} are missing.", size=count, column=name)
+                Finding(
+                    "cells",
+                    "info",
+                    f"{counted(count, 'sample')} of {name} {'is' if count == 1 else 'are'} missing.",
+                    size=count,
+                    column=name,
+                )
             )
         for found, word in ((_stuck(values), "stuck at"), (_clipped(values), "clipped at")):
             if found.any():
                 levels = np.unique(values[found])
                 at = " and ".join(f"{level:.4g}" for level in levels[:2]) + (" and others" if len(levels) > 2 else "")
                 text = (
-                    f"{int(found.sum())} samples of {name} look {word} {at}, first at "
+                    f"{counted(int(found.sum()), 'sample')} of {name} "
+                    f"{'looks' if found.sum() == 1 else 'look'} {word} {at}, first at "
                     f"{time[np.flatnonzero(found)[0]]:.6g} s; they count as missing."
                 )
                 findings.append(Finding(word.split()[0], "info", text, size=float(found.sum()), column=name))

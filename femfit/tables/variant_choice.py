@@ -22,11 +22,8 @@ SHOWN = 6
 def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> SweepTable:
     """Return the rows of one variant as a sweep table of their own, with the variant's actuator.
 
-    Parameters
-    ----------
-    where : mapping
-        Values by the column of the parameter, or of ``variant``, text for a material; empty for a table without
-        parameters.
+    ``where`` has values by the column of the parameter, or of ``variant``, text for a material; it is empty for a table
+    without parameters.
     """
     names = [str(name) for name in table.rows.columns]
     axes = names[names.index(VARIANT) :] if VARIANT in names else []

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
-from femfit.core.errors import MissingPartError
+from femfit.core.amount import counted
+from femfit.core.errors import UsageError
+from femfit.core.printed import Printed
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.targets.estimator import export_estimator
 
 
@@ -21,8 +22,8 @@ class ExportTarget:
     export: Callable[[ActuatorModel, Path], tuple[Path, ...]]
 
 
-@dataclass(frozen=True)
-class Export:
+@dataclass(frozen=True, eq=False, repr=False)
+class Export(Printed):
     """What was exported: the target's name, the directory and the files in it.
 
     Examples
@@ -39,10 +40,7 @@ class Export:
 
     def __str__(self) -> str:
         example = self.directory / "example.py"
-        return f"{self.directory}: {self.target}, {len(self.files)} files; try python {example}"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
+        return f"{self.directory}: {self.target}, {counted(len(self.files), 'file')}; try python {example}"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; the files relative to the directory."""
@@ -69,8 +67,10 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
 
     Raises
     ------
+    UsageError
+        If there is no such target.
     MissingPartError
-        If there is no such target, or the model lacks what it needs.
+        If the model lacks what it needs.
 
     Examples
     --------
@@ -81,7 +81,5 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
     target = next((target for target in TARGETS if target.name == to), None)
     if target is None:
         known = "; ".join(f"{target.name} ({target.description[:-1]})" for target in TARGETS)
-        raise MissingPartError(f"Export target must be one of: {known}; instead received {to!r}.")
-    if not isinstance(model, ActuatorModel):
-        model = read_model(Path(model))
-    return Export(target.name, Path(directory), target.export(model, Path(directory)))
+        raise UsageError(f"Export target must be one of: {known}; instead received {to!r}.")
+    return Export(target.name, Path(directory), target.export(model_of(model), Path(directory)))

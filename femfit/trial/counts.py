@@ -75,7 +75,7 @@ def counts(outcomes: Sequence[Outcome]) -> list[Count]:
             },
         ),
         (
-            "A cause that femfit does not know",
+            "The same campaigns again, the cause taken out of the catalogue",
             [one for one in single if one.withheld_certain is not None],
             {
                 "a wrong name was called certain": lambda one: bool(one.withheld_certain),

@@ -50,12 +50,7 @@ class Campaign:
 def measured(values: FloatArray, meter: Meter, run: IntArray, rng: np.random.Generator) -> FloatArray:
     """Readings of a meter: first-order autoregressive noise that starts anew in each run, rounded to steps.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        True, in the order of measuring.
-    run : array of int, shape (n,)
-        Number of each reading's run.
+    True values and the number of each reading's run, shape (n,), are in the order of measuring.
     """
     fresh = rng.standard_normal(len(values))
     noise = fresh.copy()

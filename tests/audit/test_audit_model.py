@@ -70,7 +70,14 @@ def test_steel_without_a_magnet_is_not_said_to_attract_less(levitation_model):
 
 def test_a_hall_output_that_leaves_its_range_is_noted(levitation_model):
     sensor = replace(levitation_model.sensor, sensitivity_V_per_T=500.0)
-    assert "hall_range" in codes(replace(levitation_model, sensor=sensor), "note")
+    model, box = replace(levitation_model, sensor=sensor), levitation_model.validity
+    (found,) = [one for one in audit_model(model).findings if one.code == "hall_range"]
+    assert found.severity == "note"
+    distance, current = np.linspace(box.distance_min_m, box.distance_max_m, 4001), 0.0
+    farthest = distance[sensor.voltage(distance, current + 0.0 * distance) >= 5.0].max()
+    begins, ends = map(float, found.sentence.split("clipped at 5 V from ")[1].split(" mm at 0 A")[0].split(" to "))
+    assert begins == pytest.approx(1e3 * box.distance_min_m)
+    assert ends == pytest.approx(1e3 * farthest, abs=0.75)  # a step of the grid
 
 
 def test_a_law_with_160_henries_and_its_misfit_in_the_file_is_wrong(levitation_model):

@@ -7,7 +7,7 @@ from types import ModuleType
 
 import pytest
 
-from femfit.core.errors import ModelFileError
+from femfit.core.errors import ModelFileError, UsageError
 from femfit.laws import catalogue
 from femfit.laws.f1e import F1E
 
@@ -65,5 +65,5 @@ def test_an_entry_point_must_be_called_as_its_law(installed):
 
 def test_an_unknown_law_lists_all_known_ones(installed):
     installed(theirs="third_party_laws:THEIRS")
-    with pytest.raises(ModelFileError, match=r"F1e.*theirs; instead received 'F9'"):
+    with pytest.raises(UsageError, match=r"F1e.*theirs; instead received 'F9'"):
         catalogue.law_by_name("F9")

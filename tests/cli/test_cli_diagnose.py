@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from femfit.core.errors import ModelFileError
+from femfit.core.errors import UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.campaign import considered_effects
@@ -69,12 +69,12 @@ def test_suggest_asks_for_repeats_where_no_noise_is_known(files):
 
 def test_suggest_without_data_and_plan_says_what_to_give(files):
     done = femfit("suggest", files / "model.json")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "--plan" in done.stderr
 
 
 def test_an_effect_to_exclude_that_the_catalogue_does_not_have_is_refused():
-    with pytest.raises(ModelFileError, match="core_saturaton"):
+    with pytest.raises(UsageError, match="core_saturaton"):
         considered_effects(("core_saturaton",))
     assert "core_saturation" not in {effect.name for effect in considered_effects(("core_saturation",))}
 

@@ -28,9 +28,9 @@ def test_export_writes_the_package_and_lists_its_files(model_file, tmp_path):
     assert all((tmp_path / "out" / name).is_file() for name in data["files"])
 
 
-def test_an_unknown_target_names_the_known_ones_and_exits_1(model_file, tmp_path):
+def test_an_unknown_target_names_the_known_ones_and_exits_2(model_file, tmp_path):
     result = export(model_file, "--to", "fmu", "-o", tmp_path / "out")
-    assert result.returncode == 1
+    assert result.returncode == 2
     assert "estimator" in result.stderr
     assert "Traceback" not in result.stderr
     assert not (tmp_path / "out").exists()

@@ -51,7 +51,7 @@ def test_single_bounds_and_functions_are_read(sweep, tmp_path):
 @pytest.mark.parametrize("text", ["d^-4", "d^-4=1", "d^-4=a:b", "d^-4=nan:1"])
 def test_a_bound_that_cannot_be_read_says_how_to_write_it(sweep, tmp_path, text):
     result = fit(sweep, "--model", "F1e", "--bound", text, "-o", tmp_path / "m.json")
-    assert result.returncode == 1
+    assert result.returncode == 2
     assert f"A bound must read COLUMN=LOW:HIGH, for example d^-4=0:1e-8; instead received '{text}'" in result.stderr
 
 

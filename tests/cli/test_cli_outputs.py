@@ -63,3 +63,22 @@ def test_a_command_replaces_no_input_and_no_file_of_another_kind(files, line, ke
     assert done.returncode == 1
     assert kept in done.stderr
     assert "name" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "simulate model.json --seconds 0.01 --csv new.parquet",
+        "simulate model.json --seconds 0.01 --csv new.xlsx",
+        "compare model.json bench.csv --json new.csv",
+        "diagnose model.json bench.csv --report new.pdf",
+        "fit bench.csv --model F1e -o new.toml",
+        "import-fem rig.fem -o new.json",
+        "bench rec.csv -o new.parquet",
+    ],
+)
+def test_a_name_that_promises_another_format_is_refused_and_nothing_is_written(files, line):
+    done = femfit(*line.split(), cwd=files)
+    assert done.returncode == 1
+    assert "new." in done.stderr
+    assert not list(files.glob("new.*"))

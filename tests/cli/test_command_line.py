@@ -67,6 +67,34 @@ def test_wrong_usage_exits_with_2(arguments):
 
 
 @pytest.mark.parametrize(
+    "line",
+    [
+        "fit BENCH --model F9",
+        "fit BENCH --model coenergy --constraints rising",
+        "fit BENCH --model F1e --functions cubic,cubic",
+        "fit BENCH --model F1e --bound d^-9=0:1",
+        "fit BENCH --supply-V 12",
+        "fit BENCH --where variant",
+        "diagnose MODEL BENCH --exclude gremlins",
+        "add MODEL gremlins BENCH -o NEW",
+        "suggest MODEL",
+        "compare MODEL BENCH --unit force_N",
+        "export MODEL --to fmu -o NEW",
+        "simulate MODEL --filter ukf9",
+    ],
+)
+def test_a_name_that_there_is_not_and_a_malformed_option_exit_with_2(levitation_model, tmp_path, line):
+    write_model(levitation_model, tmp_path / "model.json")
+    grid = [(i, d) for i in (0.0, 0.5, 1.0, 1.4) for d in (0.016, 0.02, 0.025, 0.03, 0.035, 0.04)]
+    rows = [f"{i},{d},{levitation_model.force(d, i)},{levitation_model.flux_linkage(d, i)}\n" for i, d in grid]
+    (tmp_path / "bench.csv").write_text("current_A,distance_m,force_N,flux_linkage_Wb\n" + "".join(rows))
+    files = {"MODEL": "model.json", "BENCH": "bench.csv", "NEW": "new"}
+    result = femfit(*(files.get(word, word) for word in line.split()), cwd=tmp_path)
+    assert result.returncode == 2, result.stderr
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("run", "nosuch.toml"), "does not exist"),

@@ -1,8 +1,12 @@
 """Progress where standard error is no terminal: the end is told early, and then now and then."""
 
+from time import sleep
+
 import pytest
 
+from femfit.cli import output
 from femfit.cli import progress as progress_module
+from femfit.cli.output import status
 from femfit.cli.progress import duration, progress
 
 
@@ -45,6 +49,23 @@ def test_what_an_interrupted_run_left_takes_no_time_of_this_one(clock, capsys):
         "sweep x: 90 of 100 points were there already",
         "sweep x: 91 of 100 points, about 45 s left",
     ]
+
+
+def test_work_of_unknown_length_says_now_and_then_what_is_being_done(monkeypatch, capsys):
+    monkeypatch.setattr(output, "INTERVAL_S", 0.01)
+    with status("Reading") as say:
+        sleep(0.2)
+        say("Estimating the noise")
+        sleep(0.2)
+    said = lines(capsys)
+    assert said[0] == "Reading, 1 s so far"
+    assert said[-1] == "Estimating the noise, 1 s so far"
+
+
+def test_a_short_command_says_nothing_of_what_it_does(capsys):
+    with status("Reading") as say:
+        say("Estimating the noise")
+    assert lines(capsys) == []
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (89.0, "89 s"), (200.0, "3 min"), (9000.0, "2.5 h")])

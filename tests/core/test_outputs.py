@@ -65,8 +65,8 @@ def test_binary_files_are_known_by_their_content(tmp_path):
 
 
 def test_nothing_and_an_empty_file_are_free(tmp_path):
-    (tmp_path / "empty.csv").touch()
-    require_outputs([], (tmp_path / "empty.csv", MODEL), (tmp_path / "absent.json", RESULT), (None, PAGE))
+    (tmp_path / "empty.json").touch()
+    require_outputs([], (tmp_path / "empty.json", MODEL), (tmp_path / "absent.json", RESULT), (None, PAGE))
 
 
 def test_an_earlier_result_of_the_same_kind_is_replaced(tmp_path):
@@ -129,3 +129,14 @@ def test_a_record_is_replaced_by_its_own_kind_alone(tmp_path):
     require_outputs([], (tmp_path / "loop.csv", LOOP))
     with pytest.raises(OutputError, match="loop"):
         require_outputs([], (tmp_path / "loop.csv", INTEGRATED))
+
+
+@pytest.mark.parametrize(("name", "kind"), [("r.txt", RESULT), ("result", RESULT), ("p.htm", PAGE), ("a.CSV", LOOP)])
+def test_a_name_that_promises_no_other_format_is_taken(tmp_path, name, kind):
+    require_outputs([], (tmp_path / name, kind))
+
+
+@pytest.mark.parametrize(("name", "kind", "needed"), [("a.parquet", LOOP, ".csv"), ("p.pdf", PAGE, ".html")])
+def test_a_name_of_another_format_is_refused_with_the_right_ending(tmp_path, name, kind, needed):
+    with pytest.raises(OutputError, match=rf"ends in \{needed}"):
+        require_outputs([], (tmp_path / name, kind))

@@ -23,6 +23,15 @@ def said(name, nominal, ci95=None, **parameters):
     return describe(AddedEffect(effect, effect.null() | parameters, ci95 or {}), nominal)
 
 
+def test_the_first_of_two_sizes_that_need_as_much_of_their_range_is_said(nominal):
+    effect = next(one for one in BUILT_IN if len(one.amplitudes) > 1)
+    first, second = effect.amplitudes[:2]
+    share = 0.1
+    sizes = {first.name: share * first.width, second.name: share * (1.0 - 1e-9) * second.width}
+    alone = smallest_visible(effect, {first.name: sizes[first.name]}, nominal)
+    assert smallest_visible(effect, sizes, nominal) == alone
+
+
 @pytest.mark.parametrize("effect", BUILT_IN, ids=lambda effect: effect.name)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_every_effect_is_said_without_an_internal_name_and_with_units(effect, sign, nominal):

@@ -7,14 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import FitError, TableError
+from femfit.core.errors import FitError, TableError, UsageError
 from femfit.fit.build import fit_model
 from femfit.fit.law_fit import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
-from femfit.fit.result import misfit_lines
 from femfit.model.actuator_model import Misfit
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics
+from femfit.model.model_text import misfit_lines
 from femfit.tables.sweep_table import SweepTable
 from support.sweeps import ACTUATOR, MASS, ClosedForm, force_table, full_table, grid
 
@@ -343,16 +343,16 @@ def test_one_current_is_refused_by_every_model_with_what_to_do(law):
     ],
 )
 def test_options_that_mean_nothing_are_refused(table, options, message):
-    with pytest.raises(FitError, match=message):
+    with pytest.raises(UsageError, match=message):
         fit_model(table, **options)
 
 
 def test_functions_must_be_known_and_one_a_column(table):
     with pytest.raises(
-        FitError, match="one of constant, through-origin, square, affine, quadratic for each of 2 columns"
+        UsageError, match="one of constant, through-origin, square, affine, quadratic for each of 2 columns"
     ):
         fit_model(table, law="F1e", functions=("constant",))
-    with pytest.raises(FitError, match="one of constant"):
+    with pytest.raises(UsageError, match="one of constant"):
         fit_model(table, law="F1e", functions=("constant", "cubic"))
 
 

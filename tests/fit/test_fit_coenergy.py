@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.core.errors import FitError
+from femfit.core.errors import FitError, UsageError
 from femfit.fit.coenergy import SHAPES, fit_coenergy, obeyed_shapes
 from femfit.fit.coenergy_system import held_out_masks
 from femfit.fit.rows import rows_of_table
@@ -122,7 +122,7 @@ def test_a_declared_shape_holds_where_noise_would_break_it_and_says_where_it_act
 
 
 def test_unknown_shapes_list_the_known_ones():
-    with pytest.raises(FitError, match="inductance, decreasing, attracting; instead received rising"):
+    with pytest.raises(UsageError, match="inductance, decreasing, attracting; instead received rising"):
         fit_coenergy(rows_of_table(full_table(), MASS, G), constraints=("rising",))
 
 

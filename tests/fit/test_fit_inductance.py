@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from femfit.core.errors import FitError, TableError
+from femfit.core.errors import FitError, TableError, UsageError
 from femfit.core.finding import Finding
 from femfit.device.load import read_actuator
 from femfit.fit.inductance import fit_inductance
@@ -111,8 +111,13 @@ def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
     model = read_model(tmp_path / "model.json")
     assert model.magnetics.force(np.array([5e-3]), np.ones(1)) == pytest.approx(force(5e-3, 1.0), rel=1e-3)
     refused = femfit("fit", path)
-    assert refused.returncode == 1
+    assert refused.returncode == 2
     assert "--model must name one" in refused.stderr
+
+
+def test_a_supply_whose_lowest_voltage_is_its_highest_is_refused():
+    with pytest.raises(UsageError, match="lowest voltage must be below its highest"):
+        fit_inductance(table(), **OPTIONS | {"supply_V": (12.0, 0.0)})
 
 
 def test_a_table_with_forces_is_no_table_of_inductances(tmp_path):

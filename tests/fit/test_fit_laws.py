@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import FitError
+from femfit.core.errors import FitError, UsageError
 from femfit.fit import bounded_qp
+from femfit.fit.constants import TARGET
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import fit_law, law_sigma
-from femfit.fit.ranking import TARGET, rank_laws, ranking_folds
+from femfit.fit.ranking import rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN, law_by_name
 from femfit.laws.dipole_disk import DIPOLE_DISK
@@ -118,7 +119,7 @@ def test_single_bounds_override_those_of_the_law(paper_rows):
     np.testing.assert_array_equal(box.upper, [5e-9, np.inf])
     fit = fit_law(F1E, paper_rows, box)
     assert np.all(fit.stage_one.coefficients[:, 0] <= 5e-9)
-    with pytest.raises(FitError, match="none of 'd"):
+    with pytest.raises(UsageError, match="none of 'd"):
         default_bounds(F1E).with_single(F1E, {"d^-3": (0.0, 1.0)})
 
 

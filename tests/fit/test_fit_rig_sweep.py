@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from femfit.fit.build import fit_model
-from femfit.fit.ranking import TARGET
+from femfit.fit.constants import TARGET
 from femfit.tables.sweep_table import SweepTable
 
 ERRATA = {  # d in mm: F0 in N and F1 in N/A for 30 turns, Hall field of the magnet in T (papers/ERRATA.md, order 6)

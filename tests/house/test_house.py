@@ -1,6 +1,7 @@
 """The house rules: format, lint, types, layers, docstrings. One command, pytest, runs them all."""
 
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,26 @@ def test_rooms_import_downwards_only():
     assert result.returncode == 0, result.stdout + result.stderr
 
 
+KINDS = ("Derived", "Conventional", "Calibrated", "Assumed", "Numerical")
+NO_DECISION = {
+    "fit/bounded_qp.py": "tolerances of the solver, beside the solver",
+    "fit/result.py": "how many labels a sentence lists",
+    "identify/comparison/curves.py": "what a picture shows",
+    "identify/comparison/misfit_maps.py": "what a picture shows",
+    "identify/decision/diagnosis_text.py": "how many names a sentence lists",
+    "identify/series/balances.py": "orders of a Taylor series that is kept for use again",
+}
+
+
+def test_constants_of_fit_and_diagnosis_stand_in_one_file_a_decision_each_with_its_kind():
+    constants = runpy.run_path(str(ROOT / "docs" / "_ext" / "constants.py"))
+    package, files, constants_of = constants["PACKAGE"], set(constants["FILES"].values()), constants["constants_of"]
+    others = {path for room in ("fit", "identify") for path in (package / room).rglob("*.py")} - files
+    assert {path.relative_to(package).as_posix() for path in others if constants_of(path)} == set(NO_DECISION)
+    without_kind = [one.names for path in files for one in constants_of(path) if not one.text.startswith(KINDS)]
+    assert not without_kind
+
+
 def test_continuous_integration_runs_the_readmes_test_command():
     readme = (ROOT / "README.md").read_text()
     commands = re.findall(r"```sh\n(.+?)\n```", readme, flags=re.DOTALL)
@@ -41,3 +62,10 @@ def test_continuous_integration_runs_the_readmes_test_command():
     assert "\n" not in commands[0] + commands[1]  # one line each
     script = (ROOT / ".ci" / "run").read_text()
     assert "README.md" in script
+
+
+def test_every_file_that_a_newcomer_is_sent_to_is_there():
+    table = (ROOT / "CONTRIBUTING.md").read_text().partition("Where is ... ?")[2].partition("\n- ")[0]
+    files = re.findall(r"`([a-z_]+/[\w/.]+)`", table)
+    assert len(files) > 15
+    assert [file for file in files if not (ROOT / "femfit" / file).exists()] == []

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import ModelFileError, TableError
+from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -15,6 +15,7 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit import add_effects as add
+from femfit.identify.refit import checked_refit as checked
 from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.refit.refit import refit
 from femfit.identify.refit.start import starting_point
@@ -181,7 +182,7 @@ def test_what_cannot_be_fitted_is_refused_with_the_remedy(levitation_model):
     no_hall = replace(table, given=tuple(name for name in table.given if name != "hall_V"))
     with pytest.raises(TableError, match=r"hall_offset cannot be fitted.*lack hall_V"):
         add_effects(levitation_model, no_hall, ["hall_offset"])
-    with pytest.raises(ModelFileError, match="must be one of"):
+    with pytest.raises(UsageError, match="must be one of"):
         add_effects(levitation_model, table, ["gremlins"])
     once = table.rows[(table.rows["branch"] > 0) & (table.rows["run"] == 1)].reset_index(drop=True)
     with pytest.raises(TableError, match="Measure some settings twice"):
@@ -237,7 +238,7 @@ def test_an_amplitude_that_the_data_do_not_identify_is_left_out_with_its_constan
     fit = refit(observations, whitening, starting_point(observations, whitening, [effect_by_name("coil_temperature")]))
     (added,) = fit.effects
     wide = replace(added, ci95=dict(added.ci95) | {"warming_K": (-300.0, 200.0)})
-    (start,) = add._identified(replace(fit, effects=(wide,)))
+    (start,) = checked._identified(replace(fit, effects=(wide,)))
     assert [p.name for p in start.columns.amplitudes] == ["warmer_K"]
     (again,) = refit(observations, whitening, [start]).effects
     assert again.parameters["warmer_K"] == pytest.approx(25.0, abs=0.5)
@@ -247,15 +248,16 @@ def test_an_amplitude_that_the_data_do_not_identify_is_left_out_with_its_constan
 @pytest.mark.parametrize(("hall", "used"), [(1.0, True), (1.2, False)])
 def test_the_base_is_not_used_where_a_channel_would_be_worse(monkeypatch, levitation_model, hall, used):
     table = campaign(levitation_model, 48, [STRONG_MAGNET, HALL], runs=3)
-    fitted = add._fitted
+    fitted = checked.checked_refit
 
-    def worse(readings, start, prior_sd=None):
-        found = fitted(readings, start, prior_sd)
+    def worse(whitening, start, prior_sd=None):
+        found = fitted(whitening, start, prior_sd)
         rms = dict(found.error.rms_beside_random)
         rms["hall_V"] = (hall if prior_sd else 1.0) * 3e-3
         return replace(found, error=replace(found.error, rms_beside_random=rms))
 
-    monkeypatch.setattr(add, "_fitted", worse)
+    for module in (add, checked):
+        monkeypatch.setattr(module, "checked_refit", worse)
     assert bool(add.add_effects(levitation_model, table, ["hall_offset"]).base) is used
 
 

@@ -1,14 +1,16 @@
 """A comparison says how bad, against which noise, and whether the law or the physics is to blame."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from femfit.core.errors import DomainError, TableError
+from femfit.core.errors import TableError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
+from femfit.identify.comparison.lack_of_fit import LackOfFit, PatternSpace
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.decision.model_test import judge_model
@@ -102,16 +104,6 @@ def test_a_law_is_blamed_for_its_own_shape_before_any_measurement(levitation_mod
     assert comparison.shape.wrong
     assert comparison.shape.force_rms_N == rms
     assert "wrong shape before any measurement" in comparison.shape.sentence
-    beside = compare(law, campaign(levitation_model, 14), reference=levitation_model).shape
-    assert beside.against == "co-energy reference"
-    elsewhere = replace(
-        levitation_model,
-        validity=replace(levitation_model.validity, distance_min_m=0.1, distance_max_m=0.2),
-    )
-    with pytest.raises(DomainError, match=r"valid in 100\.\.200 mm"):
-        compare(law, campaign(levitation_model, 14), reference=elsewhere)
-    assert beside.force_rms_N == pytest.approx(rms, rel=0.1)  # another grid over the same box
-    assert "The law's force is " in beside.sentence
     assert compare(levitation_model, campaign(levitation_model, 14)).shape is None
 
 
@@ -255,3 +247,9 @@ def test_a_misfit_larger_than_the_models_own_is_not_its_own_because_the_body_may
     assert judge_model(smaller).outcome == "fails"
     larger = replace(found, observations=replace(found.observations, tolerance=2.0 * own * sigma))
     assert judge_model(larger).outcome in {"own_misfit", "fits"}
+
+
+def test_the_first_of_groups_that_are_equally_unlikely_to_be_noise_is_reported():
+    tests = [LackOfFit(2.0, count, 1e-4 * (1.0 - 1e-9) ** count) for count in (1, 2, 3)]
+    groups = tuple(SimpleNamespace(test=lambda *_, one=one: one) for one in tests)
+    assert PatternSpace(None, groups).test(np.ones(5)).degrees_of_freedom == 1

@@ -97,6 +97,9 @@ def test_without_repeats_or_declared_noise_the_data_are_compared_only(levitation
     result = diagnose(levitation_model, rising, **QUICK)
     assert result.verdict == "compare_only"
     assert result.findings[-1].code == "no-noise"
+    without = diagnose(levitation_model, rising, **QUICK, exclude=("hall_offset",))
+    assert without.excluded == ("hall_offset",)
+    assert {score.name for score in result.ranking} - {score.name for score in without.ranking} == {"hall_offset"}
     declared = diagnose(levitation_model, replace(rising, declared_noise=NOISE), **QUICK)
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
 

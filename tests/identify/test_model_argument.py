@@ -2,7 +2,7 @@
 
 import pytest
 
-from femfit.core.errors import FemfitError, TableError
+from femfit.core.errors import DomainError, FemfitError, ModelFileError, TableError, UsageError
 from femfit.identify.comparison.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.suggest import suggest
@@ -41,3 +41,34 @@ def test_no_effect_to_add_is_refused_with_what_to_give(files):
 def test_a_negative_number_of_clean_campaigns_is_refused(files):
     with pytest.raises(TableError, match="-1"):
         diagnose(*files, bootstrap=-1)
+
+
+def test_a_result_in_place_of_a_model_or_a_measurement_is_refused_by_its_name(levitation_model, files):
+    comparison = compare(*files)
+    with pytest.raises(ModelFileError, match="Comparison"):
+        diagnose(comparison, None)
+    for judge in (compare, diagnose, suggest):
+        with pytest.raises(TableError, match="NoneType"):
+            judge(levitation_model, None)
+    with pytest.raises(TableError, match="Comparison"):
+        add_effects(levitation_model, comparison, "friction")
+
+
+def test_what_is_no_diagnosis_and_no_names_is_refused(files):
+    comparison = compare(*files)
+    with pytest.raises(TableError, match="Comparison"):
+        suggest(*files, comparison)
+    with pytest.raises(TableError, match="No effect"):
+        add_effects(*files, comparison)
+
+
+@pytest.mark.parametrize("rng", [-1, 1.5, "one"])
+def test_what_is_no_seed_is_refused_before_anything_is_read(rng):
+    with pytest.raises(DomainError, match=str(rng)):
+        diagnose("absent.json", "absent.csv", rng=rng)
+
+
+@pytest.mark.parametrize("part", ["coil_temperature_C", "magnet_temperature_C"])
+def test_a_temperature_below_absolute_zero_is_refused(files, part):
+    with pytest.raises(UsageError, match="-300 "):
+        add_effects(*files, "friction", **{part: -300.0})

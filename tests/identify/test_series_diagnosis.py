@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.effects.catalogue import effect_by_name
+from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.decision.diagnose import diagnose
@@ -187,3 +187,9 @@ def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(mo
     assert np.isnan(samples.columns["hall_V"][limited == 4.999]).all()
     assert np.isfinite(take_samples(analogue, series).columns["hall_V"]).all()
     assert "clipped" in {finding.code for finding in samples.findings}
+
+
+def test_a_record_that_can_show_none_of_the_effects_considered_is_unexplained(model):
+    others = [name for name in all_effects() if name != "flux_integrator_drift"]  # no record has the flux linkage
+    found = diagnose(model, hidden(model, added("mass_error", mass_error=0.05)), exclude=others, **QUICK)
+    assert found.verdict == "unexplained"

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from arpaia2022.sensors import PAPER_COIL, PAPER_CURRENT_TO_FIELD
 
-from femfit.integrate.field_of_current import field_of_ratio
+from femfit.integrate.identified_field import field_of_ratio
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
 from femfit.integrate.record_watch import RecordWatch
-from femfit.integrate.uncertainty import SensingCoil
+from femfit.integrate.uncertainty import LinearSigma, SensingCoil
 from femfit.tables.coil_block import CoilBlock
 
 DT = 1e-3
@@ -20,7 +20,7 @@ def stretch(experiment):
 
 
 def found(record, coil=PAPER_COIL, block=5000, of_hall=True, ratio=PAPER_CURRENT_TO_FIELD):
-    known = {} if of_hall else {"field_model": field_of_ratio(ratio, 1e-4)}
+    known = {} if of_hall else {"field_model": field_of_ratio(ratio, LinearSigma(1e-4)).model}
     options = IntegrationOptions("cs1-offset" if of_hall else "cs2", coil, **known)
     reference, scale = ("hall_T", 1.0) if of_hall else ("current_A", 1.0 / ratio)
     watch = RecordWatch(coil.area_m2, DT, reference, scale)

@@ -11,7 +11,6 @@ from femfit.model.actuator_model import Circuit
 from femfit.model.dynamics import (
     euler_jacobian,
     euler_step,
-    runge_kutta_jacobian,
     runge_kutta_step,
     state_derivative,
     state_jacobian,
@@ -131,9 +130,8 @@ def test_energy_is_conserved_without_resistance_and_gravity(levitation_model):
     [
         (state_derivative, state_jacobian),
         (lambda m, x, u: euler_step(m, x, u, 5e-4), lambda m, x, u: euler_jacobian(m, x, u, 5e-4)),
-        (lambda m, x, u: runge_kutta_step(m, x, u, 5e-4), lambda m, x, u: runge_kutta_jacobian(m, x, u, 5e-4)),
     ],
-    ids=["derivative", "euler", "rk4"],
+    ids=["derivative", "euler"],
 )
 def test_jacobians_are_difference_quotients(levitation_model, states, function, jacobian):
     state, voltage = states

@@ -156,6 +156,13 @@ def test_a_damaged_law_is_named(law_model, change, message):
         model_from_dict(data, "m.json")
 
 
+@pytest.mark.parametrize("key", ["coil_temperature_C", "magnet_temperature_C"])
+def test_a_model_below_absolute_zero_is_refused(law_model, key):
+    data = model_to_dict(law_model) | {key: -300.0}
+    with pytest.raises(ModelFileError, match=rf"{key} must be a finite number >= -273\.15"):
+        model_from_dict(data, "m.json")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

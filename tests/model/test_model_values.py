@@ -36,6 +36,14 @@ def test_a_model_refuses_points_outside_of_its_validity_domain(levitation_model,
         assert np.isfinite(getattr(levitation_model, quantity)(distance, current, extrapolate=True))
 
 
+@pytest.mark.parametrize("extrapolate", [False, True])
+def test_distances_and_currents_that_do_not_broadcast_are_refused_with_their_shapes(levitation_model, extrapolate):
+    with pytest.raises(DomainError, match=r"\(2,\) and shape \(3,\)"):
+        levitation_model.force([0.02, 0.03], [0.1, 0.2, 0.3], extrapolate=extrapolate)
+    with pytest.raises(DomainError, match="no such array"):
+        levitation_model.force("far", 0.2, extrapolate=extrapolate)
+
+
 def test_a_model_without_its_effects_is_the_one_that_was_fitted(levitation_model):
     added = with_effects(levitation_model, [AddedEffect(effect_by_name("constant_force"), {"pull_N": 1e-3})])
     assert added.without_effects is levitation_model

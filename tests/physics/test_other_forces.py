@@ -8,12 +8,12 @@ import pytest
 from numpy.polynomial import Chebyshev
 
 from femfit.device.load import read_actuator
+from femfit.field.force import AROUND_FIXED, LayerForce
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.linear_system import FieldPair
 from femfit.field.point_rows import DISAGREEMENT, DistanceSolution, superpose
 from femfit.field.settings import SolverSettings
-from femfit.field.stress import AROUND_FIXED, LayerForce
 from femfit.field.tolerance import LevelChoice, ToleranceProblem
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import finer_settings, prepared

@@ -14,7 +14,7 @@ from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_
 from femfit.identify.experiments.suggest import Suggestion, suggest
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit.add_effects import add_effects
-from femfit.report.bench_report import content_of, render_diagnosis
+from femfit.report.bench_report import render_diagnosis
 from femfit.report.misfit_figures import settings_figure
 from femfit.report.page import write_page
 from femfit.tables.measurement import CHANNELS
@@ -35,23 +35,22 @@ HALL = hidden("hall_offset", offset_V=0.02)
 @pytest.fixture
 def undrawn(monkeypatch):
     """Pages of which only the words and the names of the pictures are read."""
-    monkeypatch.setattr("femfit.report.bench_report.picture_uri", lambda name, draw: "data:image/svg+xml,")
+    monkeypatch.setattr("femfit.report.bench_report.svg_uri", lambda draw, name: "data:image/svg+xml,")
 
 
-def page_of(model, table, added=(), **more):
+def page_of(model, table, advised=False, **more):
     diagnosis = diagnose(model, table, bootstrap=0)
-    advice = suggest(model, table, diagnosis).suggestions if added else ()
-    result = add_effects(model, table, added) if added else None
-    content = content_of(table, diagnosis, suggestions=advice, added=result, **more)
-    return content, Page(render_diagnosis(content))
+    advice = suggest(model, table, diagnosis).suggestions if advised else ()
+    content = {"data": table, "suggestions": advice, **more}
+    return diagnosis, content, Page(render_diagnosis(diagnosis, **content))
 
 
 @pytest.fixture(scope="module")
-def added(levitation_model):
+def advised(levitation_model):
     table = replace(
         campaign(levitation_model, 61, [HALL], runs=4, **SIZE), source="rig.csv", test_object="Rig <3>", notes="warm"
     )
-    return page_of(levitation_model, table, ["hall_offset"], hashes=(("rig.csv", "ab" * 32),))
+    return page_of(levitation_model, table, advised=True, hashes=(("rig.csv", "ab" * 32),))
 
 
 def others(page):
@@ -59,15 +58,15 @@ def others(page):
     return {name for name in page.images if not name.startswith("curves-")}
 
 
-def test_the_first_picture_is_of_measured_points_on_the_models_curves(added):
-    content, page = added
+def test_the_first_picture_is_of_measured_points_on_the_models_curves(advised):
+    diagnosis, _, page = advised
     first = next(iter(page.images))
     assert first.startswith("curves-")
-    assert {f"curves-{name}" for name in content.observations.channels} <= set(page.images)
+    assert {f"curves-{name}" for name in diagnosis.observations.channels} <= set(page.images)
 
 
-def test_the_page_reads_as_an_argument_in_order(added):
-    _, page = added
+def test_the_page_reads_as_an_argument_in_order(advised):
+    _, _, page = advised
     places = [page.text.index(f"{k}. {title}") for k, title in enumerate(
         ("Measured points on the model's curves", "What was measured",
          "Where the model fails", "What would explain it", "What else could",
@@ -76,47 +75,48 @@ def test_the_page_reads_as_an_argument_in_order(added):
     assert others(page) == {"settings", "misfit-maps", "ranking-effects", "waterfall", "after-maps"}
 
 
-def test_the_page_holds_everything_and_loads_nothing(added, tmp_path):
-    content, page = added
+def test_the_page_holds_everything_and_loads_nothing(advised, tmp_path):
+    diagnosis, content, page = advised
     assert all(uri.startswith("data:image/") for uri in page.loads)
     assert all(link.removeprefix("#") in page.ids for link in page.links)
     assert all(image["alt"] for image in page.images.values())
-    file = write_page(render_diagnosis(content), tmp_path / "new" / "report.html")
+    file = write_page(render_diagnosis(diagnosis, **content), tmp_path / "new" / "report.html")
     assert file.stat().st_size < 3_000_000
     assert not re.search(r"url\(|@import|https?://", file.read_text(encoding="utf-8"))
 
 
-def test_what_the_user_wrote_is_escaped(added):
-    _, page = added
+def test_what_the_user_wrote_is_escaped(advised):
+    _, _, page = advised
     assert "Rig <3>" in page.text
 
 
-def test_what_was_added_is_a_page_of_its_own(added, tmp_path):
-    content, _ = added
-    file = femfit.write_report(content.added, tmp_path / "added.html")
+def test_what_was_added_is_a_page_of_its_own(levitation_model, advised, tmp_path):
+    _, content, _ = advised
+    result = add_effects(levitation_model, content["data"], ["hall_offset"])
+    file = femfit.write_report(result, tmp_path / "added.html")
     page = Page(file.read_text(encoding="utf-8"))
     assert {"waterfall", "after-maps", "curves-hall_V"} <= set(page.images)
     assert "hall_offset was added to the model" in page.text
-    assert str(content.added.fall.channels[0]) in page.text
+    assert str(result.fall.channels[0]) in page.text
 
 
-def test_the_noise_and_its_source_stand_beside_each_channel(added):
-    content, page = added
+def test_the_noise_and_its_source_stand_beside_each_channel(advised):
+    diagnosis, _, page = advised
     assert "known from" in page.text
-    for sigma in content.diagnosis.noise_floor.values():
+    for sigma in diagnosis.noise_floor.values():
         assert sigma > 0.0
-    assert page.text.count("repeats") >= len(content.diagnosis.noise_floor)
+    assert page.text.count("repeats") >= len(diagnosis.noise_floor)
 
 
-def test_the_fall_of_the_error_is_said_in_one_way(added):
-    content, page = added
-    worst = max(content.added.fall.channels, key=lambda one: one.before_over_noise)
+def test_the_fall_of_the_error_is_said_in_one_way(advised):
+    diagnosis, _, page = advised
+    worst = max(diagnosis.error_fall.channels, key=lambda one: one.before_over_noise)
     assert str(worst) in page.text
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_nothing_missing_is_said_without_a_ranking_or_a_waterfall(levitation_model):
-    _, page = page_of(levitation_model, campaign(levitation_model, 62, **SIZE))
+    _, _, page = page_of(levitation_model, campaign(levitation_model, 62, **SIZE))
     assert "Nothing is missing" in page.text
     assert others(page) == {"settings", "misfit-maps"}
     assert "nine times in ten" in page.text
@@ -127,18 +127,18 @@ def test_a_class_of_several_is_said_first_and_what_splits_it_follows(levitation_
     table = campaign(levitation_model, 63, [hidden("distance_offset", offset_m=3e-4)], **SIZE)
     given = tuple(name for name in table.given if name not in CHANNELS or name == "force_N")
     unread = {name: np.nan for name in CHANNELS if name != "force_N"}
-    content, page = page_of(levitation_model, replace(table, rows=table.rows.assign(**unread), given=given))
-    (named,) = content.diagnosis.missing
+    diagnosis, _, page = page_of(levitation_model, replace(table, rows=table.rows.assign(**unread), given=given))
+    (named,) = diagnosis.missing
     assert len(named.members) > 1
-    assert certainty_sentence(content.diagnosis) in page.text  # page and command say the same
+    assert certainty_sentence(diagnosis) in page.text  # page and command say the same
     assert "could as well be" in page.text
     assert "femfit add" in page.text
     first, second = named.members[:2]
     advice = Suggestion("Read the Hall output as well.", 60.0, ((first, second, 8.0),), ())
-    advised = Page(render_diagnosis(replace(content, suggestions=(advice,))))
+    advised = Page(render_diagnosis(diagnosis, table, suggestions=(advice,)))
     assert advised.text.count("Read the Hall output as well.") == 2
     assert f"{first} from {second} by 8.0 σ" in advised.text
-    silent = Page(render_diagnosis(replace(content, suggestions=())))
+    silent = Page(render_diagnosis(diagnosis, table))
     assert "No measurement that femfit knows" in silent.text
 
 
@@ -148,9 +148,9 @@ def test_something_unknown_is_called_unknown_and_its_place_is_shown(levitation_m
         wave = 2e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
         return readings | {"force_N": readings["force_N"] + wave}
 
-    content, page = page_of(levitation_model, campaign(levitation_model, 64, change=ripple))
-    assert content.diagnosis.verdict == "unexplained"
-    assert verdict_sentence(content.diagnosis) in page.text
+    diagnosis, _, page = page_of(levitation_model, campaign(levitation_model, 64, change=ripple))
+    assert diagnosis.verdict == "unexplained"
+    assert verdict_sentence(diagnosis) in page.text
     assert "waterfall" not in page.images
     assert "ranking-effects" in page.images
 
@@ -158,8 +158,8 @@ def test_something_unknown_is_called_unknown_and_its_place_is_shown(levitation_m
 def test_without_a_noise_floor_the_page_says_what_to_measure(levitation_model):
     table = campaign(levitation_model, 65, [HALL], runs=1, **SIZE)
     rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
-    content, page = page_of(levitation_model, rising)
-    assert content.diagnosis.verdict == "compare_only"
+    diagnosis, _, page = page_of(levitation_model, rising)
+    assert diagnosis.verdict == "compare_only"
     assert "at least twice" in page.text
     assert others(page) == {"settings", "misfit-maps"}
 
@@ -167,12 +167,24 @@ def test_without_a_noise_floor_the_page_says_what_to_measure(levitation_model):
 @pytest.mark.usefixtures("undrawn")
 def test_mounts_are_spoken_of_only_where_the_data_tell_them(levitation_model):
     table = campaign(levitation_model, 66, **SIZE)
-    _, page = page_of(levitation_model, table)
+    _, _, page = page_of(levitation_model, table)
     assert "3 runs and 3 mounts" in page.text
     assert "Put back by hand" in page.text
-    _, page = page_of(levitation_model, replace(table, given=tuple(name for name in table.given if name != "mount")))
+    _, _, page = page_of(levitation_model, replace(table, given=tuple(name for name in table.given if name != "mount")))
     assert "mount" not in page.text.split("Where the model fails")[1]
     assert "In each run the recorded distance is right to within" in page.text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_readings_rows_settings_and_runs_are_counted_as_the_table_has_them(levitation_model):
+    table = campaign(levitation_model, 68, **SIZE)
+    _, _, page = page_of(levitation_model, table)
+    channels = [name for name in CHANNELS if name in table.given]
+    readings = int(table.rows[channels].notna().to_numpy().sum())
+    settings = len(table.rows[["distance_m", "current_A", "branch"]].drop_duplicates())
+    assert settings < len(table.rows)
+    said = page.text.replace(",", "")
+    assert f"{readings} readings of 4 channels in {len(table.rows)} rows at {settings} settings in 3 runs" in said
 
 
 def test_the_legend_of_the_temperatures_covers_no_curve(levitation_model):

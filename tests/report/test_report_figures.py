@@ -62,13 +62,13 @@ def test_axes_are_labelled_with_units(figures):
 
 
 def test_the_same_figure_gives_the_same_bytes(rig_content):
-    one, two = (svg_uri(actuator_figure(rig_content.actuator, 0.022), "actuator") for _ in range(2))
+    one, two = (svg_uri(lambda: actuator_figure(rig_content.actuator, 0.022), "actuator") for _ in range(2))
     assert one == two
 
 
 def test_matplotlibs_own_settings_are_left_as_they_were(rig_content):
     before = dict(mpl.rcParams)
-    svg_uri(actuator_figure(rig_content.actuator, 0.022), "actuator")
+    svg_uri(lambda: actuator_figure(rig_content.actuator, 0.022), "actuator")
     assert dict(mpl.rcParams) == before
 
 

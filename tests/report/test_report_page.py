@@ -12,7 +12,6 @@ from femfit.audit.audit_model import audit_model
 from femfit.core.errors import FemfitError, RunDirectoryError
 from femfit.fit.build import fit_model
 from femfit.report.actuator_report import draw_figures, render_report
-from femfit.report.cutaway import OffScreenPicture
 from femfit.report.numbers import percent
 from femfit.report.page import write_page
 from support.page import Page
@@ -21,11 +20,11 @@ PNG = b"\x89PNG\r\n\x1a\n" + b"\0" * 16
 
 
 def drawn(_actuator, _sample):
-    return OffScreenPicture(PNG, "a test")
+    return PNG, ""
 
 
 def not_drawn(_actuator, _sample):
-    return OffScreenPicture(None, "no EGL here")
+    return None, "no EGL here"
 
 
 def page_of(content, draw=drawn, **more):
@@ -88,6 +87,17 @@ def test_the_chapters_follow_the_kind_of_actuator(rig_page, plunger_page):
     assert {"field", "sensor", "loop"} <= set(rig_page.ids)
     assert not {"hall", "steps-pid", "field", "cutaway"} & set(plunger_page.images)
     assert "magnet" not in plunger_page.text
+
+
+def test_a_solenoid_has_a_holding_force_and_a_hanging_body_has_none(plunger_page, rig_page):
+    assert "The holding force, that at the shortest distance, 15 mm, is" in plunger_page.text
+    assert "holding force" not in rig_page.text
+
+
+def test_a_clipped_hall_element_is_said_on_the_page(rig_content, rig_figures):
+    sensor = replace(rig_content.model.sensor, sensitivity_V_per_T=500.0)
+    page = Page(render_report(replace(rig_content, model=replace(rig_content.model, sensor=sensor)), rig_figures))
+    assert "Its output is clipped at 5 V from 15" in page.text
 
 
 def test_every_picture_says_what_it_shows(rig_page):

@@ -206,6 +206,15 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
         ({"estimator": "x"}, "ukf4"),
         ({"runs": 0}, "runs=0"),
         ({"runs": -3}, "runs=-3"),
+        ({"runs": 1.5}, "runs=1.5"),
+        ({"recorded": -1}, "recorded=-1"),
+        ({"rng": -1}, "-1"),
+        ({"noise_V": -1e-3}, "-0.001 V"),
+        ({"noise_V": float("nan")}, "nan V"),
+        ({"force_scale": -1.0}, "force scale"),
+        ({"dropout": 3.0}, "dropout"),
+        ({"stuck_after_s": -1.0}, "stuck"),
+        ({"hall_offset_V": float("nan")}, "offset in V"),
         ({"seconds": -1.0}, "seconds=-1"),
         ({"seconds": 0.0}, "seconds=0"),
         ({"seconds": float("nan")}, "seconds=nan"),
@@ -216,3 +225,7 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
 def test_a_loop_that_cannot_be_run_is_refused_with_what_can(levitation_model, wrong, named):
     with pytest.raises(DomainError, match=named):
         close_loop(levitation_model, **{"targets_m": (0.022,), "runs": 1, "seconds": 0.01, **wrong})
+
+
+def test_a_single_run_is_said_as_one(levitation_model):
+    assert "of 1 run of" in str(close_loop(levitation_model, targets_m=(0.022,), runs=1, seconds=0.01))

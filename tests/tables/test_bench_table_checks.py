@@ -194,6 +194,26 @@ def test_a_jump_of_the_clock_is_told(tmp_path):
     assert "by 5001 after 70 in run 1" in str(table.findings[0])
 
 
+def test_an_outlier_whose_neighbours_weights_are_not_found_is_kept(tmp_path, monkeypatch):
+    """The search for the weights may end at its most iterations; whether readings surround this one is then unknown."""
+
+    def endless(*_):
+        raise RuntimeError("Maximum number of iterations reached.")
+
+    monkeypatch.setattr("femfit.tables.outliers.nnls", endless)
+    rows = bench(1)
+    rows.loc[37, "force_N"] += 0.05
+    table = judged(read(tmp_path, rows), 1.0)
+    assert table.rows["force_N"].notna().all()
+
+
+def test_a_temperature_below_absolute_zero_is_refused_with_its_line(tmp_path):
+    rows = bench(1).assign(coil_temperature_C=20.0)
+    rows.loc[3, "coil_temperature_C"] = -300.0
+    with pytest.raises(TableError, match=r"line 5 holds -300 .*Leave a cell empty"):
+        read(tmp_path, rows)
+
+
 def test_distances_in_millimetres_temperatures_in_kelvin_and_distances_below_zero_are_suspected(tmp_path):
     rows = bench(1)
     said = read(tmp_path, rows.assign(distance_m=1e3 * rows["distance_m"])).findings

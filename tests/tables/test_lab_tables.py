@@ -53,6 +53,8 @@ def test_columns_and_units_can_be_said(tmp_path):
         assert sorted(table.rows["force_N"]) == pytest.approx([GRAM_N * x for x in (70, 130, 250, 480)])
     factor = read_measurement(path, columns=columns, units={"Kanal 2": "1e-3", "Kanal 3": "0.00980665"})
     assert factor.rows["force_N"].tolist() == pytest.approx(read.rows["force_N"].tolist())
+    number = read_measurement(path, columns=columns, units={"Kanal 2": 1e-3, "force_N": 0.00980665})
+    assert number.rows["force_N"].tolist() == pytest.approx(read.rows["force_N"].tolist())
     timed = read_measurement(path, columns=columns | {"Kanal 1": "time_s"})
     assert isinstance(timed, TimeSeries)
 
@@ -237,6 +239,30 @@ def test_the_time_of_day_beside_each_reading_of_a_protocol_is_its_order(tmp_path
     table = read_measurement(written(tmp_path / "a.csv", "Uhrzeit;Luftspalt [mm];Strom [A];Kraft [N]", rows))
     assert isinstance(table, BenchTable)
     assert table.rows["force_N"].tolist() == [1.0, 1.1, 1.2, 1.3]
+    (said,) = (one for one in table.findings if one.code == "protocol")
+    assert "60 s apart" in said.text
+    assert "--column Uhrzeit=time_s" in said.text
+
+
+def test_a_column_of_times_without_a_number_says_what_it_holds(tmp_path):
+    rows = [f"soon;2,{k};0,5;1,{k}" for k in range(4)]
+    with pytest.raises(TableError, match=r"lacks time_s .* hold no number \('soon'\)"):
+        read_measurement(written(tmp_path / "a.csv", "time_s;Luftspalt [mm];Strom [A];Kraft [N]", rows))
+
+
+@pytest.mark.parametrize("damaged", ["2,0;0,x;bad", "??;??;1,0", "2,0;0,5"])
+def test_a_first_row_that_cannot_be_read_is_called_a_row(tmp_path, damaged):
+    rows = [damaged, *(f"2,{k};0,5;1,{k}" for k in range(4))]
+    table = read_measurement(written(tmp_path / "a.csv", "Luftspalt [mm];Strom [A];Kraft [N]", rows))
+    texts = [one.text for one in table.findings]
+    assert any(text.startswith("Line 2 was left out, a row") and damaged in text for text in texts)
+    assert not any("free text" in text.lower() for text in texts)
+
+
+def test_a_line_of_words_below_the_names_is_text(tmp_path):
+    rows = ["gemessen;gestellt;gemessen", *(f"2,{k};0,5;1,{k}" for k in range(4))]
+    table = read_measurement(written(tmp_path / "a.csv", "Luftspalt [mm];Strom [A];Kraft [N]", rows))
+    assert any("ree text at line 2" in one.text for one in table.findings)
 
 
 def test_dates_that_may_be_read_two_ways_are_refused(tmp_path):

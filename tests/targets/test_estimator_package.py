@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import femfit
-from femfit.core.errors import FilterError, MissingPartError, RunDirectoryError
+from femfit.core.errors import FilterError, MissingPartError, RunDirectoryError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.effects.zeros_and_scales import HALL_OFFSET
@@ -286,7 +286,7 @@ def test_a_model_file_is_exported_and_the_result_says_what_to_try(levitation_mod
 
 
 def test_an_unknown_target_lists_the_known_ones():
-    with pytest.raises(MissingPartError, match=r"one of: estimator .*instead received 'fmu'"):
+    with pytest.raises(UsageError, match=r"one of: estimator .*instead received 'fmu'"):
         export("model.json", "out", to="fmu")
     assert [target.name for target in TARGETS] == ["estimator"]
 

@@ -1,27 +1,30 @@
 """How far a model is from measurements, against their noise, and where: ``femfit compare``."""
 
+import math
 from dataclasses import asdict, dataclass
-from html import escape
 from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
 
-from femfit.core.amount import amount, probability, rounded
+from femfit.core.amount import amount, counted, probability, rounded
 from femfit.core.finding import Finding
+from femfit.core.printed import Printed
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
 from femfit.identify.comparison.law_shape import ShapeMisfit, shape_misfit
 from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.diagnosis_text import OWN_MISFIT_WORDS, beyond_noise, mount_words
+from femfit.identify.decision.diagnosis_text import beyond_noise, mount_words
 from femfit.identify.decision.model_test import judge_model
+from femfit.identify.decision.own_misfit import finer_model, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import model_of, notes, placed, suspicions
+from femfit.identify.readings.place import notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
 from femfit.tables.measurement import CHANNEL_WORDS, Measurement
 
 CompareVerdict = Literal["agrees", "fails", "wrong_shape", "compare_only"]
@@ -54,9 +57,16 @@ class ChannelMisfit:
     lack_of_fit: LackOfFit | None
 
     def __str__(self) -> str:
-        text = f"{CHANNEL_WORDS[self.channel]}: error {amount(self.rms, self.channel)} rms in {self.readings} readings"
+        text = (
+            f"{CHANNEL_WORDS[self.channel]}: error {amount(self.rms, self.channel)} rms in "
+            f"{counted(self.readings, 'reading')}"
+        )
         if self.noise_floor is not None:
-            source = self.noise_source if self.noise_readings is None else f"from {self.noise_readings:.0f} repeats"
+            source = (
+                self.noise_source
+                if self.noise_readings is None
+                else f"from {counted(round(self.noise_readings), 'repeat')}"
+            )
             floor = amount(self.noise_floor, self.channel)
             text += f", {rounded(self.rms / self.noise_floor)} times the noise of one, {floor} ({source})"
         worst = self.largest
@@ -71,13 +81,13 @@ class ChannelMisfit:
 _VERDICTS = {
     "agrees": "The model agrees with these data within their noise{scatter}.",
     "fails": "The model fails: {where}",
-    "wrong_shape": OWN_MISFIT_WORDS + " {where}",
+    "wrong_shape": "{own} {where}",
     "compare_only": "No verdict. {why} The misfit: {where}",
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Printed):
     """The result of a comparison; printed, it is what ``femfit compare`` prints.
 
     Parameters
@@ -97,8 +107,10 @@ class Comparison:
         Standard deviation by which the distance may differ from mount to mount, where that freedom is given.
     mount_assumed : bool
         Whether it is assumed rather than estimated, since there are few mounts.
+    times_own : float
+        Misfit beyond noise over the model's own misfit to its table; infinite where that is none or there is no test.
     shape : ShapeMisfit or None
-        Of a law: how far it is from its own reference, before any measurement.
+        Of a law: how far it is from its own table, before any measurement.
 
     Examples
     --------
@@ -115,6 +127,7 @@ class Comparison:
     structure: LackOfFit | None
     mount_m: float | None
     mount_assumed: bool
+    times_own: float
     shape: ShapeMisfit | None
     maps: tuple[MisfitMap, ...]
     observations: Observations
@@ -140,9 +153,11 @@ class Comparison:
         beyond = any(beyond_noise(one.rms / one.noise_floor, one.readings) for one in self.channels if one.noise_floor)
         why = str(self.findings[-1]) if self.findings else ""
         scatter = f" and {freedom}" if freedom and beyond else ""
-        lines = [*suspicions(self.findings)]
-        lines.append(_VERDICTS[self.verdict].format(where=self.where.sentence, scatter=scatter, why=why))
-        lines += [str(one) for one in self.channels]
+        own = own_misfit_sentence(self.observations, self.times_own)
+        verdict = _VERDICTS[self.verdict].format(where=self.where.sentence, scatter=scatter, why=why, own=own)
+        lines = [*suspicions(self.findings), verdict, *map(str, self.channels)]
+        if self.verdict == "wrong_shape":
+            lines.append(finer_model(self.model))
         if self.p_value is not None and self.structure is not None:
             lines.append(
                 f"Lack of fit: {probability(self.p_value)}; misfit {rounded(self.structure.statistic)} times what "
@@ -155,16 +170,8 @@ class Comparison:
         said = self.findings[:-1] if self.verdict == "compare_only" else self.findings
         return "\n".join([*lines, *notes(said)])
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
-
-def compare(
-    model: ActuatorModel | str | Path,
-    data: Measurement | str | Path,
-    *,
-    reference: ActuatorModel | str | Path | None = None,
-) -> Comparison:
+def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -> Comparison:
     """Compare a model with measurements: misfit per channel against its noise, lack of fit, and where it fails.
 
     Parameters
@@ -172,8 +179,6 @@ def compare(
     model : ActuatorModel or path
     data : BenchTable or TimeSeries, or a path
         What was measured.
-    reference : ActuatorModel, path or None
-        The co-energy that a law was fitted to; without it, the law's file says its misfit to the sweep alone.
 
     Raises
     ------
@@ -186,7 +191,7 @@ def compare(
     >>> comparison.verdict, comparison.where.channel
     ('fails', 'voltage_V')
     """
-    model, reference = model_of(model), None if reference is None else model_of(reference)
+    model = model_of(model)
     observations = placed(model, data)
     campaign = gather(observations, considered_effects())
     if isinstance(campaign, Finding):
@@ -208,7 +213,8 @@ def compare(
         structure=test.lack_of_fit if test else None,
         mount_m=(noise.mount_m or None) if noise else None,
         mount_assumed=bool(noise and noise.mount_assumed),
-        shape=shape_misfit(model, reference, floor.get("force_N")),
+        shape=shape_misfit(model, floor.get("force_N")),
+        times_own=test.times_own if test else math.inf,
         maps=misfit_maps(observations),
         observations=observations,
         model=model,

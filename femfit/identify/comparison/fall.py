@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -41,7 +41,7 @@ class ChannelFall:
         change = "rises" if self.rms_after > self.rms_before else "falls"
         text = (
             f"{CHANNEL_WORDS[self.channel]}: the error {change} from {amount(self.rms_before, self.channel, 3)} to "
-            f"{amount(self.rms_after, self.channel, 3)} rms in {self.readings} readings"
+            f"{amount(self.rms_after, self.channel, 3)} rms in {counted(self.readings, 'reading')}"
         )
         if self.noise is None:
             return text
@@ -72,13 +72,7 @@ class ErrorFall:
 def error_fall(
     observations: Observations, before: FloatArray, after: FloatArray, noise: Mapping[str, float]
 ) -> ErrorFall:
-    """The fall of the error between two predictions of the same readings.
-
-    Parameters
-    ----------
-    before, after : array, shape (M,)
-        Predicted readings, in their units.
-    """
+    """The fall of the error between two predictions of the same readings, both of shape (M,) and in their units."""
     misfits = (observations.value - before, observations.value - after)
     rows = []
     for name in observations.channels:

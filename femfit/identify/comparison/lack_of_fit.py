@@ -14,16 +14,12 @@ import numpy as np
 from scipy import stats
 
 from femfit.core.arrays import FloatArray
+from femfit.core.ties import first_best
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
+from femfit.identify.constants import COARSE, SPANNED
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.repeats import repeat_cells
-
-_SPANNED = 1e-4
-"""Squared sine below which a pattern lies in the fitted columns (numerical)."""
-
-_COARSE = (2, 3)
-"""Degrees up to which patterns are tested apart from the finer ones, which would drown a broad misfit."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +33,7 @@ class LackOfFit:
 
 
 def tail_probability(square: float, count: int, degrees_of_freedom: float) -> float:
-    """Probability of at least this squared length in directions that hold noise alone.
-
-    Parameters
-    ----------
-    square : float
-        Squared length, in units of the noise.
-    """
+    """Probability of at least this squared length, in units of the noise, in directions that hold noise alone."""
     if np.isfinite(degrees_of_freedom):
         return float(stats.f.sf(square / count, count, degrees_of_freedom))
     return float(stats.chi2.sf(square, count))
@@ -66,9 +56,9 @@ class Group:
         if not fitted.shape[1]:
             return float(along @ along), count
         _, cosine, directions = np.linalg.svd(fitted.T @ self.basis, full_matrices=False)
-        spanned = 1.0 - cosine**2 < _SPANNED
+        spanned = 1.0 - cosine**2 < SPANNED
         part = (directions @ along) ** 2
-        gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, _SPANNED))
+        gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, SPANNED))
         return float(along @ along + part @ gain), count - int(np.count_nonzero(spanned))
 
     def test(self, residual: FloatArray, fitted: FloatArray, variance: float) -> LackOfFit:
@@ -102,24 +92,14 @@ class PatternSpace:
         return square - count
 
     def test(self, residual: FloatArray, fitted: FloatArray | None = None, variance: float = 1.0) -> LackOfFit:
-        """Test a whitened residual in every group.
+        """Test a whitened residual in every group; the p-value of the worst counts times their number (Bonferroni).
 
-        Parameters
-        ----------
-        residual : array, shape (M,)
-            Whitened.
-        fitted : array, shape (M, p), or None
-            Whitened columns that were fitted to it: directions in which it has no freedom left.
-        variance : float
-            What is expected along a smooth pattern in units of the noise; more than 1 allows for a misfit of the model.
-
-        Returns
-        -------
-        LackOfFit
-            Of the group that is least likely to be noise; its p-value times the number of groups (Bonferroni).
+        What was fitted to it, whitened columns of shape (M, p), are directions in which it has no freedom left. A
+        variance above 1, of a smooth pattern in units of the noise, allows for a misfit of the model.
         """
         residual, basis = _beside(residual, fitted)
-        worst = min((group.test(residual, basis, variance) for group in self.groups), key=lambda one: one.p_value)
+        tests = [group.test(residual, basis, variance) for group in self.groups]
+        worst = tests[first_best([-one.p_value for one in tests])]
         return LackOfFit(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
 
 
@@ -132,19 +112,13 @@ def _beside(residual: FloatArray, fitted: FloatArray | None) -> tuple[FloatArray
 
 
 def pattern_space(observations: Observations, whitening: Whitening) -> PatternSpace:
-    """The whitened smooth patterns of a campaign.
-
-    Returns
-    -------
-    PatternSpace
-        With the degrees of freedom of each group's repeats; without groups where every channel has too few readings.
-    """
+    """The whitened smooth patterns of a campaign; without groups where every channel has too few readings."""
     patterns = smooth_patterns(observations)
     columns, degrees = whitening.full(patterns.columns), whitening.noise.degrees_of_freedom
     everything = np.ones(len(patterns.channel), dtype=bool)
     of_channel = [patterns.channel == c for c in np.unique(patterns.channel)]
-    picked = [here & (patterns.degree <= cut) for here in of_channel for cut in _COARSE]
-    picked += [*of_channel, patterns.degree <= _COARSE[0], everything]
+    picked = [here & (patterns.degree <= cut) for here in of_channel for cut in COARSE]
+    picked += [*of_channel, patterns.degree <= COARSE[0], everything]
     distinct = {part.tobytes(): part for part in picked if part.any()}  # a single channel is all of them
     groups = [
         Group(orthonormal_basis(columns[:, part]), float(np.sum(degrees[np.unique(patterns.channel[part])])))

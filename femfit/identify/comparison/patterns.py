@@ -16,15 +16,11 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from femfit.core.arrays import FloatArray, IntArray
+from femfit.identify.constants import BRANCH_DEGREE, DEGREE, LEAST_READINGS, LEAST_SPREAD_C
 from femfit.identify.readings.observations import Observations
 
-_DEGREE, _BRANCH_DEGREE = 5, 3
-_LEAST_READINGS = 6
 _MOTION = ("velocity_m_s", "current_rate_A_s")
 """Covariates that only a time series has."""
-
-_LEAST_SPREAD_C = 0.5
-"""Temperatures that vary less (standard deviation) are one temperature."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,22 +40,13 @@ Labelled = list[tuple[FloatArray, int, frozenset[str]]]
 def smooth_patterns(observations: Observations) -> Patterns:
     """The patterns of all channels: of distance, current and branch, of temperatures, speeds and time.
 
-    Returns
-    -------
-    Patterns
-        Of full column rank within rounding, at most a third of each channel's readings.
+    They are independent of each other within rounding, and at most a third of each channel's readings.
     """
     return _assembled(observations, lambda here: _surface(observations, here) + _drift(observations, here))
 
 
 def drift_patterns(observations: Observations) -> Patterns:
-    """The patterns of temperature, speed and time alone: what may differ between repeats of one setting.
-
-    Returns
-    -------
-    Patterns
-        None where temperatures, speeds and times do not vary.
-    """
+    """The patterns of temperature, speed and time alone: what may differ between repeats of one setting."""
     return _assembled(observations, lambda here: _drift(observations, here))
 
 
@@ -69,7 +56,7 @@ def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labe
     kept: Labelled = []
     for c in range(len(observations.channels)):
         here = np.flatnonzero(observations.channel == c)
-        labelled = of_channel(here) if len(here) >= _LEAST_READINGS else []
+        labelled = of_channel(here) if len(here) >= LEAST_READINGS else []
         if not labelled:
             continue
         labelled.sort(key=lambda one: one[1])  # few readings have room for the broad ones alone, of every covariate
@@ -87,11 +74,11 @@ def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labe
 
 def _surface(observations: Observations, here: IntArray) -> Labelled:
     x, y = _place(observations, here)
-    result = _tensor(x, y, _DEGREE)
+    result = _tensor(x, y, DEGREE)
     branch = observations.column("branch")[here]
     if np.ptp(branch) > 0.0:
         result += [
-            (branch * column, 1 + degree, names | {"branch"}) for column, degree, names in _tensor(x, y, _BRANCH_DEGREE)
+            (branch * column, 1 + degree, names | {"branch"}) for column, degree, names in _tensor(x, y, BRANCH_DEGREE)
         ]
     return result
 
@@ -105,21 +92,18 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
     result: Labelled = []
     for name in ("coil_temperature_C", "magnet_temperature_C"):
         t = observations.column(name)[here]
-        if np.isfinite(t).all() and t.std() > _LEAST_SPREAD_C:
+        if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
             t, alone = _unit(t), frozenset({name})
             near, carried = alone | {"distance_m"}, alone | {"current_A"}
             result += [(t, 1, alone), (t * t, 2, alone), (t * x, 2, near), (t * y, 2, carried)]
             result += [(t * x * y, 3, near | carried), (t * x * x, 3, near)]
-    for name in _MOTION:
-        if name in observations.covariates and np.ptp(observations.column(name)[here]) > 0.0:
-            t, alone = _unit(observations.column(name)[here]), frozenset({name})
-            result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
-            result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
     clocks: list[FloatArray] = []
-    for name in ("order", "elapsed"):
+    for name in (*_MOTION, "order", "elapsed"):
+        if name not in observations.covariates:
+            continue
         t = observations.column(name)[here]
         if np.ptp(t) > 0.0 and not any(np.array_equal(t, other) for other in clocks):
-            clocks.append(t)
+            clocks += [t] if name not in _MOTION else []
             t, alone = _unit(t), frozenset({name})
             result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
             result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]

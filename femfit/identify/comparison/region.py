@@ -8,7 +8,7 @@ References
 L. Breiman, J. H. Friedman, R. A. Olshen and C. J. Stone, Classification and Regression Trees (Wadsworth, 1984).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,30 +16,18 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.ties import first_best
+from femfit.identify.constants import (
+    LEAST_SCORE,
+    LEFT_BY_SHARE,
+    NEXT_TO_NOTHING,
+    NOTHING,
+    OTHER_SIGN,
+    SAME_SHARE,
+    SECOND_WORTH,
+    THRESHOLDS,
+)
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS
-
-_THRESHOLDS = 15
-_LEAST_SCORE = 0.2
-"""Share of the squared misfit beyond the share of readings below which a misfit is everywhere."""
-
-_LEFT_BY_SHARE = 0.05
-"""Part of the squared misfit that one share of the prediction may leave for the misfit to be that share everywhere."""
-
-_SAME_SHARE = 0.25
-"""Part by which the share of the smaller half of the readings may then differ from that of all."""
-
-_NOTHING = 1e-9
-"""Numerical: a misfit over the prediction that is rounding."""
-
-_NEXT_TO_NOTHING = 1e-3
-"""Assumed: part of the largest prediction below which its sign is the fit's own error; as for a magnet that is none."""
-
-_SECOND_WORTH = 0.06
-"""What a second threshold must add to that."""
-
-_OTHER_SIGN = 0.25
-"""Share of the squared misfit from which its other sign is described too."""
 
 _PLACES = {
     "distance_m": ("above {}", "below {}"),
@@ -71,74 +59,37 @@ class _Half:
 
 
 def describe_region(observations: Observations, channel: str, covariates: Sequence[str], smooth: FloatArray) -> str:
-    """One sentence on the misfit of a channel.
+    """One sentence on a misfit: ``Measured force is 6 % low above 1 A and below 18 mm, in both branches``.
 
-    Parameters
-    ----------
-    smooth : array, shape (M,)
-        Structured part of recorded minus predicted: it says where. The readings themselves say how much;
-        the structured part lacks what a re-mount could have done.
-
-    Returns
-    -------
-    str
-        For example ``Measured force is 6 % low above 1 A and below 18 mm, in both branches.``
+    The structured part of recorded minus predicted, of shape (M,), says where. The readings themselves say how much;
+    the structured part lacks what a re-mount could have done.
     """
-    here = observations.of(channel)
-    return misfit_sentence(
-        f"Measured {CHANNEL_WORDS[channel]}",
-        channel,
-        smooth[here],
-        observations.residual[here],
-        _signal(observations, channel)[here],
-        {name: observations.column(name)[here] for name in covariates if name in _PLACES},
-        np.sign(observations.column("branch")[here]) if "branch" in covariates else None,
-        both=len(np.unique(np.sign(observations.column("branch")[here]))) > 1,
-    )
-
-
-def misfit_sentence(
-    subject: str,
-    channel: str,
-    smooth: FloatArray,
-    misfit: FloatArray,
-    base: FloatArray,
-    values: Mapping[str, FloatArray],
-    branch: FloatArray | None = None,
-    *,
-    both: bool = False,
-) -> str:
-    """One sentence on any misfit.
-
-    Parameters
-    ----------
-    smooth, misfit, base : array, shape (n,)
-        What is too much, without noise and as recorded, and what it is relative to.
-    values : mapping of str to array, shape (n,)
-        Columns that thresholds may be set on.
-    branch : array, shape (n,), or None
-        Where the misfit changes with it: +1 and -1.
-    """
-    if np.sum(misfit**2) <= _NOTHING**2 * np.sum(base**2):
+    here, subject = observations.of(channel), f"Measured {CHANNEL_WORDS[channel]}"
+    misfit, base = observations.residual[here], _signal(observations, channel)[here]
+    if np.sum(misfit**2) <= NOTHING**2 * np.sum(base**2):
         return f"{subject} is as predicted."
-    s, everything = smooth if smooth.any() else misfit, np.ones(len(smooth), dtype=bool)
-    scope = everything if branch is None else _stronger_branch(branch, s)
+    values = {name: observations.column(name)[here] for name in covariates if name in _PLACES}
+    sides = np.sign(observations.column("branch")[here])
+    branch = sides if "branch" in covariates else None
+    s = smooth[here] if smooth[here].any() else misfit
+    scope = np.ones(len(s), dtype=bool) if branch is None else _stronger_branch(branch, s)
     sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
     share = _is_share(misfit, base, scope)
     halves = [] if share else _region(values, s, scope, sign)
 
     def described(halves: Sequence[_Half], sign: float) -> str:
         rows = scope if share else scope & _inside(halves, len(s)) & (sign * s > 0.0)
-        place = " and ".join(half.words() for half in halves) if halves else "everywhere"
+        alike = "everywhere" if _is_alike(misfit[rows], base[rows]) else "on average"
+        place = " and ".join(half.words() for half in halves) if halves else alike
         return f"{_size(misfit[rows], base[rows], channel)} {place}"
 
     text = f"{subject} is {described(halves, sign)}"
     if branch is not None:
         text += _branch_clause(misfit, base, halves, branch, scope, channel)
-    elif both:
+    elif len(np.unique(sides)) > 1:
         text += ", in both branches"
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
-    if not share and opposite > _OTHER_SIGN * np.sum(s[scope] ** 2):
+    if not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2):
         text += f", and {described(_region(values, s, scope, -sign), -sign)}"
     named = {half.name for half in halves}
     changing = [words for name, words in _CHANGES.items() if name in values and name not in named and not share]
@@ -161,7 +112,7 @@ def _stronger_branch(branch: FloatArray, s: FloatArray) -> BoolArray:
 
 
 def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, sign: float) -> list[_Half]:
-    """At most two thresholds, of different covariates; none where the misfit of that sign is everywhere."""
+    """At most two thresholds, of different covariates; none where no part of the range stands out."""
     weight = np.where(scope & (sign * s > 0.0), s**2, 0.0)
     halves = [half for name, x in values.items() for half in _halves(name, x)]
     if not halves or weight.sum() <= 0.0:
@@ -174,9 +125,9 @@ def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, s
     single = int(np.argmax(np.diag(score)))
     same = np.array([[a.name == b.name for b in halves] for a in halves])
     pair = np.unravel_index(int(np.argmax(np.where(same, -1.0, score))), score.shape)
-    if max(score[single, single], score[pair]) < _LEAST_SCORE:
+    if max(score[single, single], score[pair]) < LEAST_SCORE:
         return []
-    if score[pair] > score[single, single] + _SECOND_WORTH:
+    if score[pair] > score[single, single] + SECOND_WORTH:
         return sorted((halves[int(k)] for k in pair), key=lambda half: half.name)
     return [halves[single]]
 
@@ -185,7 +136,7 @@ def _halves(name: str, x: FloatArray) -> list[_Half]:
     levels = np.unique(x[np.isfinite(x)])
     if len(levels) < 2:
         return []
-    cuts = np.unique(np.linspace(0, len(levels) - 2, min(_THRESHOLDS, len(levels) - 1)).astype(int))
+    cuts = np.unique(np.linspace(0, len(levels) - 2, min(THRESHOLDS, len(levels) - 1)).astype(int))
     values = [_round_between(float(levels[k]), float(levels[k + 1])) for k in cuts]
     return [_Half(name, v, above, np.asarray(x > v if above else x < v)) for v in values for above in (True, False)]
 
@@ -210,28 +161,51 @@ def _inside(halves: Sequence[_Half], count: int) -> BoolArray:
 def _is_share(misfit: FloatArray, base: FloatArray, scope: BoolArray) -> bool:
     """Whether one share of the prediction is next to all of a misfit, large readings and small ones alike."""
     s, b = misfit[scope], base[scope]
-    small = np.abs(b) <= np.median(np.abs(b))
-    shares = [float(s[k] @ b[k]) / max(float(b[k] @ b[k]), 1e-300) for k in (np.ones(len(s), dtype=bool), small)]
-    left = float(np.sum((s - shares[0] * b) ** 2))
-    same = abs(shares[1] - shares[0]) < _SAME_SHARE * abs(shares[0])
-    return bool(_has_one_sign(b) and same and left < _LEFT_BY_SHARE * np.sum(s**2))
+    left = float(np.sum((s - _share(s, b) * b) ** 2))
+    return bool(_has_one_sign(b) and _same_in_small_readings(_share, s, b) and left < LEFT_BY_SHARE * np.sum(s**2))
+
+
+def _is_alike(s: FloatArray, base: FloatArray) -> bool:
+    """Whether the size that is said of a misfit is also that of its small readings."""
+    return _same_in_small_readings(_share if _is_relative(s, base) else _constant, s, base)
+
+
+def _same_in_small_readings(size: Callable[[FloatArray, FloatArray], float], s: FloatArray, base: FloatArray) -> bool:
+    small = np.abs(base) <= np.median(np.abs(base))
+    whole = size(s, base)
+    return abs(size(s[small], base[small]) - whole) < SAME_SHARE * abs(whole)
+
+
+def _share(s: FloatArray, base: FloatArray) -> float:
+    return float(s @ base) / max(float(base @ base), 1e-300)
+
+
+def _constant(s: FloatArray, _: FloatArray) -> float:
+    return float(np.mean(s))
 
 
 def _has_one_sign(base: FloatArray) -> bool:
     """Whether a prediction never changes its sign, but for readings where it is next to nothing (without current)."""
-    counts = np.abs(base) > _NEXT_TO_NOTHING * np.abs(base).max(initial=0.0)
+    counts = np.abs(base) > NEXT_TO_NOTHING * np.abs(base).max(initial=0.0)
     return bool(np.all(base[counts] > 0.0) or np.all(base[counts] < 0.0))
 
 
+def _is_relative(s: FloatArray, base: FloatArray) -> bool:
+    """Whether a share of the prediction, less than all of it, describes a misfit better than a constant."""
+    share, constant = _share(s, base), _constant(s, base)
+    nearer = np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2)
+    return bool(_has_one_sign(base) and abs(share) < 1.0 and nearer)
+
+
 def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
-    """In per cent of the prediction where that describes it better than a constant and is less than all, else in SI.
+    """In per cent of the prediction where that describes it better than a constant, else in SI.
 
     In per cent, high means larger in magnitude; in SI, larger with its sign.
     """
-    share = float(s @ base) / max(float(base @ base), 1e-300)
-    constant = float(np.mean(s))
-    if _has_one_sign(base) and abs(share) < 1.0 and np.sum((s - share * base) ** 2) <= np.sum((s - constant) ** 2):
-        return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}"
+    share, constant = _share(s, base), _constant(s, base)
+    if _is_relative(s, base):
+        of = " (of its difference from the quiescent voltage)" if channel == "hall_V" else ""
+        return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}{of}"
     return f"{amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
 
 

@@ -8,11 +8,9 @@ from femfit.core.arrays import FloatArray
 from femfit.core.ties import first_best
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
 from femfit.identify.comparison.region import describe_region
-from femfit.identify.noise.whitening import Whitening, orthonormal_basis
+from femfit.identify.constants import BEYOND_NOISE, COVARIATE_SHARE
+from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-
-_LEAST_SHARE = 0.05
-"""Part of a channel's structure that a covariate must add to be reported."""
 
 _ALIASES = {"elapsed": "order"}
 """Clocks that mean the same to a reader."""
@@ -28,21 +26,20 @@ class Where:
 
 
 def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
-    """Find the channel with the most structured misfit over its noise, its covariates, and a sentence.
+    """Find the channel with the largest misfit over its noise, its covariates, and a sentence.
 
-    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs.
+    Where mounts and noise could be what makes that channel the worst, it is the one with the most structure instead.
 
-    Returns
-    -------
-    Where
-        Covariates in the order in which they explain the structure; none where the misfit is the same everywhere.
+    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs. The
+    covariates stand in the order in which they explain it; there are none where the misfit is the same everywhere.
     """
     patterns = smooth_patterns(observations)
     columns, residual = whitening.full(patterns.columns), whitening.full(observations.residual)
     smooth = structured_misfit(patterns, columns, residual)
     counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
     excess = np.array([_excess(columns[:, patterns.channel == c], residual) for c in range(len(counts))])
-    worst = first_best((excess / counts).tolist())
+    clear = _clearly_worst(observations, whitening.noise)
+    worst = first_best((excess / counts).tolist()) if clear is None else clear
     channel = observations.channels[worst]
     clocked = {"order", "time_s"} & set(observations.given)
     without = set[str]() if clocked else {"order", "elapsed"}  # The order of a file's rows is no time
@@ -54,21 +51,19 @@ def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
     return Where(channel, covariates, describe_region(observations, channel, covariates, smooth))
 
 
+def _clearly_worst(observations: Observations, noise: NoiseModel) -> int | None:
+    """The channel whose readings are farthest off, over their noise; None where noise and mounts may be why."""
+    residual = observations.residual / noise.sigma[observations.channel]
+    put_back = observations.distance_slope * noise.mount_m / noise.sigma[observations.channel]
+    count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
+    square, mounts = (np.bincount(observations.channel, x**2, len(noise.sigma)) / count for x in (residual, put_back))
+    worst = first_best(square.tolist())
+    scatter = np.sqrt(2.0 * (1.0 + noise.rho[worst]) / (1.0 - noise.rho[worst]) / count[worst])
+    return worst if square[worst] > 1.0 + mounts[worst] + BEYOND_NOISE * scatter else None
+
+
 def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatArray) -> FloatArray:
-    """The smooth part of recorded minus predicted.
-
-    Parameters
-    ----------
-    columns : array, shape (M, k)
-        The patterns, whitened.
-    residual : array, shape (M,)
-        Recorded minus predicted, whitened.
-
-    Returns
-    -------
-    array, shape (M,)
-        In the readings' units.
-    """
+    """The smooth part, in the readings' units, of recorded minus predicted; columns and residual are whitened."""
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     amplitude = np.linalg.lstsq(columns / size, residual, rcond=1e-8)[0] / size
     return np.asarray(patterns.columns @ amplitude)
@@ -101,7 +96,7 @@ def _covariates(
     while len(chosen) < len(names):
         shares = {name: _share(explained([*chosen, name]) - reached, total) for name in names if name not in chosen}
         best = list(shares)[first_best(list(shares.values()))]
-        if shares[best] < _LEAST_SHARE:
+        if shares[best] < COVARIATE_SHARE:
             break
         chosen.append(best)
         reached = explained(chosen)

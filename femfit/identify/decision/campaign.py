@@ -1,20 +1,19 @@
 """What a diagnosis rests on: readings, their noise, the patterns of the lack-of-fit test, and the effects' columns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
-from femfit.identify.decision.constants import OWN_MISFIT
+from femfit.identify.constants import LEAST_REPEATS_AGAINST_DECLARED, OWN_MISFIT
 from femfit.identify.noise.components import estimate_noise, never_varying
-from femfit.identify.noise.constants import LEAST_REPEATS_AGAINST_DECLARED
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start
@@ -109,12 +108,8 @@ class Campaign:
         """The same settings with other readings, of shape (M,), and their own noise estimate."""
         observations = self.observations.with_values(value)
         whitening = Whitening(observations, estimate_noise(observations) or self.noise, self.whitening.chains)
-        effects = tuple(_whitened(one, whitening) for one in self.effects)
+        effects = tuple(Start.at_null(one.columns, whitening) for one in self.effects)
         return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
-
-
-def _whitened(one: Start, whitening: Whitening) -> Start:
-    return Start(one.columns, whitening.full(one.columns.columns), one.amplitude)
 
 
 NO_NOISE = Finding(
@@ -141,14 +136,11 @@ def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:
 def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:
     """Estimate the noise and compute the lack-of-fit patterns and every effect's columns.
 
-    Returns
-    -------
-    Campaign or Finding
-        The finding says why these readings cannot be tested: their noise is unknown, or they are too few.
+    A finding says instead why these readings cannot be tested: their noise is unknown, or they are too few.
     """
     noise = estimate_noise(observations)
     if noise is None:
-        constant = constant_readings(observations)
+        constant = constant_readings(never_varying(observations))
         return constant[0] if constant else NO_NOISE
     whitening = Whitening(observations, noise, chains_of(observations))
     patterns = pattern_space(observations, whitening)
@@ -163,7 +155,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
             columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
         if not columns:
             untestable[effect.name] = reason or "it changes no reading at these settings"
-        starts += [Start(one, whitening.full(one.columns), np.zeros(len(one.amplitudes))) for one in columns]
+        starts += [Start.at_null(one, whitening) for one in columns]
     return Campaign(observations, whitening, patterns, tuple(starts), untestable)
 
 
@@ -173,10 +165,11 @@ def campaign_remarks(campaign: Campaign) -> list[Finding]:
     names = [name for c, name in enumerate(campaign.observations.channels) if c not in tested]
     text = f"{', '.join(names)}: too few readings to be tested."
     few = [Finding("too-few-readings", "warning", text)] if names else []
-    return [*few, *constant_readings(campaign.observations), *_replaced_noise(campaign.observations, campaign.noise)]
+    constant = constant_readings(campaign.noise.never_varying)
+    return [*few, *constant, *_replaced_noise(campaign.observations, campaign.noise)]
 
 
-def constant_readings(observations: Observations) -> list[Finding]:
+def constant_readings(names: Iterable[str]) -> list[Finding]:
     """Say which channels read the same at every repeat, so that their repeats show no noise."""
     return [
         Finding(
@@ -187,7 +180,7 @@ def constant_readings(observations: Observations) -> list[Finding]:
             f"Check the sensor; if it lives, declare its resolution in a .toml beside the data ([noise] {name} = ...).",
             column=name,
         )
-        for name in never_varying(observations)
+        for name in names
     ]
 
 
@@ -197,7 +190,8 @@ def _replaced_noise(observations: Observations, noise: NoiseModel) -> list[Findi
         if name in observations.declared_noise and noise.source[name] == "repeats":
             sigma, said = amount(float(noise.sigma[c]), name), amount(observations.declared_noise[name], name)
             text = (
-                f"The noise of {name} was taken as {sigma} from {noise.repeats[c]:.0f} repeats, not as the declared "
+                f"The noise of {name} was taken as {sigma} from "
+                f"{counted(round(noise.repeats[c]), 'repeat')}, not as the declared "
                 f"{said}: at least {LEAST_REPEATS_AGAINST_DECLARED} repeats say it to 10 %, of this bench."
             )
             findings.append(Finding("declared-noise", "info", text, column=name))

@@ -8,8 +8,8 @@ import numpy as np
 from femfit.core.ties import ranked
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.lack_of_fit import LackOfFit
+from femfit.identify.constants import LEVEL_AFTER, NONLINEAR_PRICE, ROUNDING, STRUCTURE_LEFT
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import LEVEL_AFTER, NONLINEAR_PRICE, ROUNDING, STRUCTURE_LEFT
 from femfit.identify.decision.scoring import further_effects, parameter_price
 from femfit.identify.refit.refit import Refit, refit
 from femfit.identify.refit.start import Start

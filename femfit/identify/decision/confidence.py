@@ -18,9 +18,9 @@ from scipy import optimize, stats
 
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import ROUNDING, ranked
+from femfit.identify.constants import LEVEL_AFTER, POWER, TIE
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.candidate import Candidate
-from femfit.identify.decision.constants import LEVEL_AFTER, POWER, TIE
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -30,12 +30,9 @@ def look_alikes(
 ) -> tuple[str, ...]:
     """Effects that would have been given the chosen name on these data, had they been the cause and not been listed.
 
-    Returns
-    -------
-    tuple of str
-        The others of the classes; rivals that pass the test and fit as well, if with more parameters; then the most
-        alike first: an effect, or a constant error of a channel, whose contribution, as long as what was found, has
-        less beside the fitted one than the lack-of-fit test notices nine times in ten.
+    First the others of the classes; then rivals that pass the test and fit as well, if with more parameters; then the
+    most alike first: an effect, or a constant error of a channel, whose contribution, as long as what was found, has
+    less beside the fitted one than the lack-of-fit test notices nine times in ten.
     """
     observations = campaign.observations
     signal = campaign.whitening.full(observations.predict(chosen.fit.effects) - observations.base)

@@ -8,21 +8,23 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
+from femfit.core.random_numbers import random_generator
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.where import Where, where_it_fails
+from femfit.identify.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.campaign import Campaign, campaign_remarks, considered_effects, gather
 from femfit.identify.decision.candidate import Candidate
 from femfit.identify.decision.confidence import look_alikes
-from femfit.identify.decision.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.magnitude import detectable_magnitudes, explained_share
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.simulate import simulated_noise
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import model_of, placed
+from femfit.identify.readings.place import placed
 from femfit.identify.refit.refit import is_plausible
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement
 
 Progress = Callable[[str], None]
@@ -61,6 +63,8 @@ def diagnose(
     ------
     TableError
         If no reading can be compared, or ``bootstrap`` is negative.
+    DomainError
+        If ``rng`` is no seed.
 
     Examples
     --------
@@ -74,6 +78,7 @@ def diagnose(
             f"The number of simulated clean campaigns must be >= 0; instead received {bootstrap}. Give bootstrap=0 "
             "for none."
         )
+    rng = random_generator(rng)
     say("Reading")
     model = model_of(model)
     return diagnose_observations(model, placed(model, data), exclude=exclude, bootstrap=bootstrap, rng=rng, say=say)
@@ -92,13 +97,13 @@ def diagnose_observations(
     say("Estimating the noise")
     campaign = gather(observations, considered_effects(exclude))
     if isinstance(campaign, Finding):
-        return _no_verdict(model, observations, campaign)
+        return _no_verdict(model, observations, campaign, exclude)
     say("Scoring the effects")
     decision = decide(campaign)
     clean = None
     if bootstrap:
         say("Simulating clean campaigns")
-        clean = clean_campaigns(campaign, bootstrap, np.random.default_rng(0 if rng is None else rng))
+        clean = clean_campaigns(campaign, bootstrap, random_generator(rng))
     return replace(_diagnosis(model, campaign, decision, clean), excluded=tuple(dict.fromkeys(exclude)))
 
 
@@ -190,11 +195,13 @@ def _named_effects(campaign: Campaign, decision: Decision) -> tuple[NamedEffect,
     )
 
 
-def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding) -> Diagnosis:
+def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, exclude: Sequence[str]) -> Diagnosis:
     return Diagnosis(
         verdict="compare_only",
         missing=(),
-        ranking=tuple(ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict") for effect in considered_effects()),
+        ranking=tuple(
+            ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict") for effect in considered_effects(exclude)
+        ),
         where=Where("", (), "Without a test no misfit can be called one."),
         error_fall=error_fall(observations, observations.base, observations.base, observations.declared_noise),
         noise_floor={},
@@ -202,5 +209,6 @@ def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding) 
         clean=None,
         model=model,
         observations=observations,
+        excluded=tuple(dict.fromkeys(exclude)),
         findings=(*observations.findings, why),
     )

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
 from scipy import stats
 
 from femfit.core.finding import Finding
+from femfit.core.printed import Printed
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.comparison.where import Where
@@ -73,8 +73,8 @@ class CleanCampaigns:
         return f"{self.named} of {self.campaigns} simulated clean campaigns, at most {100.0 * self.bound:.2g} %"
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Printed):
     """The result of a diagnosis; printed, it is what ``femfit diagnose`` prints.
 
     Parameters
@@ -174,6 +174,3 @@ class Diagnosis:
 
     def __str__(self) -> str:
         return "\n".join(diagnosis_lines(self))
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"

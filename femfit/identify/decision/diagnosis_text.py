@@ -3,10 +3,11 @@
 import math
 from typing import TYPE_CHECKING
 
-from femfit.core.amount import amount, probability
+from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import all_effects
 from femfit.effects.words import smallest_visible
-from femfit.identify.decision.constants import LEVEL_AFTER
+from femfit.identify.constants import BEYOND_NOISE, LEVEL_AFTER
+from femfit.identify.decision.own_misfit import finer_model, own_misfit_sentence
 from femfit.identify.readings.place import notes, suspicions
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -15,11 +16,8 @@ if TYPE_CHECKING:
 
 _SHOWN, _ALIKE = 8, 4
 
-OWN_MISFIT_WORDS = "Nothing is missing beyond the model's own misfit to the table that it was fitted to."
-
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}.",
-    "own_misfit": OWN_MISFIT_WORDS,
     "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}{own}.",
     "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
     "unexplained": "Something is missing that no effect of the catalogue explains, nor any two of them.",
@@ -37,6 +35,8 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
         lines.append(certainty_sentence(diagnosis))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
+    if diagnosis.own_misfit:
+        lines.append(finer_model(diagnosis.model))
     lines += _evidence(diagnosis)
     skip = diagnosis.findings[-1] if diagnosis.verdict == "compare_only" else None
     return [*lines, *notes(tuple(f for f in diagnosis.findings if f is not skip)), *_could_show(diagnosis)]
@@ -46,11 +46,14 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
     names = " and ".join(one.name for one in diagnosis.missing)
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
-    key = "own_misfit" if diagnosis.own_misfit else diagnosis.verdict
+    if diagnosis.own_misfit and diagnosis.decision is not None:
+        return own_misfit_sentence(diagnosis.observations, diagnosis.decision.test.times_own)
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
     after = diagnosis.lack_of_fit_after
     own = " and its own misfit to the table that it was fitted to" if after and after.p_value <= LEVEL_AFTER else ""
-    return _VERDICTS[key].format(names=names, it=it, explain=explain, why=why, scatter=_scatter(diagnosis), own=own)
+    return _VERDICTS[diagnosis.verdict].format(
+        names=names, it=it, explain=explain, why=why, scatter=_scatter(diagnosis), own=own
+    )
 
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:
@@ -87,7 +90,7 @@ def _scatter(diagnosis: "Diagnosis") -> str:
 
 def beyond_noise(ratio: float, readings: int) -> bool:
     """Whether an error over the noise is more than noise makes it: by three standard deviations of 1 / sqrt(2 n)."""
-    return ratio > 1.0 + 3.0 / math.sqrt(2.0 * readings)
+    return ratio > 1.0 + BEYOND_NOISE / math.sqrt(2.0 * readings)
 
 
 def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:
@@ -111,7 +114,7 @@ def _misfit(diagnosis: "Diagnosis") -> list[str]:
     for one in diagnosis.error_fall.channels:
         size = amount(one.rms_before, one.channel, 3)
         noise = "" if one.noise is None else f", {one.before_over_noise:.3g} times the noise of one"
-        lines.append(f"{CHANNEL_WORDS[one.channel]}: error {size} rms in {one.readings} readings{noise}")
+        lines.append(f"{CHANNEL_WORDS[one.channel]}: error {size} rms in {counted(one.readings, 'reading')}{noise}")
     return lines
 
 
@@ -147,7 +150,8 @@ def _could_show(diagnosis: "Diagnosis") -> list[str]:
         (name, smallest_visible(effects[name], amplitudes, nominal))
         for name, amplitudes in diagnosis.detectable.items()
     ]
-    lines = ["These data would have shown, nine times in ten:"]
+    beyond = " beyond the model's own misfit" if diagnosis.own_misfit else ""
+    lines = [f"These data would have shown{beyond}, nine times in ten:"]
     lines += [f"  {name} from: {words}" for name, words in shown if words]
     why: dict[str, list[str]] = {}
     for score in diagnosis.ranking:

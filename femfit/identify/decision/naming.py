@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.ties import ranked
-from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.candidate import Candidate, forward_pairs, refitted_candidates
-from femfit.identify.decision.constants import (
+from femfit.identify.constants import (
     AHEAD,
     CONTINUED,
     ELSEWHERE_SHARE,
@@ -33,6 +31,8 @@ from femfit.identify.decision.constants import (
     ROUNDING,
     TIE,
 )
+from femfit.identify.decision.campaign import Campaign
+from femfit.identify.decision.candidate import Candidate, forward_pairs, refitted_candidates
 from femfit.identify.decision.diagnosis import Verdict
 from femfit.identify.decision.model_test import ModelTest, judge_model
 from femfit.identify.decision.scoring import best_pairs

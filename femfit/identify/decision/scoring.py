@@ -14,11 +14,11 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import first_best, ranked
 from femfit.identify.comparison.lack_of_fit import tail_probability
+from femfit.identify.constants import PAIR_PRICE, ROUNDING, SEEN
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import PAIR_PRICE, ROUNDING, SEEN
 from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.noise.whitening import orthonormal_basis
-from femfit.identify.refit.start import Start, bounded_amplitudes
+from femfit.identify.refit.start import Start, bounded_amplitudes, fitted_together
 
 
 def parameter_price(whitened_residual: FloatArray) -> float:
@@ -27,12 +27,9 @@ def parameter_price(whitened_residual: FloatArray) -> float:
 
 
 def score_effects(campaign: Campaign, whitened_residual: FloatArray) -> tuple[tuple[ScoredEffect, ...], list[Start]]:
-    """Score every effect to first order.
+    """Score every effect to first order, best first.
 
-    Returns
-    -------
-    tuple of (tuple of ScoredEffect, list of Start)
-        Every effect, best first; and the testable ones with their best amplitudes and nonlinear parameters, likewise.
+    The second list has the testable ones, likewise, with their best amplitudes and nonlinear parameters.
     """
     price = parameter_price(whitened_residual)
     tries: dict[str, int] = {}
@@ -50,20 +47,10 @@ def score_effects(campaign: Campaign, whitened_residual: FloatArray) -> tuple[tu
 def further_effects(
     campaign: Campaign, names: Sequence[str], whitened_residual: FloatArray, fitted: FloatArray
 ) -> tuple[list[Start], float]:
-    """What further effects explain beside fitted ones.
+    """The other effects beside fitted ones, best first, and their smallest p-value.
 
-    Parameters
-    ----------
-    whitened_residual : array, shape (M,)
-        What the fitted effects leave.
-    fitted : array, shape (M, p)
-        Their whitened columns.
-
-    Returns
-    -------
-    tuple of (list of Start, float)
-        The other effects, best first; and the smallest p-value, times the number of amplitudes that were tried
-        (Bonferroni).
+    The residual is what the fitted effects, of whitened columns of shape (M, p), leave. The p-value counts times the
+    number of amplitudes that were tried (Bonferroni).
     """
     basis = orthonormal_basis(fitted)
     residual = whitened_residual - basis @ (basis.T @ whitened_residual)
@@ -82,18 +69,19 @@ def further_effects(
 
 def best_pairs(whitened_residual: FloatArray, best: Sequence[Start], leading: int, wanted: int) -> list[list[Start]]:
     """The most promising pairs of effects to first order."""
+    if len(best) < 2:
+        return []
     left, triangle = np.linalg.qr(np.concatenate([one.whitened for one in best], axis=1))
     target = left.T @ whitened_residual  # the pairs' problems are solved in this small space
-    ends = np.cumsum([0] + [one.count for one in best])
+    ends = np.cumsum([one.count for one in best])[:-1]
+    small = [replace(one, whitened=part) for one, part in zip(best, np.split(triangle, ends, axis=1), strict=True)]
     pairs = []
-    for a, b in combinations(range(len(best)), 2):
-        if a >= leading:
-            continue
-        both = np.concatenate([triangle[:, ends[k] : ends[k + 1]] for k in (a, b)], axis=1)
-        bounds = np.concatenate([best[k].columns.bounds for k in (a, b)], axis=1)
-        amplitude, fall = bounded_amplitudes(target, both, bounds)
-        parts = np.split(amplitude, [best[a].count])
-        pairs.append([replace(best[k], amplitude=part, fall=fall) for k, part in zip((a, b), parts, strict=True)])
+    for places in combinations(range(len(best)), 2):
+        if places[0] < leading:
+            both, fall = fitted_together(target, [small[k] for k in places])
+            pairs.append(
+                [replace(one, whitened=best[k].whitened, fall=fall) for k, one in zip(places, both, strict=True)]
+            )
     return ranked(pairs, lambda pair: pair[0].fall - PAIR_PRICE * sum(one.count for one in pair), ROUNDING)[:wanted]
 
 

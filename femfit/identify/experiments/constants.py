@@ -1,7 +1,6 @@
 """The constants of what to measure next, each with its kind and source.
 
-*Derived* follows from something else, *conventional* is a usual level, *assumed* is an engineer's judgement with no
-calibration behind it.
+The kinds are those of :mod:`femfit.identify.constants`.
 """
 
 from scipy import stats
@@ -37,3 +36,6 @@ SHOWN = 8
 
 COMPARED = 6
 """Assumed, for the time that it takes: explanations that are compared pair by pair, the best first."""
+
+VARIANTS = 12
+"""Assumed, for the time that it takes: combinations of trial values of two effects' nonlinear parameters."""

@@ -6,8 +6,8 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Nominal
+from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
 from femfit.identify.experiments.constants import GUESSED_NOISE
-from femfit.identify.noise.constants import PRIOR_MOUNT_M, PRIOR_RUN
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.readings.observations import Observations
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from femfit.core.amount import amount
+from femfit.core.printed import Printed
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.constants import LEVEL, TIE
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import LEVEL, TIE
 from femfit.identify.decision.magnitude import detectable_magnitudes
 from femfit.identify.experiments.constants import SMALL, VISIBLE
 from femfit.identify.experiments.noise import planned_noise
@@ -29,8 +29,8 @@ from femfit.tables.measurement import CHANNEL_WORDS, BenchTable
 from femfit.tables.measurement_file import read_bench_table
 
 
-@dataclass(frozen=True)
-class PlanReport:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanReport(Printed):
     """What a plan can show; printed, it is what ``femfit suggest --plan`` prints."""
 
     noise: dict[str, float]  # Standard deviation of one reading per channel, as assumed or declared
@@ -67,9 +67,6 @@ class PlanReport:
         lines += [f"  {name}: {words or 'nothing within its bounds'}" for name, words in self.smallest.items()]
         noise = ", ".join(f"{CHANNEL_WORDS[name]} {amount(sigma, name)}" for name, sigma in self.noise.items())
         return "\n".join([*lines, f"Noise of one reading: {noise}."])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
 
 def examine_plan(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import amount, amount_range
+from femfit.core.amount import amount, amount_range, counted
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.identify.experiments.constants import (
@@ -50,7 +50,11 @@ def possible_experiments(
     near = usual[usual["distance_m"] <= nominal.distance_min_m + NEAR_SHARE * nominal.travel_m]
     result = [
         _run(f"Measure the same range{part} once more, on a new mount", usual, measured),
-        _run(f"Add {len(near)} points at {_range(near)} over the same currents{part.rstrip(',')}", near, measured),
+        _run(
+            f"Add {counted(len(near), 'point')} at {_range(near)} over the same currents{part.rstrip(',')}",
+            near,
+            measured,
+        ),
     ]
     if not ((branch > 0).any() and (branch < 0).any()):
         result.append(_run("Measure with falling current as well", usual.assign(branch=-1.0), measured))
@@ -61,7 +65,7 @@ def possible_experiments(
     result += [
         _run(
             f"Read the {CHANNEL_WORDS[name]} too, to {amount(assumed_noise(name, nominal), name)} rms, "
-            f"at {len(near)} points at {_range(near)}",
+            f"at {counted(len(near), 'point')} at {_range(near)}",
             near,
             (*measured, name),
             CHANNEL_COST,
@@ -72,7 +76,8 @@ def possible_experiments(
     parts = {"magnet_temperature_C": "magnet", "coil_temperature_C": "winding"}
     result += [
         _run(
-            f"Heat the {part} by {HEATED_K:.0f} K, record its temperature ({name}) and add {len(near)} points",
+            f"Heat the {part} by {HEATED_K:.0f} K, record its temperature ({name}) and add "
+            f"{counted(len(near), 'point')}",
             near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K}),
             measured,
             HEAT_COST,

@@ -17,17 +17,14 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import ROUNDING
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.decision.constants import NONLINEAR_PRICE, TIE
+from femfit.identify.constants import NONLINEAR_PRICE, TIE
 from femfit.identify.decision.scoring import parameter_price
-from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING
+from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING, VARIANTS
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import refit
-from femfit.identify.refit.start import Start, bounded_amplitudes
-from femfit.identify.signatures.columns import EffectColumns, columns_at, effect_columns
-
-_VARIANTS = 12
-"""Combinations of trial values of two effects' nonlinear parameters that are tried; more would take too long."""
+from femfit.identify.refit.start import Start, fitted_together
+from femfit.identify.signatures.columns import columns_at, effect_columns
 
 
 def needed_distance(tie: float = TIE) -> float:
@@ -49,10 +46,7 @@ def separation(
 ) -> float | None:
     """How far the best refit of rivals stays from what an explanation changes; None where that is less than needed.
 
-    Parameters
-    ----------
-    change : array, shape (M,)
-        In the readings' units.
+    The change has the shape (M,) and the readings' units.
     """
     needed = needed_distance(tie + max(more_parameters, 0.0) * parameter_price(change))
     apart = _unexplained(observations.with_values(observations.base + change), whitening, rivals, needed)
@@ -73,27 +67,19 @@ def _unexplained(
 ) -> float:
     """What effects leave of readings, in standard deviations: the best refit from several starting points.
 
-    Parameters
-    ----------
-    enough : float
-        A refit is not tried where the first order leaves less already, nor where it leaves so much of the readings'
-        change that no nonlinear parameter would make up for it.
+    None is tried where the first order leaves less than enough already, nor where it leaves so much of the readings'
+    change that no nonlinear parameter would make up for it.
     """
     target = whitening.full(observations.residual)
     whole = float(target @ target)
     best, chosen = whole, None
     for starts in rivals:
-        columns = np.concatenate([one.whitened for one in starts], axis=1)
-        bounds = np.concatenate([one.columns.bounds for one in starts], axis=1)
-        amplitude, fall = bounded_amplitudes(target, columns, bounds)
+        begun, fall = fitted_together(target, starts)
         if chosen is None or whole - fall < best:
-            best, chosen = whole - fall, (starts, amplitude)
-    if chosen is None or np.sqrt(max(best, 0.0)) < enough or best > LARGEST_BENDING**2 * whole:
-        return float(np.sqrt(max(best, 0.0)))
-    starts, amplitude = chosen
-    parts = np.split(amplitude, np.cumsum([one.count for one in starts])[:-1])
-    begun = [Start(one.columns, one.whitened, part) for one, part in zip(starts, parts, strict=True)]
-    return float(np.sqrt(min(refit(observations, whitening, begun).chi2, max(best, 0.0))))
+            best, chosen = whole - fall, begun
+    if chosen is not None and np.sqrt(max(best, 0.0)) >= enough and best <= LARGEST_BENDING**2 * whole:
+        best = min(refit(observations, whitening, chosen).chi2, max(best, 0.0))
+    return float(np.sqrt(max(best, 0.0)))
 
 
 def starting_points(
@@ -109,12 +95,8 @@ def starting_points(
         if fitted:
             found = [*columns_at(fitted[k], observations), *found]
         if found:
-            variants.append([_start(one, whitening) for one in found])
-    return [list(starts) for starts, _ in zip(product(*variants), range(_VARIANTS), strict=False)] if variants else []
-
-
-def _start(one: EffectColumns, whitening: Whitening) -> Start:
-    return Start(one, whitening.full(one.columns), np.zeros(len(one.amplitudes)))
+            variants.append([Start.at_null(one, whitening) for one in found])
+    return [list(starts) for starts, _ in zip(product(*variants), range(VARIANTS), strict=False)] if variants else []
 
 
 def pairs_in_words(pairs: Sequence[tuple[str, ...]]) -> list[str]:

@@ -6,7 +6,6 @@ at the old and the new settings are explained by each other one (:mod:`femfit.id
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from html import escape
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -14,15 +13,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.printed import Printed
 from femfit.effects.catalogue import all_effects, catalogue_order
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration
+from femfit.identify.constants import TIE
 from femfit.identify.decision.confidence import equally_good
-from femfit.identify.decision.constants import TIE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.identify.decision.naming import tie
+from femfit.identify.decision.own_misfit import finer_model
 from femfit.identify.experiments.constants import COMPARED, SHOWN
 from femfit.identify.experiments.noise import noise_for
 from femfit.identify.experiments.possible import Experiment, possible_experiments
@@ -36,13 +40,13 @@ from femfit.identify.experiments.separation import (
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.place import model_of
+from femfit.identify.readings.place import measurement_of
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.refit.refit import Refit
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
 from femfit.tables.measurement import CHANNELS, BenchTable, Measurement
-from femfit.tables.measurement_file import read_measurement
 
 
 @dataclass(frozen=True)
@@ -62,39 +66,44 @@ class Suggestion:
         return {name: getattr(self, name) for name in ("text", "cost", "separates", "remains")}
 
 
-@dataclass(frozen=True)
-class Advice:
+@dataclass(frozen=True, eq=False, repr=False)
+class Advice(Printed):
     """What to measure next; printed, it is what ``femfit suggest`` prints."""
 
     explanations: tuple[str, ...]
     # The cheapest for each pair first: taken in turn until nothing remains open, they separate all that can be
     suggestions: tuple[Suggestion, ...] = ()
     never: tuple[tuple[str, str], ...] = ()  # Pairs that no measurement that femfit knows would separate
-    # Per effect the measurement that isolates it, for records, to which no readings can be added on trial
+    # Per effect the measurement that isolates it: for records, to which no readings can be added on trial, and where
+    # one name alone is left and is not certain
     isolating: tuple[tuple[str, str], ...] = ()
-    note: str = ""  # Why nothing is advised; empty where there is nothing to say
+    note: str = ""  # Why no measurements are compared; empty where there is nothing to say
+    further: int = 0  # Explanations beyond the first :data:`COMPARED`, which are not compared
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         return vars(self) | {"suggestions": [one.to_dict() for one in self.suggestions]}
 
     def __str__(self) -> str:
+        isolating = [f"{name}: {experiment}" for name, experiment in self.isolating]
         if self.note:
-            return self.note
+            return "\n".join([self.note, *isolating])
         lines = []
         for k, one in enumerate(self.suggestions[:SHOWN]):
             clauses = "; ".join(pairs_in_words([pair[:2] for pair in one.separates]))
             lines.append(f"{'Next' if k == 0 else 'Or'}: {one.text}")
-            lines.append(f"  This separates {clauses}, and takes as long as about {one.cost:.0f} readings.")
+            lines.append(
+                f"  This separates {clauses}, and takes as long as about {counted(round(one.cost), 'reading')}."
+            )
             if one.remains:
                 lines.append(f"  It does not separate {'; '.join(pairs_in_words(one.remains))}.")
         if self.never:
             lines.append(f"No measurement that femfit knows separates {'; '.join(pairs_in_words(self.never))}.")
-        lines += [f"{name}: {experiment}" for name, experiment in self.isolating]
-        return "\n".join([*lines, f"The data leave {listed(self.explanations, 'or')}."])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
+        more = ""
+        if self.further:
+            as_well = "explanation fits" if self.further == 1 else "explanations fit"
+            more = f" {self.further} further {as_well} as well; only the first {COMPARED} were compared."
+        return "\n".join([*lines, *isolating, f"The data leave {listed(self.explanations, 'or')}.{more}"])
 
 
 def suggest(
@@ -118,7 +127,7 @@ def suggest(
     Raises
     ------
     TableError
-        If no reading can be compared.
+        If no reading can be compared, or ``diagnosis`` is none.
 
     Examples
     --------
@@ -127,23 +136,30 @@ def suggest(
     >>> len(advice.explanations) > 0
     True
     """
+    if not isinstance(diagnosis, Diagnosis | None):
+        raise TableError(
+            f"What was found in the data must be a Diagnosis; instead received {type(diagnosis).__name__}. Give what "
+            "diagnose returns, or leave it out."
+        )
     say = progress or (lambda _: None)
     model = model_of(model)
-    measured = read_measurement(data) if isinstance(data, str | Path) else data
+    measured = measurement_of(data)
     found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
-    explanations, least = _left_together(found)
+    every, least = _left_together(found)
+    explanations, further = every[:COMPARED], max(0, len(every) - COMPARED)
     names = tuple(" + ".join(fit.names) for fit in explanations)
     if found.campaign is None or len(explanations) < 2:
-        return Advice(names, note=_nothing_to_separate(found))
+        unsure = [] if _certain(found) else [one.name for one in found.missing]
+        return Advice(names, isolating=_isolating(unsure), note=_nothing_to_separate(found))
     if not isinstance(measured, BenchTable):
-        effects = all_effects()
-        used = dict.fromkeys(name for fit in explanations for name in fit.names)
-        return Advice(names, isolating=tuple((name, effects[name].experiment) for name in used))
+        used = [name for fit in every for name in fit.names]
+        return Advice(tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used))
     say("Trying measurements")
     noise = found.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations, least)
     apart = {pair[:2] for one in suggestions for pair in one.separates}
-    return Advice(names, tuple(suggestions), tuple(p for p in combinations(names, 2) if p not in apart))
+    never = tuple(pair for pair in combinations(names, 2) if pair not in apart)
+    return Advice(names, tuple(suggestions), never, further=further)
 
 
 def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
@@ -152,12 +168,26 @@ def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
         return (), TIE
     chosen, candidates = found.decision.chosen, found.decision.candidates
     fits = (*found.explanations, *(one.fit for one in equally_good(found.campaign, chosen, candidates)))
-    return tuple({fit.names: fit for fit in reversed(fits)}.values())[::-1][:COMPARED], tie(found.campaign, chosen)
+    return tuple({fit.names: fit for fit in reversed(fits)}.values())[::-1], tie(found.campaign, chosen)
+
+
+def _isolating(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    effects = all_effects()
+    return tuple((name, effects[name].experiment) for name in dict.fromkeys(names) if name in effects)
+
+
+def _certain(found: Diagnosis) -> bool:
+    """Whether nothing but what is named would give these readings, of the whole catalogue."""
+    return found.confident and not found.excluded
 
 
 def _nothing_to_separate(found: Diagnosis) -> str:
     if found.campaign is None:
         return str(found.findings[-1])
+    if found.missing and not _certain(found):
+        return f"{certainty_sentence(found)} What checks it:"
+    if found.own_misfit:
+        return f"{verdict_sentence(found)} {finer_model(found.model)}"
     if found.missing:
         name = " + ".join(one.name for one in found.missing)
         return f"There is nothing to separate: of the effects that femfit knows, the data leave {name} alone."

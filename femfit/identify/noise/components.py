@@ -11,6 +11,7 @@ S. R. Searle, G. Casella and C. E. McCulloch, Variance Components (Wiley, 1992),
 likelihood, prior scale).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from scipy import optimize, stats
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
-from femfit.identify.noise.constants import (
+from femfit.identify.constants import (
     CORRELATION_PRICE,
     LARGEST_CORRELATION,
     LEAST_REPEATS,
@@ -28,6 +29,7 @@ from femfit.identify.noise.constants import (
     PRIOR_MOUNT_M,
     PRIOR_RUN,
     PRIOR_RUN_DOF,
+    SAME_READING,
     TEST_LEVEL,
     UNKNOWN_CHANNEL,
 )
@@ -35,19 +37,12 @@ from femfit.identify.noise.whitening import Chains, NoiseModel, Whitening, chain
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.repeats import pure_error, repeat_cells
 
-_ROUNDING = 1e-12
-"""Derived: some thousand roundings of a float, over the largest reading."""
-
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
-    """The noise model of a campaign.
-
-    Returns
-    -------
-    NoiseModel or None
-        None where neither repeats nor a sidecar say the noise of any channel.
-    """
-    sigma, degrees, source = _scatter(observations)
+    """The noise model of a campaign; None where neither repeats nor a sidecar say the noise of any channel."""
+    cells = repeat_cells(observations)
+    constant = never_varying(observations, cells)
+    sigma, degrees, source = _scatter(observations, cells, constant)
     if not np.isfinite(sigma).any():
         return None
     channels = len(observations.channels)
@@ -63,17 +58,19 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         source=source,
         test_mount_m=PRIOR_MOUNT_M,
         test_run=np.zeros(channels),
+        never_varying=tuple(constant),
     )
     patterns = smooth_patterns(observations).columns
     noise = _with_serial(noise, observations, chains, patterns)
     return _with_random(noise, observations, chains, patterns)
 
 
-def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[str, str]]:
+def _scatter(
+    observations: Observations, cells: IntArray, constant: Sequence[str]
+) -> tuple[FloatArray, FloatArray, dict[str, str]]:
     """Sigma, its degrees of freedom and its source per channel; NaN where nothing says it."""
     count = len(observations.channels)
     sigma, degrees, source = np.full(count, np.nan), np.zeros(count), {}
-    cells = repeat_cells(observations)
     nuisance = np.concatenate(
         [random_columns(observations, 1.0, np.ones(count))[0], drift_patterns(observations).columns], axis=1
     )
@@ -83,7 +80,7 @@ def _scatter(observations: Observations) -> tuple[FloatArray, FloatArray, dict[s
         square, dof = pure_error(residual[here], cells[here], nuisance[here])
         if name in observations.declared_noise:
             sigma[c], degrees[c], source[name] = observations.declared_noise[name], np.inf, observations.noise_source
-        if dof > 0.0 and name in never_varying(observations, cells):
+        if name in constant:
             dof = 0.0  # a dead sensor, or one coarser than its noise: only rounding is left
         if dof > 0.0:
             square = _without_settings(observations, here, cells, square / dof, dof) * dof
@@ -101,7 +98,7 @@ def never_varying(observations: Observations, cells: IntArray | None = None) -> 
         value = pd.Series(observations.value[here]).groupby(cells[here])
         spread = (value.max() - value.min()).to_numpy()
         repeated = int(np.sum(value.size() - 1))
-        if repeated >= LEAST_REPEATS and spread.max() <= _ROUNDING * float(np.abs(observations.value[here]).max()):
+        if repeated >= LEAST_REPEATS and spread.max() <= SAME_READING * float(np.abs(observations.value[here]).max()):
             names.append(name)
     return names
 
@@ -248,12 +245,8 @@ def _from_differences(columns: FloatArray, y: FloatArray, covariance: FloatArray
     """The scatter of mounts, or runs, as their differences alone show it, and the same as tests use it.
 
     A difference on which the readings have the information l is estimated with the variance s^2 + 1 / l. The mean of n
-    such squares, with Student's quantile for n, bounds what all groups may share; 1 / l of it is the readings' own.
-
-    Parameters
-    ----------
-    columns : array, shape (q, groups)
-        What each group does to readings y of this covariance.
+    such squares, with Student's quantile for n, bounds what all groups may share; 1 / l of it is the readings' own. The
+    columns, of shape (q, groups), are what each group does to readings y of this covariance.
     """
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([columns, y]))
     _, length, directions = np.linalg.svd(whitened[:, :-1], full_matrices=False)

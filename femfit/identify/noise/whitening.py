@@ -62,6 +62,7 @@ class NoiseModel:
     test_run: FloatArray
     # Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts
     mount_assumed: bool = False
+    never_varying: tuple[str, ...] = ()  # Channels that read the same wherever a setting was repeated
 
     @property
     def floor(self) -> dict[str, float]:
@@ -137,17 +138,9 @@ def _shrunk(x: FloatArray, maps: list[tuple[sparse.csr_array, FloatArray]]) -> F
 
 
 def random_columns(observations: Observations, mount_m: float, run: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Columns of the random effects and the standard deviation of each.
+    """Columns of the random effects, shape (M, q), and the standard deviation of each, shape (q,).
 
-    Parameters
-    ----------
-    run : array, shape (channels,)
-        Of a run's offset.
-
-    Returns
-    -------
-    tuple of array, shapes (M, q) and (q,)
-        One column a mount to first order, one to second, then one a channel and run.
+    One column a mount to first order, one to second, then one a channel and run, whose offsets scatter by ``run``.
     """
     mount, runs = observations.column("mount").astype(int), observations.column("run").astype(int)
     mounts = np.unique(mount)
@@ -164,18 +157,10 @@ def random_columns(observations: Observations, mount_m: float, run: FloatArray) 
 
 
 def orthonormal_basis(columns: FloatArray) -> FloatArray:
-    """An orthonormal basis of the columns' space.
+    """An orthonormal basis of the space of columns of any scale; zero and dependent columns are passed over.
 
-    Parameters
-    ----------
-    columns : array, shape (M, k)
-        Any scale; zero and dependent columns are passed over.
-
-    Returns
-    -------
-    array, shape (M, rank)
-        From the eigenvectors of the scaled columns' products, which is several times faster than QR for many rows;
-        directions below 1e-5 of the longest are passed over, so the basis is orthonormal to about 1e-6.
+    From the eigenvectors of the scaled columns' products, which is several times faster than QR for many rows;
+    directions below 1e-5 of the longest are passed over, so the basis is orthonormal to about 1e-6.
     """
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 0.0] / size[size > 0.0]

@@ -1,17 +1,19 @@
 """A bench table beside a model: the readings that can be compared, and what the effects need to know of each row."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import amount
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.amount import amount, counted
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
+from femfit.identify.constants import IN_ORDER
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
@@ -19,9 +21,6 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import STILL_CURRENT
-
-_IN_ORDER = 0.75
-"""Assumed: part of the current's steps that must agree with the branches where rows stand in the order of measuring."""
 
 
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
@@ -62,16 +61,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             "model's range."
         )
     channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
-
-    def stacked(values: Mapping[str, FloatArray]) -> FloatArray:
-        return np.concatenate([values[name][piece] for name, piece in zip(channels, pieces, strict=True)])
-
-    def predict(effects: Iterable[AddedEffect]) -> FloatArray:
-        return stacked(predict_readings(model, d, i, conditions, (*model.effects, *effects)))
-
-    def moved(distance_m: float, current_A: float) -> FloatArray:
-        return stacked(predict_readings(model, d + distance_m, i + current_A, conditions))
-
+    predict = _BenchPrediction(model, d, i, conditions, dict(zip(channels, pieces, strict=True)))
+    moved, stacked = predict.moved, predict.stacked
     steps = (
         1e-3 * (nominal.distance_max_m - nominal.distance_min_m),
         1e-3 * max(nominal.current_max_A - nominal.current_min_A, 1e-9),
@@ -100,6 +91,32 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _BenchPrediction:
+    """What a model predicts of a bench table's readings, as one vector."""
+
+    model: ActuatorModel
+    # Of the table's rows; shape (N,)
+    distance_m: FloatArray
+    current_A: FloatArray
+    conditions: Conditions
+    rows: Mapping[str, IntArray]  # Of each channel
+
+    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
+        return self._predicted(self.distance_m, self.current_A, (*self.model.effects, *effects))
+
+    def moved(self, distance_m: float, current_A: float) -> FloatArray:
+        """The readings at other distances and currents."""
+        return self._predicted(self.distance_m + distance_m, self.current_A + current_A, self.model.effects)
+
+    def _predicted(self, d: FloatArray, i: FloatArray, effects: tuple[AddedEffect, ...]) -> FloatArray:
+        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects))
+
+    def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
+        """Values of the rows as one vector, channel after channel."""
+        return np.concatenate([values[name][piece] for name, piece in self.rows.items()])
+
+
 def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:
     """Say that the uncertainty of the settings was used, and how."""
     said = [
@@ -115,7 +132,7 @@ def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:
 
 def _rows(which: BoolArray, words: str) -> str:
     count = int(which.sum())
-    return f"{count} row{'s' if count > 1 else ''} {words} {'were' if count > 1 else 'was'}"
+    return f"{counted(count, 'row')} {words} {'were' if count > 1 else 'was'}"
 
 
 def _covariates(rows: pd.DataFrame) -> pd.DataFrame:
@@ -186,7 +203,7 @@ def _recalled(covariates: pd.DataFrame, nominal: Nominal) -> Mapping[str, FloatA
     same_place = np.append(False, np.diff(in_order["distance_m"].to_numpy()) == 0.0)
     # A branch that changes while the current stands still contradicts the order, but for a turning point read twice
     known = same_place & (branch != 0.0) & ((step != 0.0) | np.append(False, branch[1:] != branch[:-1]))
-    if not known.any() or np.mean(np.sign(step[known]) == branch[known]) < _IN_ORDER:
+    if not known.any() or np.mean(np.sign(step[known]) == branch[known]) < IN_ORDER:
         return {}
     place = np.argsort(in_order.index.to_numpy())
     return {

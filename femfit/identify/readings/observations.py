@@ -68,7 +68,6 @@ class Observations:
 
     def select(self, keep: BoolArray) -> "Observations":
         """Those of the readings for which ``keep``, of shape (M,), is true; all settings stay."""
-        predict = self.predict
         return replace(
             self,
             channel=self.channel[keep],
@@ -78,7 +77,7 @@ class Observations:
             distance_curvature=self.distance_curvature[keep],
             tolerance=self.tolerance[keep],
             setting_columns=self.setting_columns[keep],
-            predict=lambda effects: predict(effects)[keep],
+            predict=_Kept(self.predict, keep),
         )
 
     def with_values(self, value: FloatArray) -> "Observations":
@@ -86,3 +85,14 @@ class Observations:
         result = replace(self, value=value)
         result.__dict__["base"] = self.base
         return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """Predictions of the readings that were kept."""
+
+    predict: Predict
+    keep: BoolArray
+
+    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
+        return self.predict(effects)[self.keep]

@@ -8,20 +8,18 @@ from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.series.observations import series_observations
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
-from femfit.tables.measurement import Measurement, TimeSeries
+from femfit.tables.measurement import BenchTable, Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
 
 
-def model_of(model: ActuatorModel | str | Path) -> ActuatorModel:
-    """The model, read where a path is given."""
-    return model if isinstance(model, ActuatorModel) else read_model(model)
+def measurement_of(data: Measurement | str | Path) -> Measurement:
+    """The measurement, read where a path is given."""
+    return data if isinstance(data, BenchTable | TimeSeries) else read_measurement(data)
 
 
 def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations:
     """Place a measurement beside a model, what contradicts the model's sensors set aside."""
-    if isinstance(data, str | Path):
-        data = read_measurement(data)
+    data = measurement_of(data)
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
     return bench_observations(model, plausible_table(model, data))

@@ -9,6 +9,7 @@ import pandas as pd
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.conditions import Conditions
+from femfit.identify.constants import CLEARLY, DOMAIN_SLACK, WELL
 from femfit.model.actuator_model import ActuatorModel, HallSensor, ValidityBox
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
@@ -25,12 +26,6 @@ from femfit.tables.suspected_units import (
 )
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
-
-_CLEARLY, _WELL = 0.2, 0.3
-"""Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
-
-_SLACK = 0.02
-"""Assumed: by how much of its width a validity domain may be left; a stage's zero error at the border of the sweep."""
 
 
 def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
@@ -127,7 +122,7 @@ def _explains(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> boo
     read, usual, candidate = read[here], usual[here], candidate[here]
     left = float(np.sqrt(np.mean((read - candidate) ** 2)))
     spread = float(np.std(read))
-    return left < _CLEARLY * float(np.sqrt(np.mean((read - usual) ** 2))) and left < _WELL * spread
+    return left < CLEARLY * float(np.sqrt(np.mean((read - usual) ** 2))) and left < WELL * spread
 
 
 def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
@@ -135,7 +130,7 @@ def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
     here = np.isfinite(read)
     if here.sum() < LEAST_READINGS:
         return False
-    return float(np.std((turned - usual)[here])) > _WELL * float(np.std(read[here]))
+    return float(np.std((turned - usual)[here])) > WELL * float(np.std(read[here]))
 
 
 def _within_rails(rows: pd.DataFrame, sensor: HallSensor) -> tuple[pd.DataFrame, list[Finding]]:
@@ -169,7 +164,7 @@ def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArra
     """
     base = model.without_effects
     box, magnetics = base.validity, base.magnetics
-    slack = _SLACK * (box.distance_max_m - box.distance_min_m)
+    slack = DOMAIN_SLACK * (box.distance_max_m - box.distance_min_m)
     inside = (distance >= box.distance_min_m - slack) & (distance <= box.distance_max_m + slack)
     quadratic = isinstance(magnetics, CoenergySpline) and (
         magnetics.spline.y_degree <= 2 and len(np.unique(magnetics.spline.y_knots)) == 2
@@ -181,7 +176,7 @@ def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArra
 
 def within_currents(box: ValidityBox, current: FloatArray) -> BoolArray:
     """Which currents a model was fitted to, with a little beyond."""
-    slack = _SLACK * (box.current_max_A - box.current_min_A)
+    slack = DOMAIN_SLACK * (box.current_max_A - box.current_min_A)
     return np.asarray((current >= box.current_min_A - slack) & (current <= box.current_max_A + slack))
 
 

@@ -9,17 +9,14 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.identify.noise.constants import SAME_SETTING
+from femfit.identify.constants import SAME_SETTING
 from femfit.identify.readings.observations import Observations
 
 
 def repeat_cells(observations: Observations) -> IntArray:
     """A number for each setting that may have been repeated: one level of distance and current, one branch.
 
-    Returns
-    -------
-    array of int, shape (M,)
-        Readings of one channel with the same number are repeats.
+    Readings of one channel with the same number are repeats.
     """
     keys = {name: _levels(observations.column(name)) for name in ("distance_m", "current_A")}
     keys["branch"] = observations.column("branch")
@@ -43,16 +40,9 @@ def _levels(x: FloatArray) -> FloatArray:
 
 
 def pure_error(residual: FloatArray, cells: IntArray, nuisance: FloatArray) -> tuple[float, float]:
-    """Sum of squares within cells beside a nuisance, and its degrees of freedom.
+    """Sum of squares of one channel's residual within cells beside a nuisance, and its degrees of freedom.
 
-    Parameters
-    ----------
-    residual : array, shape (n,)
-        Of one channel.
-    cells : array of int, shape (n,)
-        From :func:`repeat_cells`.
-    nuisance : array, shape (n, q)
-        What else differs between repeats: mounts, runs, temperatures, times.
+    The nuisance, of shape (n, q), is what else differs between repeats: mounts, runs, temperatures, times.
     """
     _, code, sizes = np.unique(cells, return_inverse=True, return_counts=True)
     repeated = sizes[code] > 1

@@ -5,66 +5,36 @@ prior: without them an effect would mop up a base that is slightly off. They are
 error on runs left out.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from femfit.core.errors import TableError
+from femfit.core.constants import ABSOLUTE_ZERO_C
+from femfit.core.errors import TableError, UsageError
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
-from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import model_of, placed
+from femfit.identify.readings.place import measurement_of, placed
 from femfit.identify.refit.add_result import AddResult, Step
-from femfit.identify.refit.refit import Refit, refit
+from femfit.identify.refit.checked_refit import Base, CheckedRefit, better_alone, checked_refit, with_tolerances
+from femfit.identify.refit.refit import refit
 from femfit.identify.refit.sizes import effect_sizes, suspicious_values
-from femfit.identify.refit.start import Start, starting_point
-from femfit.identify.refit.unseen import UnseenError, channel_rms, unseen_error
-from femfit.identify.signatures.columns import effect_columns, why_untestable
+from femfit.identify.refit.start import starting_point
+from femfit.identify.refit.unseen import channel_rms
+from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
-from femfit.tables.measurement_file import read_measurement
-
-_HELPS = 9.0
-"""Conventional: fall of the weighted error on runs left out from which tolerances are used (three deviations)."""
-
-_HARMS = 1.05
-"""Assumed: rise of a channel's error on runs left out from which they are not, whatever the other channels gain."""
-
-_SETTLED = 2.0
-"""Assumed: time constants that the longest run must last for it to show where an effect settles (to 14 %)."""
-
-Base = Literal["auto", "always", "never"]
-
-
-@dataclass(frozen=True, eq=False)
-class _Readings:
-    """Readings beside the model without what is refitted, and their noise."""
-
-    observations: Observations
-    noise: NoiseModel
-    whitening: Whitening
-
-
-@dataclass(frozen=True, eq=False)
-class _Fitted:
-    """A refit, its error on runs left out, and what was held."""
-
-    fit: Refit
-    error: UnseenError
-    findings: tuple[Finding, ...] = ()
 
 
 def add_effects(
@@ -96,8 +66,8 @@ def add_effects(
 
     Raises
     ------
-    ModelFileError
-        If no effect has a name.
+    UsageError
+        If no effect has a name, or a temperature is below absolute zero.
     TableError
         If the data cannot show an effect, their noise is unknown, or they are too few.
 
@@ -115,70 +85,71 @@ def add_effects(
     """
     say = progress or (lambda _: None)
     say("Reading")
-    model = model_of(model)
-    measured = read_measurement(data) if isinstance(data, str | Path) else data
+    temperatures = {"coil_temperature_C": coil_temperature_C, "magnet_temperature_C": magnet_temperature_C}
+    _check_temperatures(temperatures)
+    model, measured = model_of(model), measurement_of(data)
     kept, given, new = _split(model, _names(effects), measured)
-    readings = _readings(placed(with_effects(model, kept), measured))
-    observations, whitening = readings.observations, readings.whitening
-    wanted = [*(added.effect for added in given), *new]
+    whitening = _whitening(placed(with_effects(model, kept), measured))
+    observations, wanted = whitening.observations, [*(added.effect for added in given), *new]
     for effect in wanted:
         if reason := why_untestable(effect, observations):
             raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
     say("Fitting the effects")
     start = starting_point(observations, whitening, wanted)
     partial = [refit(observations, whitening, start[:k]).effects for k in range(len(given) + 1, len(start))]
-    alone = _fitted(readings, start)
+    alone = checked_refit(whitening, start)
     say("Fitting the tolerances of the drawing beside them")
-    fitted, dropped = _with_tolerances(readings, alone, base)
-    better_alone = _better_alone(readings, alone.fit, fitted.fit.start[: len(fitted.fit.start) - len(start)])
-    fit, beside = fitted.fit, len(fitted.fit.effects) - len(start)
-    before, after = observations.predict(given), observations.predict(fit.effects)
+    fitted, dropped = with_tolerances(whitening, alone, base)
+    beside = len(fitted.fit.effects) - len(start)
     stages = [(effect.name, one) for effect, one in zip(new, [*partial, alone.fit.effects], strict=False)]
-    stages += [("tolerances" if beside else "refit", fit.effects)] if beside or not new else []
-    sizes = effect_sizes(observations, fit)
-    patterns = pattern_space(observations, whitening)
-    known = {name: sd for name, sd in readings.noise.floor.items() if name in readings.noise.source}
+    stages += [("tolerances" if beside else "refit", fitted.fit.effects)] if beside or not new else []
+    return _result(
+        with_effects(_at_temperature(model, observations, temperatures), (*kept, *fitted.fit.effects)),
+        kept,
+        whitening,
+        fitted,
+        [("model", given), *stages],
+        beside,
+        dropped,
+        better_alone(whitening, alone.fit, fitted.fit.start[:beside]),
+    )
+
+
+def _result(
+    model: ActuatorModel,
+    kept: Sequence[AddedEffect],
+    whitening: Whitening,
+    fitted: CheckedRefit,
+    stages: Sequence[tuple[str, Sequence[AddedEffect]]],
+    beside: int,
+    dropped: Sequence[Finding],
+    alone: str,
+) -> AddResult:
+    """The result, with the model as it was as the first of the stages; ``beside`` counts the tolerances."""
+    observations, noise, fit = whitening.observations, whitening.noise, fitted.fit
+    misfits = [(text, observations.value - observations.predict(effects)) for text, effects in stages]
+    sizes, patterns = effect_sizes(observations, fit), pattern_space(observations, whitening)
+    known = {name: sd for name, sd in noise.floor.items() if name in noise.source}
     return AddResult(
-        model=with_effects(
-            _at_temperature(model, observations, coil_temperature_C, magnet_temperature_C), (*kept, *fit.effects)
-        ),
+        model=model,
         added=fit.effects[beside:],
         base=fit.effects[:beside],
         kept=tuple(added.effect.name for added in kept),
-        fall=error_fall(observations, before, after, known),
+        fall=error_fall(observations, observations.predict(stages[0][1]), observations.predict(fit.effects), known),
         left_out=fitted.error.rms,
         floor=known,
-        floor_source=readings.noise.source,
-        steps=(
-            Step("model", channel_rms(observations, observations.value - before)),
-            *(
-                Step(text, channel_rms(observations, observations.value - observations.predict(e)))
-                for text, e in stages
-            ),
-        ),
+        floor_source=noise.source,
+        steps=tuple(Step(text, channel_rms(observations, misfit)) for text, misfit in misfits),
         sizes=sizes,
         suspicious=suspicious_values(observations, fit, sizes, {added.effect.name for added in fit.effects[:beside]}),
-        lack_of_fit_before=patterns.test(whitening.full(observations.value - before)),
+        lack_of_fit_before=patterns.test(whitening.full(misfits[0][1])),
         lack_of_fit_after=patterns.test(fit.whitened_residual, fit.jacobian[:, ~fit.active]),
         readings=len(observations.value),
         runs=len(np.unique(observations.column("run"))),
         observations=observations,
         findings=(*observations.findings, *fitted.findings, *dropped),
-        better_alone=better_alone,
+        better_alone=alone,
     )
-
-
-def _better_alone(readings: _Readings, effects: Refit, beside: Sequence[Start]) -> str:
-    """The tolerances that were fitted beside effects, in words, where they explain more by themselves than these do."""
-    if not beside:
-        return ""
-    observations, whitening = readings.observations, readings.whitening
-    prior = {one.name: TOLERANCE_SD for one in beside}
-    start = starting_point(observations, whitening, [one.columns.effect for one in beside])
-    fit = refit(observations, whitening, start, prior_sd=prior)
-    if fit.chi2 >= effects.chi2:
-        return ""
-    return "; ".join(clause for one in fit.effects for clause in describe(one, observations.nominal))
 
 
 def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
@@ -186,7 +157,7 @@ def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
         if not effects.missing:
             raise TableError("The diagnosis names no effect, so there is nothing to add. Give the names of effects.")
         return [one.name for one in effects.missing]
-    names = [effects] if isinstance(effects, str) else list(effects)
+    names = [effects] if isinstance(effects, str) else list(effects) if isinstance(effects, Iterable) else []
     if not names:
         raise TableError(
             "No effect is given, so there is nothing to add. Give names that list_effects has, or a diagnosis."
@@ -214,112 +185,39 @@ def _split(
     return kept, given, [effect for effect in wanted if effect.name not in present]
 
 
-def _readings(observations: Observations) -> _Readings:
+def _whitening(observations: Observations) -> Whitening:
+    """The noise of the readings beside the model without what is refitted."""
     noise = estimate_noise(observations)
     if noise is None:
         raise TableError(str(NO_NOISE))
     whitening = Whitening(observations, noise, chains_of(observations))
     if not pattern_space(observations, whitening).groups:
         raise TableError(str(TOO_FEW))
-    return _Readings(observations, noise, whitening)
+    return whitening
 
 
-def _fitted(readings: _Readings, start: Sequence[Start], prior_sd: Mapping[str, float] | None = None) -> _Fitted:
-    """A refit of what the data show: without amplitudes that they do not identify, and without extrapolated ends."""
-    observations, whitening = readings.observations, readings.whitening
-    fit = refit(observations, whitening, start, prior_sd=prior_sd)
-    fixed = _unsettled(observations, fit)
-    if fixed:
-        fit = refit(observations, whitening, _restart(fit), fixed=fixed, prior_sd=prior_sd)
-    identified = _identified(fit)
-    if any(one.count < whole.count for one, whole in zip(identified, fit.start, strict=True)):
-        fit = refit(observations, whitening, identified, fixed=fixed, prior_sd=prior_sd)
-    error = unseen_error(observations, readings.noise, _restart(fit), fixed, prior_sd)
-    findings = tuple(
-        Finding(
-            "not-settled",
-            "warning",
-            f"{name} had not settled within the longest run: the new model runs with what these data showed, "
-            "not with where it would settle.",
-            "Record longer, or measure its end by itself.",
-        )
-        for name in fixed
-    )
-    return _Fitted(fit, error, findings)
-
-
-def _restart(fit: Refit) -> list[Start]:
-    """A fit as the start of another."""
-    return [one.continued(added) for one, added in zip(fit.start, fit.effects, strict=True)]
-
-
-def _unsettled(observations: Observations, fit: Refit) -> dict[str, dict[str, float]]:
-    """Time constants of changes of the circuit that are longer than the runs, with what they are held at instead.
-
-    The new model runs with the end of such a change. A fit to its beginning says only its rate, and would put an end
-    into the circuit that nobody has seen.
-    """
-    clock = observations.column("time_s" if "time_s" in observations.covariates else "order")
-    longest = float(clock.max()) / _SETTLED
-    result: dict[str, dict[str, float]] = {}
-    for k, p in fit.free:
-        added = fit.effects[k]
-        slow = p.nonlinear and p.name.endswith("_time") and added.parameters[p.name] > longest
-        if slow and added.effect.circuit is not None:
-            result[added.effect.name] = {p.name: max(longest, p.lower)}
-    return result
-
-
-def _identified(fit: Refit) -> list[Start]:
-    """A fit as the start of another, without the amplitudes that the data do not identify; one stays at least.
-
-    Their interval holds the null and more than their plausible range.
-    """
-    result = []
-    for one, added in zip(_restart(fit), fit.effects, strict=True):
-        keep = []
-        for k, p in enumerate(one.columns.amplitudes):
-            low, high = added.ci95.get(p.name, (np.nan, np.nan))
-            if not (low < p.null < high and high - low > p.plausible[1] - p.plausible[0]):
-                keep.append(k)
-        result.append(one.part(keep) if keep else one)
-    return result
-
-
-def _with_tolerances(readings: _Readings, alone: _Fitted, base: Base) -> tuple[_Fitted, list[Finding]]:
-    """The refit with the tolerances beside the effects, where wanted, and what was dropped."""
-    observations = readings.observations
-    testable = [e for e in TOLERANCES if e.name not in alone.fit.names and not why_untestable(e, observations)]
-    visible = [effect for effect in testable if effect_columns(effect, observations)]
-    dropped = [
-        Finding("tolerance-dropped", "info", f"{effect.name} changes no reading here, so it was not fitted beside.")
-        for effect in testable
-        if effect not in visible
-    ]
-    if base == "never" or not visible:
-        return alone, [] if base == "never" else dropped
-    start = [*starting_point(observations, readings.whitening, visible, at_null=True), *_restart(alone.fit)]
-    together = _fitted(readings, start, {effect.name: TOLERANCE_SD for effect in visible})
-    helps = together.error.chi2 < alone.error.chi2 - _HELPS
-    limits = alone.error.rms_beside_random
-    harms = any(rms > _HARMS * limits[name] for name, rms in together.error.rms_beside_random.items())
-    return together if base == "always" or (helps and not harms) else alone, dropped
+def _check_temperatures(given: Mapping[str, float | None]) -> None:
+    for name, temperature in given.items():
+        if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
+            raise UsageError(
+                f"The {name.split('_')[0]}'s temperature must be above absolute zero, {ABSOLUTE_ZERO_C:g} °C; instead "
+                f"received {temperature:g} °C. Leave it out for what was recorded."
+            )
 
 
 def _at_temperature(
-    model: ActuatorModel, observations: Observations, coil_C: float | None, magnet_C: float | None
+    model: ActuatorModel, observations: Observations, given: Mapping[str, float | None]
 ) -> ActuatorModel:
-    """The model at the temperatures where it is to run."""
+    """The model at the temperatures where it is to run: as given, else as recorded in the mean."""
 
-    def chosen(option: float | None, name: str, own: float) -> float:
-        recorded = observations.covariates[name].to_numpy()
-        recorded = recorded[np.isfinite(recorded)]
-        if option is not None:
-            return option
+    def chosen(name: str, own: float) -> float:
+        temperature, recorded = given[name], observations.covariates[name].dropna()
+        if temperature is not None:
+            return temperature
         return round(float(recorded.mean()), 1) if len(recorded) else own
 
     return replace(
         model,
-        coil_temperature_C=chosen(coil_C, "coil_temperature_C", model.coil_temperature_C),
-        magnet_temperature_C=chosen(magnet_C, "magnet_temperature_C", model.magnet_temperature_C),
+        coil_temperature_C=chosen("coil_temperature_C", model.coil_temperature_C),
+        magnet_temperature_C=chosen("magnet_temperature_C", model.magnet_temperature_C),
     )

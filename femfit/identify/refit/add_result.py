@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 from femfit.core.amount import amount, probability
 from femfit.core.finding import Finding
+from femfit.core.printed import Printed
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
-from femfit.identify.decision.constants import LEVEL_AFTER
+from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.refit.sizes import EffectSize
@@ -27,8 +27,8 @@ class Step:
     rms: Mapping[str, float]
 
 
-@dataclass(frozen=True, eq=False)
-class AddResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class AddResult(Printed):
     """Effects added to a model; printed, it is what ``femfit add`` prints.
 
     Parameters
@@ -112,9 +112,6 @@ class AddResult:
         lines += [self._left_out(), *self._circumstances()]
         lines += [f"suspicious: {sentence}" for sentence in self.suspicious]
         return "\n".join([*lines, *notes(self.findings)])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
 
     def _verdict(self) -> str:
         names, after = " and ".join(added.effect.name for added in self.added), self.lack_of_fit_after

@@ -14,17 +14,10 @@ from scipy import optimize, stats
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.identify.constants import AS_GOOD, MOST_EVALUATIONS, NEXT_TO_BOUND
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start
-
-_NEXT_TO, _AS_GOOD = 1e-2, 1e-2
-"""Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of
-squares, whose standard deviation is 1 and more, rises by no more than this."""
-
-
-_MOST_EVALUATIONS = 60
-"""Numerical: steps after which a search is ended; nearly all of them need fewer than twenty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +86,8 @@ def refit(
 ) -> Refit:
     """Fit effects within their bounds, all parameters that these readings see.
 
-    Parameters
-    ----------
-    prior_sd : mapping of str to float, or None
-        Per effect, the standard deviation about their nulls that its parameters are known to have beforehand.
+    ``prior_sd`` has, per effect, the standard deviation about their nulls that its parameters are known to have
+    beforehand.
     """
     fixed, prior_sd = fixed or {}, prior_sd or {}
     initial = [one.columns.parameters(one.amplitude) for one in start]
@@ -139,7 +130,7 @@ def refit(
         diff_step=np.full(len(x0), 1e-5),
         xtol=1e-6,
         ftol=1e-8,
-        max_nfev=_MOST_EVALUATIONS,
+        max_nfev=MOST_EVALUATIONS,
     )
     x = _at_bounds(with_prior, solution.x, low, high)
     best = residual(x)
@@ -158,11 +149,11 @@ def _at_bounds(
     """
     chi2 = float(np.sum(residual(x) ** 2))
     for bound in (low, high):
-        for j in np.flatnonzero(np.abs(x - bound) < _NEXT_TO):
+        for j in np.flatnonzero(np.abs(x - bound) < NEXT_TO_BOUND):
             there = x.copy()
             there[j] = bound[j]
             moved = float(np.sum(residual(there) ** 2))
-            if moved <= chi2 + _AS_GOOD:
+            if moved <= chi2 + AS_GOOD:
                 x, chi2 = there, moved
     return x
 

@@ -11,15 +11,10 @@ from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import describe, size_of
+from femfit.identify.constants import COLUMN_STEP, LEAST_CHANGE
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import Refit, is_plausible
 from femfit.tables.measurement import CHANNEL_WORDS
-
-_STEP = 1e-3
-"""Step of a difference over a parameter's plausible range."""
-
-_LEAST_CHANGE = 1e-6
-"""A change below this part of the channel's largest value is rounding."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +46,7 @@ def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ..
         for c, channel in enumerate(observations.channels):
             here = np.flatnonzero(observations.channel == c)
             at = here[np.argmax(np.abs(change[here]))] if len(here) else -1
-            if at < 0 or abs(change[at]) < _LEAST_CHANGE * largest[c]:
+            if at < 0 or abs(change[at]) < LEAST_CHANGE * largest[c]:
                 continue
             half = stats.norm.isf(0.025) * _standard_error(observations, fit, k, int(at))
             result.append(
@@ -80,7 +75,7 @@ def _standard_error(observations: Observations, fit: Refit, k: int, at: int) -> 
     slopes = []
     for j in own:
         added, p = fit.effects[k], fit.free[j][1]
-        value, step = added.parameters[p.name], _STEP * (p.plausible[1] - p.plausible[0])
+        value, step = added.parameters[p.name], COLUMN_STEP * (p.plausible[1] - p.plausible[0])
         ends = (min(value + step, p.upper), max(value - step, p.lower))
         moved = [
             (*fit.effects[:k], replace(added, parameters={**added.parameters, p.name: x}), *fit.effects[k + 1 :])
@@ -97,10 +92,7 @@ def suspicious_values(
 ) -> tuple[str, ...]:
     """What is unusual of fitted parameters, one sentence each.
 
-    Parameters
-    ----------
-    beside : collection of str
-        Tolerances of the drawing that were fitted beside the effects; these may well be zero.
+    Tolerances of the drawing that were fitted beside the effects may well be zero.
     """
     nominal, result = observations.nominal, list[str]()
     if not fit.converged:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from scipy import optimize
@@ -23,6 +24,11 @@ class Start:
     whitened: FloatArray  # The same with the noise whitened; shape (M, k)
     amplitude: FloatArray  # Counted from null; shape (k,)
     fall: float = 0.0  # By how much the amplitudes lower the weighted sum of squares to first order
+
+    @classmethod
+    def at_null(cls, columns: EffectColumns, whitening: Whitening) -> Self:
+        """The start without any of the effect."""
+        return cls(columns, whitening.full(columns.columns), np.zeros(len(columns.amplitudes)))
 
     @property
     def name(self) -> str:
@@ -56,29 +62,26 @@ def starting_point(
     """Amplitudes of effects to first order, bounded, with the nonlinear parameters that fit best."""
     target = whitening.full(observations.residual)
     chosen: list[Start] = []
-    amplitude = np.zeros(0)
     for effect in effects:
-        variants = [
-            Start(one, whitening.full(one.columns), np.zeros(len(one.amplitudes)))
-            for one in effect_columns(effect, observations)
-        ]
+        variants = [Start.at_null(one, whitening) for one in effect_columns(effect, observations)]
         if not variants:
             raise TableError(
                 f"Effect {effect.name} changes no reading at these settings, so it cannot be fitted to them. "
                 f"{effect.experiment}"
             )
-        tries = []
-        for one in variants:
-            columns = np.concatenate([other.whitened for other in (*chosen, one)], axis=1)
-            bounds = np.concatenate([other.columns.bounds for other in (*chosen, one)], axis=1)
-            tries.append(bounded_amplitudes(target, columns, bounds))
-        best = first_best([fall for _, fall in tries])
-        chosen.append(variants[best])
-        amplitude = tries[best][0]
-    if at_null or not chosen:
-        return chosen
-    parts = np.split(amplitude, np.cumsum([one.count for one in chosen])[:-1])
-    return [replace(one, amplitude=part) for one, part in zip(chosen, parts, strict=True)]
+        tries = [fitted_together(target, [*chosen, one]) for one in variants]
+        chosen = tries[first_best([fall for _, fall in tries])][0]
+    return [replace(one, amplitude=np.zeros(one.count)) for one in chosen] if at_null else chosen
+
+
+def fitted_together(target: FloatArray, starts: Sequence[Start]) -> tuple[list[Start], float]:
+    """Starts with the bounded amplitudes that together fit a whitened target best, and the fall of its square."""
+    columns = np.concatenate([one.whitened for one in starts], axis=1)
+    amplitude, fall = bounded_amplitudes(
+        target, columns, np.concatenate([one.columns.bounds for one in starts], axis=1)
+    )
+    parts = np.split(amplitude, np.cumsum([one.count for one in starts])[:-1])
+    return [replace(one, amplitude=part) for one, part in zip(starts, parts, strict=True)], fall
 
 
 def bounded_amplitudes(target: FloatArray, columns: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:

@@ -18,6 +18,7 @@ G. E. Blelloch, IEEE Transactions on Computers 38 (1989) 1526: linear recurrence
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -35,6 +36,7 @@ from femfit.effects.stages import (
     with_further_force,
 )
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.identify.series.constants import SLOWEST
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 
@@ -133,10 +135,6 @@ def _drop(resistance: float, motion: Motion, point: _Point, effects: Sequence[Ad
     return np.asarray(ohms * point.current + motion.voltage_V - volts)
 
 
-_SLOWEST = 1e-12
-"""Decay over a step below which a state only adds up."""
-
-
 def states_along(
     added: AddedEffect,
     time: FloatArray,
@@ -171,7 +169,7 @@ def states_along(
     )
     result = {}
     for name in memory.names:
-        decay = np.maximum((at_zero[name] - at_one[name]) * np.where(moves, step, 0.0), _SLOWEST)
+        decay = np.maximum((at_zero[name] - at_one[name]) * np.where(moves, step, 0.0), SLOWEST)
         kept = np.where(fresh, 0.0, np.exp(-decay))
         gained = np.where(moves, at_zero[name] * step * -np.expm1(-decay) / decay, 0.0)
         result[name] = _recurrence(np.append(0.0, kept), np.append(0.0, gained))
@@ -198,14 +196,22 @@ _ORDERS = (2, 3)
 """In distance and current, up to which effects ask for the base's series."""
 
 
-def remembered(coenergy: CoenergySeries, distance: FloatArray, current: FloatArray) -> CoenergySeries:
+@dataclass(frozen=True, eq=False)
+class RememberedCoenergy:
     """A co-energy that is evaluated once at the points that most effects ask for: these very arrays."""
-    series = coenergy(distance, current, *_ORDERS)
-    series.coefficients.flags.writeable = False
 
-    def evaluate(d: FloatArray, i: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-        if d is distance and i is current and in_distance <= _ORDERS[0] and in_current <= _ORDERS[1]:
-            return series.truncated(in_distance, in_current)
-        return coenergy(d, i, in_distance, in_current)
+    coenergy: CoenergySeries
+    distance: FloatArray
+    current: FloatArray
 
-    return evaluate
+    @cached_property
+    def _series(self) -> TaylorSeries:
+        series = self.coenergy(self.distance, self.current, *_ORDERS)
+        series.coefficients.flags.writeable = False
+        return series
+
+    def __call__(self, d: FloatArray, i: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
+        """Taylor coefficients at points (n,) in m and A."""
+        if d is self.distance and i is self.current and in_distance <= _ORDERS[0] and in_current <= _ORDERS[1]:
+            return self._series.truncated(in_distance, in_current)
+        return self.coenergy(d, i, in_distance, in_current)

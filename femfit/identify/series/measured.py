@@ -9,6 +9,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
 from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE
+from femfit.identify.series.constants import EVEN, METHOD_ACCURACY
 from femfit.identify.series.noise import SensorNoise, carried, converter_step, propagated, white_noise
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
@@ -89,13 +90,6 @@ def _driven(base: ActuatorModel, samples: Samples, field: SampleField) -> FloatA
 
 Noise = Mapping[str, SensorNoise]
 
-_METHOD = 3e-5
-"""Accuracy of the balances themselves, over the largest force, voltage and swing of the Hall output: a held command's
-kinks of the current in a window of 36 samples."""
-
-_EVEN = 1.5
-"""A step of the clock longer than this many times the usual one hides commands of the driver."""
-
 
 @dataclass(frozen=True, eq=False)
 class MeasuredChannel:
@@ -144,7 +138,9 @@ def measure_sensors(
         )
         measured = weights.mean @ np.nan_to_num(values)
         result.append(
-            MeasuredChannel(name, measured, weights.mean @ model, np.hypot(sigma, _METHOD * scale), weights.valid)
+            MeasuredChannel(
+                name, measured, weights.mean @ model, np.hypot(sigma, METHOD_ACCURACY * scale), weights.valid
+            )
         )
     return [channel for channel in result if channel.valid.any()]
 
@@ -164,7 +160,11 @@ def _force_balance(
     further = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + friction
     measured = motion.mass_kg * (motion.gravity_m_s2 - state.curvature @ distance) + further
     return MeasuredChannel(
-        FORCE_BALANCE, measured, state.mean @ field.force, np.hypot(sigma, _METHOD * nominal.force_N), state.valid
+        FORCE_BALANCE,
+        measured,
+        state.mean @ field.force,
+        np.hypot(sigma, METHOD_ACCURACY * nominal.force_N),
+        state.valid,
     )
 
 
@@ -189,7 +189,7 @@ def _voltage_balance(
         VOLTAGE_BALANCE,
         driven @ np.nan_to_num(volts),
         predicted,
-        np.hypot(sigma, _METHOD * nominal.voltage_V),
+        np.hypot(sigma, METHOD_ACCURACY * nominal.voltage_V),
         valid,
     )
 
@@ -203,6 +203,6 @@ def _held(samples: Samples) -> BoolArray:
     step = np.diff(samples.time[here])
     inside = np.diff(samples.segment[here]) == 0
     usual = np.median(step[inside]) if inside.any() else 0.0
-    uneven = inside.any() and float(np.quantile(step[inside], 0.9)) > _EVEN * usual
-    result[here[:-1]] = inside & (uneven | (step < _EVEN * usual))
+    uneven = inside.any() and float(np.quantile(step[inside], 0.9)) > EVEN * usual
+    result[here[:-1]] = inside & (uneven | (step < EVEN * usual))
     return np.asarray(result & np.isfinite(samples.columns["voltage_V"]))

@@ -16,34 +16,29 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.arrays import FloatArray, IntArray
-
-_ORDER = 3
-_MEDIAN = 0.6745
-"""Median magnitude of a standard normal number."""
-
-_FAR = 6.0
-"""Standard deviations beyond which a difference is a spike."""
-
-_FREE = 0.2
-"""Least part of a difference's variance that the removed patterns must leave; it is 2 without them."""
-
-_LEAST = 100
-_GRID = 1e-3
-"""Steps of a converter are equal to this part of one."""
+from femfit.identify.series.constants import (
+    DIFFERENCE_ORDER,
+    LEAST_DIFFERENCES,
+    LEAST_FOLLOWING,
+    LEAST_VARIANCE,
+    NORMAL_MEDIAN,
+    SAME_STEP,
+    SPIKE,
+)
 
 
 def white_noise(misfit: FloatArray, segment: IntArray) -> float:
     """Standard deviation of white noise on a smooth misfit, from third differences; NaN for fewer than a hundred."""
-    if len(misfit) <= _ORDER:
+    if len(misfit) <= DIFFERENCE_ORDER:
         return float("nan")
-    differences = np.diff(misfit, _ORDER)[segment[_ORDER:] == segment[:-_ORDER]]
+    differences = np.diff(misfit, DIFFERENCE_ORDER)[segment[DIFFERENCE_ORDER:] == segment[:-DIFFERENCE_ORDER]]
     differences = differences[np.isfinite(differences)]
-    if len(differences) < _LEAST:
+    if len(differences) < LEAST_DIFFERENCES:
         return float("nan")
-    usual = float(np.median(np.abs(differences))) / _MEDIAN
+    usual = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
     if usual > 0.0:  # a coarse converter leaves most differences at zero
-        differences = np.clip(differences, -_FAR * usual, _FAR * usual)
-    return float(np.sqrt(np.mean(differences**2) / comb(2 * _ORDER, _ORDER)))
+        differences = np.clip(differences, -SPIKE * usual, SPIKE * usual)
+    return float(np.sqrt(np.mean(differences**2) / comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)))
 
 
 def converter_step(values: FloatArray) -> float:
@@ -54,7 +49,7 @@ def converter_step(values: FloatArray) -> float:
     steps = np.diff(levels)
     step = float(steps.min())
     multiple = steps / step
-    return step if np.all(np.abs(multiple - np.round(multiple)) < _GRID * np.maximum(multiple, 1.0)) else 0.0
+    return step if np.all(np.abs(multiple - np.round(multiple)) < SAME_STEP * np.maximum(multiple, 1.0)) else 0.0
 
 
 def carried(weights: sparse.csr_array, factor: FloatArray | float) -> sparse.csr_array:
@@ -72,17 +67,11 @@ class SensorNoise:
 
 
 def propagated(mean: sparse.csr_array, *sensors: tuple[sparse.csr_array, SensorNoise]) -> FloatArray:
-    """Standard deviation of sums of noisy samples of independent sensors.
+    """Standard deviation of sums of noisy samples of independent sensors, each with weights of shape (n, N).
 
-    White noise adds up in squares. The error of a converter whose input hardly moves over a window is the same in all
-    samples up to a few jumps; noise of the size of a step makes it white (dither), motion over several averages it.
-
-    Parameters
-    ----------
-    mean : sparse array, shape (n, N)
-        Weights of means over the windows.
-    *sensors : tuple of (sparse array of shape (n, N), SensorNoise)
-        Weights of a sensor's samples in each sum.
+    White noise adds up in squares. The error of a converter whose input hardly moves over a window, whose means have
+    the weights ``mean``, is the same in all samples up to a few jumps; noise of the size of a step makes it white
+    (dither), motion over several averages it.
     """
     total = np.zeros(mean.shape[0])
     for weights, sensor in sensors:
@@ -110,17 +99,13 @@ def _largest_partial_sum(weights: sparse.csr_array) -> FloatArray:
 def successive_scatter(misfit: FloatArray, follows: IntArray, removed: FloatArray) -> float:
     """Standard deviation from the median difference of successive windows; NaN for fewer than twelve.
 
-    Parameters
-    ----------
-    follows : array of int, shape (k,)
-        Windows that follow the one before them.
-    removed : array, shape (n, p)
-        Orthonormal basis of the patterns that were removed: white noise less its part along them differs from one
-        window to the next by a variance of 2 less the squared difference of the basis' rows.
+    The windows ``follows`` follow the one before them. White noise less its part along patterns that were removed, of
+    this orthonormal basis of shape (n, p), differs from one window to the next by a variance of 2 less the squared
+    difference of the basis' rows.
     """
-    if len(follows) < 12:
+    if len(follows) < LEAST_FOLLOWING:
         return float("nan")
     variance = 2.0 - np.sum((removed[follows] - removed[follows - 1]) ** 2, axis=1)
-    free = variance > _FREE
+    free = variance > LEAST_VARIANCE
     scaled = (misfit[follows] - misfit[follows - 1])[free] / np.sqrt(variance[free])
-    return float(np.median(np.abs(scaled)) / _MEDIAN) if len(scaled) >= 12 else float("nan")
+    return float(np.median(np.abs(scaled)) / NORMAL_MEDIAN) if len(scaled) >= LEAST_FOLLOWING else float("nan")

@@ -8,14 +8,15 @@ References
 F. R. Hampel, Journal of the American Statistical Association 69 (1974) 383: the median of magnitudes and its scatter.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.effects.conditions import Nominal
@@ -24,7 +25,14 @@ from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.bench import model_tolerance
 from femfit.identify.readings.observations import Observations
-from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE, model_balances, model_readings, remembered
+from femfit.identify.series.balances import (
+    FORCE_BALANCE,
+    VOLTAGE_BALANCE,
+    RememberedCoenergy,
+    model_balances,
+    model_readings,
+)
+from femfit.identify.series.constants import MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.series.measured import (
     MeasuredChannel,
     measure_balances,
@@ -39,12 +47,6 @@ from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.measurement import CHANNEL_WORDS, TimeSeries
-
-_RESTLESS = 1.25
-"""Successive windows that scatter this many times more than the sensors' noise makes have another noise."""
-
-_CHANCE = 3.5
-"""Three standard deviations of a median of magnitudes, times the root of their number (Hampel, 1974)."""
 
 _SHOWN_BY = {FORCE_BALANCE: "force_N", VOLTAGE_BALANCE: "flux_linkage_Wb"}
 """What a bench would have to read to show as much as a balance does."""
@@ -94,7 +96,6 @@ def _assembled(
     channels: list[tuple[View, MeasuredChannel]],
     nominal: Nominal,
 ) -> Observations:
-    base, own = model.without_effects, model.effects
     names = tuple(channel.name for _, channel in channels)
     pieces = [np.flatnonzero(channel.valid) for _, channel in channels]
     # Windows with few samples are noisier; scaled to one noise a channel, as the engine takes it
@@ -106,15 +107,14 @@ def _assembled(
     number = np.repeat(np.arange(len(names)), [len(piece) for piece in pieces])
     offset = [0 if view is views[0] else len(views[0].covariates) for view, _ in channels]
 
-    def stacked(values: Mapping[str, FloatArray]) -> FloatArray:
-        return np.concatenate([s * values[name][p] for name, p, s in zip(names, pieces, scale, strict=True)])
-
-    change = _change(base, views, stacked)
-    exact = stacked({c.name: c.predicted for _, c in channels})
-
-    def predict(effects: Iterable[AddedEffect]) -> FloatArray:
-        return exact + change((*own, *effects), 0.0)
-
+    predict = _SeriesPrediction(
+        model,
+        views,
+        {c.name: c.predicted for _, c in channels},
+        dict(zip(names, pieces, strict=True)),
+        dict(zip(names, scale, strict=True)),
+    )
+    change, own = predict.change, model.effects
     step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
     tolerance = _tolerance(model, covariates)
@@ -122,12 +122,12 @@ def _assembled(
         channels=names,
         channel=number,
         row=np.concatenate([piece + start for piece, start in zip(pieces, offset, strict=True)]),
-        value=stacked({c.name: c.measured for _, c in channels}),
+        value=predict.stacked({c.name: c.measured for _, c in channels}),
         covariates=covariates,
         given=(*series.given, *(_SHOWN_BY[name] for name in names if name in _SHOWN_BY)),
         predict=predict,
         distance_slope=(change(own, step) - change(own, -step)) / (2.0 * step),
-        distance_curvature=(change(own, step) - 2.0 * change(own, 0.0) + change(own, -step)) / step**2,
+        distance_curvature=(change(own, step) - 2.0 * change(own) + change(own, -step)) / step**2,
         nominal=nominal,
         declared_noise={name: s for name, s in zip(names, sigma, strict=True) if np.isfinite(s)},
         tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
@@ -138,21 +138,44 @@ def _assembled(
     )
 
 
-def _change(
-    base: ActuatorModel, views: tuple[View, View], stacked: Callable[[Mapping[str, FloatArray]], FloatArray]
-) -> Callable[[Sequence[AddedEffect], float], FloatArray]:
-    """What effects, and a shift of the recorded distance, change in the stacked channels."""
-    series = [remembered(base_coenergy(base), view.motion.distance_m, view.motion.current_A) for view in views]
+@dataclass(frozen=True, eq=False)
+class _SeriesPrediction:
+    """What a model predicts of a record's windows, as one vector: the exact balances, and what effects change."""
 
-    def at(effects: Sequence[AddedEffect], shift: float) -> FloatArray:
+    model: ActuatorModel
+    views: tuple[View, View]
+    exact: Mapping[str, FloatArray]  # Per channel, from every sample, without effects
+    # Windows that count, and the factor that gives them one noise, per channel
+    rows: Mapping[str, IntArray]
+    scale: Mapping[str, FloatArray]
+
+    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
+        return self.stacked(self.exact) + self.change((*self.model.effects, *effects))
+
+    def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
+        """Values of the windows as one vector, channel after channel."""
+        return np.concatenate([self.scale[name] * values[name][piece] for name, piece in self.rows.items()])
+
+    def change(self, effects: Sequence[AddedEffect], shift: float = 0.0) -> FloatArray:
+        """What effects, and a shift of the recorded distance, change."""
+        return self._at(effects, shift) - self._without if effects or shift else np.zeros_like(self._without)
+
+    def _at(self, effects: Sequence[AddedEffect], shift: float) -> FloatArray:
         values: dict[str, FloatArray] = {}
-        for view, coenergy, side in zip(views, series, (model_balances, model_readings), strict=True):
+        base = self.model.without_effects
+        for view, coenergy, side in zip(self.views, self._coenergies, (model_balances, model_readings), strict=True):
             motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
             values |= side(base, coenergy, motion, view.weights, effects)
-        return stacked(values)
+        return self.stacked(values)
 
-    without = at((), 0.0)
-    return lambda effects, shift: at(effects, shift) - without if effects or shift else np.zeros_like(without)
+    @cached_property
+    def _without(self) -> FloatArray:
+        return self._at((), 0.0)
+
+    @cached_property
+    def _coenergies(self) -> list[RememberedCoenergy]:
+        base = base_coenergy(self.model.without_effects)
+        return [RememberedCoenergy(base, view.motion.distance_m, view.motion.current_A) for view in self.views]
 
 
 def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, float]:
@@ -166,8 +189,7 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
             covariates["velocity_m_s"] / (box.distance_max_m - box.distance_min_m),
             covariates["current_rate_A_s"] / (box.current_max_A - box.current_min_A),
         )
-        # A misfit that turns its sign some five times over the domain
-        result[VOLTAGE_BALANCE] = 5.0 * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
+        result[VOLTAGE_BALANCE] = TURNS_OF_MISFIT * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
     return result
 
 
@@ -182,7 +204,7 @@ def _with_scatter(observations: Observations) -> Observations:
         scatter = residual[here] - basis @ (basis.T @ residual[here])
         follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
         seen, known = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
-        if np.isfinite(seen) and not seen <= max(_RESTLESS, 1.0 + _CHANCE / np.sqrt(len(follows))) * known:
+        if np.isfinite(seen) and not seen <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * known:
             noise[name] = seen
             more = f", {seen / known:.1f} times what the sensors' noise makes" if np.isfinite(known) else ""
             findings.append(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
@@ -47,7 +48,8 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
             Finding(
                 "outside-domain",
                 "info",
-                f"{outside} samples lie outside of the validity domain of the model; no stretch over them is used.",
+                f"{counted(outside, 'sample lies', 'samples lie')} outside of the validity domain of "
+                "the model; no stretch over them is used.",
             )
         )
     if model.circuit is not None:

@@ -20,26 +20,9 @@ from scipy import sparse
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.identify.series.balances import Motion
+from femfit.identify.series.constants import BEHIND, MIDDLE, NODES, PLAY, SLOPE_SPAN, SPAN
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Weights, Windows, window_weights
-
-_NODES = 12
-"""Intervals between the nodes of a window."""
-
-_SPAN = 1.0 / 6.0
-"""Part of a window on each side of a node whose samples its polynomial is fitted to."""
-
-_SLOPE_SPAN = 0.5
-"""The same where its slope is asked for, which noise disturbs more."""
-
-_BEHIND = 0.8
-"""The same behind a node alone."""
-
-_MIDDLE = 1.0 / 3.0
-"""Part of a window that a sensor is averaged over."""
-
-_PLAY = 0.05
-"""Assumed: part of the validity domain's currents; a current that turns by less has not changed its branch."""
 
 _TEMPERATURES = ("coil_temperature_C", "magnet_temperature_C")
 
@@ -72,7 +55,7 @@ def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
             ahead_s=span * windows.length_s,
             degree=3,
         )[order]
-        for order, span in enumerate((_SPAN, _SLOPE_SPAN))
+        for order, span in enumerate((SPAN, SLOPE_SPAN))
     ]
     own = Windows(windows.centre_s, np.arange(len(windows.centre_s)), windows.length_s)
     weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
@@ -85,7 +68,7 @@ def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
 def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     """The middle thirds of windows."""
     time, row = _nodes(windows)
-    behind, half = _BEHIND * windows.length_s, 0.5 * _MIDDLE * windows.length_s
+    behind, half = BEHIND * windows.length_s, 0.5 * MIDDLE * windows.length_s
     place = (time - windows.centre_s[row]) / half
     level, slope = local_polynomials(
         time,
@@ -103,7 +86,7 @@ def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     bump /= np.bincount(row, bump)[row]
     mean = sparse.csr_array((bump, (row, np.arange(len(time)))), shape=shape)
     none = sparse.csr_array(shape)
-    thirds = Windows(windows.centre_s, windows.segment, _MIDDLE * windows.length_s)
+    thirds = Windows(windows.centre_s, windows.segment, MIDDLE * windows.length_s)
     over_samples = window_weights(thirds, samples.time, samples.segment, samples.usable)
     rates = mean @ (slope @ _known(samples, "distance_m")), mean @ (slope @ _known(samples, "current_A"))
     covariates = _covariates(samples, windows, mean @ level, rates, nominal)
@@ -117,9 +100,9 @@ def _known(samples: Samples, name: str) -> FloatArray:
 
 def _nodes(windows: Windows) -> tuple[FloatArray, IntArray]:
     """Times of the nodes, and the window of each."""
-    part = np.linspace(-0.5, 0.5, _NODES + 1)
+    part = np.linspace(-0.5, 0.5, NODES + 1)
     time = (windows.centre_s[:, None] + windows.length_s * part).ravel()
-    return time, np.repeat(np.arange(len(windows.centre_s)), _NODES + 1)
+    return time, np.repeat(np.arange(len(windows.centre_s)), NODES + 1)
 
 
 def _covariates(
@@ -145,7 +128,7 @@ def _covariates(
             "mount": run,
             "distance_m": mean @ _known(samples, "distance_m"),
             "current_A": current,
-            "branch": _branch(current, new, _PLAY * (nominal.current_max_A - nominal.current_min_A)),
+            "branch": _branch(current, new, PLAY * (nominal.current_max_A - nominal.current_min_A)),
             **{name: _mean_where_known(samples, mean, name) for name in _TEMPERATURES},
             "order": order,
             "elapsed": before[run] + order,
@@ -195,7 +178,7 @@ def _motion(
     new = np.diff(windows.centre_s) > 1.5 * windows.length_s
     new |= (np.diff(windows.segment) != 0) | (np.diff(windows.centre_s) <= 0.0)
     first = np.zeros(len(time), dtype=bool)
-    first[:: _NODES + 1] = np.append(True, new)
+    first[:: NODES + 1] = np.append(True, new)
     within = covariates["time_s"].to_numpy()[row] + time - windows.centre_s[row]
     campaign = (covariates["elapsed"] - covariates["order"]).to_numpy()[row]
     cycle = covariates.groupby("run")["current_A"]
@@ -233,13 +216,8 @@ def local_polynomials(
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Weights of value and slope of a local polynomial at n nodes over N samples, two sparse arrays of shape (n, N).
 
-    Parameters
-    ----------
-    centre_s : array, shape (n,)
-        Where the samples stand that count for each node: the node itself, or before it.
-    behind_s, ahead_s : float
-        From so far behind the centre to so far ahead of it, by the weight (1 - s^2)^2; more, on the same sides, where
-        there are too few of them.
+    The samples that count for a node stand around its centre, which is the node itself or before it, from so far behind
+    to so far ahead, by the weight (1 - s^2)^2; more, on the same sides, where there are too few of them.
     """
     here = np.flatnonzero(known)
     # One clock for all segments, far enough apart that no node sees another segment

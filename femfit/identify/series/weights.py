@@ -23,16 +23,16 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.identify.series.constants import (
+    EXACT_DEGREE,
+    LEAST_SAMPLES,
+    LEAST_WINDOWS,
+    MOST_WINDOWS,
+    TIME_CONSTANTS,
+    USUAL_SAMPLES,
+    WIDEST_GAP,
+)
 from femfit.model.actuator_model import ActuatorModel
-
-LEAST_SAMPLES = 12
-"""In a window: twice what its weights are exact for."""
-
-_WIDEST_GAP = 1.0 / 6.0
-"""Part of a window that may lie between two of its samples."""
-
-_DEGREE = 5
-"""Polynomials up to this degree are integrated exactly, whatever the sampling."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +65,13 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, known:
     Trapezoidal, corrected so that the moments up to the fifth are those of the integrals: <x>, <x'> and <x''> of a
     quintic are then exact and consistent with each other.
     """
-    moments = _moments(_DEGREE + 1)
-    powers = np.arange(_DEGREE + 1)
+    moments = _moments(EXACT_DEGREE + 1)
+    powers = np.arange(EXACT_DEGREE + 1)
     wanted = np.stack(
         [
-            moments[: _DEGREE + 1],
-            powers * np.concatenate([[0.0], moments[:_DEGREE]]),
-            powers * (powers - 1) * np.concatenate([[0.0, 0.0], moments[: _DEGREE - 1]]),
+            moments[: EXACT_DEGREE + 1],
+            powers * np.concatenate([[0.0], moments[:EXACT_DEGREE]]),
+            powers * (powers - 1) * np.concatenate([[0.0, 0.0], moments[: EXACT_DEGREE - 1]]),
         ],
         axis=1,
     )
@@ -88,7 +88,7 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, known:
         quadrature = 0.5 * (np.append(spacing, 1.0 - s[-1]) + np.append(1.0 + s[0], spacing))
         bump = (1.0 - s**2) ** 2
         raw = np.stack([bump, 4.0 * s * (1.0 - s**2), 12.0 * s**2 - 4.0], axis=1) * quadrature[:, None] * (15.0 / 16.0)
-        basis = np.vander(s, _DEGREE + 1, increasing=True)
+        basis = np.vander(s, EXACT_DEGREE + 1, increasing=True)
         carried = (quadrature * bump)[:, None] * basis
         raw += carried @ np.linalg.solve(basis.T @ carried, wanted - basis.T @ raw)
         entries.append((here, raw * scale))
@@ -107,17 +107,9 @@ def held_weights(
     """Weights of a balance x' = u with u held from each sample to the next, exact for a piecewise constant phi.
 
     phi is replaced by its mean over each interval between known samples, so that sum of phi (x_next - x) is the
-    integral of phi x' to rounding, kinks of x at the samples included.
-
-    Parameters
-    ----------
-    held : array of bool, shape (N,)
-        Whether u is known from this known sample to the next one; where it is not, phi is zero.
-
-    Returns
-    -------
-    tuple of three sparse arrays, shape (n, N), and array of bool, shape (n,)
-        For u, for the mean of what is smooth (trapezoidal), and for x, with the validity of each window.
+    integral of phi x' to rounding, kinks of x at the samples included; phi is zero where u is not ``held`` from this
+    known sample to the next one. The weights, of shape (n, N), are for u, for the mean of what is smooth (trapezoidal),
+    and for x; then comes the validity of each window.
     """
     valid = np.zeros(len(windows.centre_s), dtype=bool)
     rows: list[IntArray] = []
@@ -166,7 +158,7 @@ def _covered(s: FloatArray) -> bool:
     """Whether samples stand densely enough from -1 to 1."""
     if len(s) < LEAST_SAMPLES:
         return False
-    return bool(np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * _WIDEST_GAP)
+    return bool(np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * WIDEST_GAP)
 
 
 def _moments(count: int) -> FloatArray:
@@ -178,12 +170,6 @@ def _moments(count: int) -> FloatArray:
 
 def _primitive(s: FloatArray) -> FloatArray:
     return np.asarray(s - 2.0 * s**3 / 3.0 + s**5 / 5.0)
-
-
-_TIME_CONSTANTS = 1.5
-_LEAST_WINDOWS, _MOST_WINDOWS = 120, 1200
-_SAMPLES = 3 * LEAST_SAMPLES
-"""In a window: enough for its middle third."""
 
 
 def lay_windows(
@@ -200,8 +186,8 @@ def lay_windows(
     total = float(np.sum(ends - starts))
     spacing = np.diff(time)[np.diff(segment) == 0]
     usual = float(np.median(spacing)) if len(spacing) else 0.0
-    wanted = min(_TIME_CONSTANTS / _pole(model, distance[usable], current[usable]), total / _LEAST_WINDOWS)
-    length = max(wanted, _SAMPLES * usual, total / _MOST_WINDOWS)
+    wanted = min(TIME_CONSTANTS / _pole(model, distance[usable], current[usable]), total / LEAST_WINDOWS)
+    length = max(wanted, USUAL_SAMPLES * usual, total / MOST_WINDOWS)
     counts = (
         np.floor((ends - starts) / length * (1.0 + 1e-9)).astype(int)
         if length > 0.0

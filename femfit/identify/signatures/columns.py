@@ -8,11 +8,8 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
+from femfit.identify.constants import COLUMN_STEP
 from femfit.identify.readings.observations import Observations
-
-_STEP = 1e-3
-"""Step of a difference over the width of a parameter's plausible range."""
-
 
 _NO_MAGNET = "the drawing has no magnet"
 _MAGNET_UNKNOWN = (
@@ -73,11 +70,8 @@ def _in_words(need: str) -> str:
 def effect_columns(effect: Effect, observations: Observations) -> list[EffectColumns]:
     """The columns of an effect, once for each combination of its shape constants.
 
-    Returns
-    -------
-    list of EffectColumns
-        Shape constants at their usual value, at the lower end and at three quarters of their usual range; combinations
-        without any effect on these readings are left out.
+    Shape constants have their usual value, the lower end and three quarters of their usual range; combinations without
+    any effect on these readings are left out.
     """
     constants = [p for p in effect.parameters if p.nonlinear]
     grid = [
@@ -110,7 +104,7 @@ def _trial_values(p: EffectParameter) -> tuple[float, ...]:
 
 def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:
     """Change of the readings per unit of one amplitude: a central difference, one-sided at a bound."""
-    step = _STEP * (p.plausible[1] - p.plausible[0])
+    step = COLUMN_STEP * (p.plausible[1] - p.plausible[0])
     up, down = min(p.null + step, p.upper), max(p.null - step, p.lower)
 
     def at(value: float) -> FloatArray:

@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 
+from femfit.core.amount import counted
 from femfit.tables.femm.model import FemLabel, FemLine, FemModel
 from femfit.tables.femm.notes import Notes
 from femfit.tables.femm.parse import DIGITS
@@ -69,7 +70,10 @@ def find_faces(model: FemModel, arc_degrees: float, notes: Notes) -> tuple[FemFa
         notes.problem(f"the drawing must lie at r >= 0; it goes down to {inner:g} mm. Draw one half only.")
     loose = len(getattr(cuts, "geoms", ())) + len(getattr(dangles, "geoms", ()))
     if loose:
-        notes.info("loose-lines", f"{loose} lines that enclose nothing are left out.")
+        notes.info(
+            "loose-lines",
+            f"{counted(loose, 'line that encloses nothing is', 'lines that enclose nothing are')} left out.",
+        )
     return _labelled(polygons, model.labels, notes)
 
 

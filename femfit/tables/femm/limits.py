@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.tables.femm.model import FemLabel, FemMaterial, FemModel
 from femfit.tables.femm.notes import Notes
 
@@ -78,7 +79,8 @@ def _material_limits(material: FemMaterial) -> Iterable[str]:
         flux, field = zip(*material.curve, strict=True)
         remanence = float(np.interp(abs(material.coercivity), field, flux))
         yield (
-            f"{name} is a permanent magnet with a B-H curve ({len(material.curve)} points); femfit's magnets have a "
+            f"{name} is a permanent magnet with a B-H curve "
+            f"({counted(len(material.curve), 'point')}); femfit's magnets have a "
             f"straight recoil line. Clear its curve, give Mu of the line (about 1.05 for NdFeB) and H_c = B_r / (mu_0 "
             f"Mu); its curve has B_r = {remanence:.4g} T."
         )

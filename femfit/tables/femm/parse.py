@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
+from femfit.core.amount import counted
 from femfit.core.errors import FemFileError
 from femfit.tables.femm.model import (
     FemBoundary,
@@ -152,7 +153,7 @@ class _Parser:
     def fields(self, row: Sequence[str], where: str, defaults: Sequence[str], needed: int) -> list[str]:
         """A row's values, with defaults for those that old files leave out."""
         if len(row) < needed:
-            self.text.problems.append(f"{where} has {len(row)} values; it needs {needed} at least.")
+            self.text.problems.append(f"{where} has {counted(len(row), 'value')}; it needs {needed} at least.")
             return list(defaults)
         return [*row[: len(defaults)], *defaults[len(row) :]]
 

@@ -9,6 +9,7 @@ from typing import Any
 import shapely
 from shapely import Point
 
+from femfit.core.amount import counted
 from femfit.core.errors import ActuatorFileError, FemFileError
 from femfit.core.finding import Finding
 from femfit.device.decimals import scaled
@@ -147,7 +148,7 @@ def _say_changes(model: FemModel, bodies: FemBodies, options: FemOptions, notes:
             notes.info(
                 "curve-end",
                 f"The B-H curve of {material.name!r} ends with a slope below mu_0; its last {dropped} of "
-                f"{len(material.curve)} points are left out, and the curve goes on with mu_0.",
+                f"{counted(len(material.curve), 'point is', 'points are')} left out, and the curve goes on with mu_0.",
             )
 
 

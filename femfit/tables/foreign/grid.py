@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding, listing
 from femfit.tables.foreign.options import QUANTITIES, REQUIRED
@@ -25,7 +26,10 @@ def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[
     good = points[finite].reset_index(drop=True)
     findings = []
     if len(bad):
-        text = f"{len(bad)} of {len(points)} rows have no number for current, distance or force: {rows_of(bad)}."
+        text = (
+            f"{len(bad)} of {counted(len(points), 'row')} {'has' if len(bad) == 1 else 'have'} no number "
+            f"for current, distance or force: {rows_of(bad)}."
+        )
         remedy = "Correct these rows, or give --accept cells to keep them as points without a result."
         findings.append(Finding("cells", "error", text, remedy, float(len(bad))))
     return good, bad, findings
@@ -38,7 +42,7 @@ def drop_incomplete(points: pd.DataFrame, quantities: list[str]) -> tuple[pd.Dat
         gaps = points[~np.isfinite(points[quantity].to_numpy(dtype=float))]
         if len(gaps):
             points = points.drop(columns=quantity)
-            text = f"The column of {quantity.replace('_', ' ')} has {len(gaps)} cells without a number "
+            text = f"The column of {quantity.replace('_', ' ')} has {counted(len(gaps), 'cell')} without a number "
             text += f"({rows_of(gaps)}) and is left out."
             remedy = "Complete it and import again if you need it."
             findings.append(Finding("gaps", "warning", text, remedy, float(len(gaps))))
@@ -152,7 +156,8 @@ def _merge_duplicates(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]
             Finding(
                 "contradictions",
                 "error",
-                f"{count} points stand in the table more than once with different results (by up to "
+                f"{counted(count, 'point stands', 'points stand')} in the table more than once with "
+                "different results (by up to "
                 f"{100 * worst:.3g} % of the column's largest): {rows_of(contradictory)}.",
                 "Keep one row of each, or give --accept contradictions to take their mean; a further axis of the sweep "
                 "(temperature, mesh) must be imported one value at a time.",
@@ -170,22 +175,25 @@ def _holes(points: pd.DataFrame, currents: FloatArray, distances: FloatArray) ->
     if not missing:
         return []
     if missing > count / 2:
-        text = f"The {len(points)} points are scattered: {len(currents)} currents and {len(distances)} distances."
+        text = (
+            f"The {len(points)} points are scattered: {counted(len(currents), 'current')} and "
+            f"{counted(len(distances), 'distance')}."
+        )
         remedy = "Checks that need a grid look at its complete part only."
         return [Finding("scattered", "warning", text, remedy, float(missing))]
     present = set(zip(points["current"], points["distance"], strict=True))
     holes = [f"({i:g} A, {d * 1e3:g} mm)" for i in currents for d in distances if (i, d) not in present]
-    text = f"{missing} of {count} points of the grid are missing: {listing(holes)}."
+    text = (
+        f"{missing} of {counted(count, 'point')} of the grid {'is' if missing == 1 else 'are'} missing: "
+        f"{listing(holes)}."
+    )
     return [Finding("holes", "warning", text, "Solve them and import again; the fit does without them.", missing)]
 
 
 def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
     """Find the largest complete part of the grid, leaving out the worst current or distance in turn.
 
-    Returns
-    -------
-    fields : list of array, shape (n, m)
-        One a quantity, finite everywhere.
+    Its distances, its currents, and the values of each quantity, finite everywhere, of shape (n, m).
     """
     indexed = points.set_index(["distance", "current"])
     tables = [indexed[name].unstack() for name in quantities]  # noqa: PD010  # pivot_table would average

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
@@ -26,29 +27,22 @@ _REMEDIES = {
 def long_points(
     raw: RawTable, constants: dict[str, float], options: ImportOptions
 ) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
-    """Read one row a point with SI columns.
+    """Read one row a point with SI columns, the distance before start and step.
 
-    Parameters
-    ----------
-    constants : dict of str to float
-        ``current`` (A) or ``distance`` (m) of the whole file, used where no column holds it.
-
-    Returns
-    -------
-    points : DataFrame
-        Quantities in SI (distance before start and step), ``source``, ``line``; further force columns as
-        ``other:<header>``.
+    The constants are the whole file's current (A) or distance (m), used where no column holds it. Further force columns
+    are ``other:<header>``; ``source`` and ``line`` say where a row stands.
     """
     headers = options.column_names or raw.headers
     if not headers:
         raise TableError(
-            f"{raw.source} has no header line over its {raw.numbers.shape[1]} columns; name them with "
+            f"{raw.source} has no header line over its {counted(raw.numbers.shape[1], 'column')}; name them with "
             "--columns current,distance,force (a dash for one that is not needed). For force(distance, current) give "
             "the currents of its columns: --columns 'd [mm],0 A,0.5 A,1 A'."
         )
     if len(headers) != raw.numbers.shape[1]:
         raise TableError(
-            f"{raw.source} has {raw.numbers.shape[1]} columns but {len(headers)} names ({listing(headers, 12)}); give "
+            f"{raw.source} has {counted(raw.numbers.shape[1], 'column')} but "
+            f"{counted(len(headers), 'name')} ({listing(headers, 12)}); give "
             "one name a column with --columns."
         )
     quantities = {column: quantity for quantity, column in QUANTITIES.items()}

@@ -31,10 +31,7 @@ _EVEN = 0.02
 def axis_labels(cells: tuple[str, ...], decimal: str) -> tuple[FloatArray, str | None] | None:
     """Read the numbers of column headers such as ``0.2``, ``0,2 A``, ``I=0.2``, ``F @ 0.2 A``, and their unit.
 
-    Returns
-    -------
-    (array, str or None) or None
-        None unless every cell is such a label and they go strictly up or down.
+    None unless every cell is such a label and they go strictly up or down.
     """
     values, units = [], set()
     for cell in cells:
@@ -73,13 +70,7 @@ def is_matrix(raw: RawTable, options: ImportOptions) -> bool:
 
 
 def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding]]:
-    """Read one row a point from a matrix.
-
-    Returns
-    -------
-    points : DataFrame
-        ``current``, ``distance``, ``force`` in SI (distance before start and step), ``source``, ``line``.
-    """
+    """Read one row a point from a matrix, as :func:`~femfit.tables.foreign.long_form.long_points` does from a list."""
     across, label_unit, corner, body, lines, named = _parts(raw, options)
     down = body[:, 0]
     if not _monotone(down) or not _monotone(across):

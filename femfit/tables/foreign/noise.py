@@ -44,7 +44,7 @@ _LARGEST_ORDER, _FEWEST_CONTRASTS = 5, 4
 _FLAT = 1.8  # ratio of the last three spreads; most noisy curves of 9 points stay below, coarse smooth ones exceed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Roughness:
     """Noise of one curve."""
 

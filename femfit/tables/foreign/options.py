@@ -32,7 +32,7 @@ class ImportOptions:
 
     # Header to the column of the sweep table that it is; header or column to its unit, or to a factor to SI
     columns: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str | float] = field(default_factory=dict)
     # Names of the columns of a table without a header line, in order; of a matrix, its first row
     column_names: tuple[str, ...] = ()
     # One row a point, or force(distance, current) with axes; and what the first column of such a matrix holds

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from femfit import __version__
+from femfit.core.amount import counted
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
@@ -36,7 +37,7 @@ _FINAL = frozenset(("distance",))  # no model is defined at a distance of zero o
 _NOT_A_NUMBER = "no number in the imported table"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ImportedTable(SweepTable):
     """A sweep table that was imported, and what was concluded about it.
 
@@ -65,7 +66,7 @@ class ImportedTable(SweepTable):
         lines = [super().__str__()]
         lines += [f"{name}: read as {dialect}" for name, dialect in list(self.dialects.items())[:3]]
         if len(self.dialects) > 3:
-            lines.append(f"... and {len(self.dialects) - 3} more files")
+            lines.append(f"... and {counted(len(self.dialects) - 3, 'more file')}")
         for use in self.mapping:
             unit = f"{quoted(use.unit)}{' (assumed)' if use.assumed else ''}"
             lines.append(f"  {use.name} from {quoted(use.header)}, in {unit}, times {use.factor:g}")
@@ -190,7 +191,7 @@ def _constants(file: Path, index: int, count: int, options: ImportOptions) -> di
     for quantity, values in given.items():
         if values and len(values) != count:
             raise TableError(
-                f"{len(values)} values of --file-{quantity} were given for {count} files; give one a file."
+                f"--file-{quantity} has {counted(len(values), 'value')} for {counted(count, 'file')}; give one a file."
             )
         value = values[index] if values else _value_in_name(file, quantity)
         if value is not None:

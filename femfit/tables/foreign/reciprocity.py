@@ -78,11 +78,8 @@ class _Loops:
 def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
     """Compare the force's work with the flux linkage's, and name what a disagreement means.
 
-    Returns
-    -------
-    list of Finding
-        ``reciprocity``: info if it holds or cannot be judged, warning up to 10 %, error beyond; none without a column
-        of flux linkages.
+    It is said where reciprocity holds or cannot be judged, a warning up to 10 %, an error beyond; nothing is said
+    without a column of flux linkages.
     """
     if "flux_linkage" not in points:
         return []
@@ -206,14 +203,9 @@ def _causes_of(factor: float, tolerance: float) -> list[str]:
 
 
 def _compare_loops(distances: FloatArray, currents: FloatArray, force: FloatArray, flux_linkage: FloatArray) -> _Loops:
-    """Compare both sides over rectangles of a grid; the factor is NaN where no rectangle holds any work.
+    """Compare both sides over rectangles of a grid of n ascending distances (m) and m currents (A).
 
-    Parameters
-    ----------
-    distances, currents : array, shape (n,) and (m,)
-        m and A, ascending.
-    force, flux_linkage : array, shape (n, m)
-        N and Wb.
+    Force (N) and flux linkage (Wb) have the shape (n, m). The factor is NaN where no rectangle holds any work.
     """
     # From the first level on; the work of any rectangle is a double difference of these.
     force_side = CubicSpline(distances, force, axis=0).antiderivative()(distances)

@@ -1,0 +1,72 @@
+"""The page of the constants of decisions, made from the files that hold them."""
+
+import ast
+from pathlib import Path
+from typing import NamedTuple
+
+PACKAGE = Path(__file__).parents[2] / "femfit"
+FILES = {
+    "What is missing": PACKAGE / "identify" / "constants.py",
+    "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
+    "What to measure next": PACKAGE / "identify" / "experiments" / "constants.py",
+    "A table to a model": PACKAGE / "fit" / "constants.py",
+}
+
+
+class Constant(NamedTuple):
+    """An assignment at the top of a file, and the text below it."""
+
+    names: str
+    value: str
+    text: str
+
+
+def constants_of(path: Path) -> list[Constant]:
+    """The numbers that a file assigns at its top, tuples and products of numbers too."""
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    found = []
+    for statement, following in zip(body, [*body[1:], None], strict=True):
+        if isinstance(statement, ast.Assign | ast.AnnAssign) and statement.value and _is_number(statement.value):
+            target = statement.targets[0] if isinstance(statement, ast.Assign) else statement.target
+            text = following.value.value if _is_text(following) else ""
+            found.append(Constant(_plain(target), _plain(statement.value), " ".join(text.split())))
+    return found
+
+
+def _plain(expression: ast.expr) -> str:
+    """Source of an expression, a tuple without its brackets."""
+    parts = expression.elts if isinstance(expression, ast.Tuple) else [expression]
+    return ", ".join(ast.unparse(part) for part in parts)
+
+
+def _is_number(value: ast.expr) -> bool:
+    """Whether a value is made of numbers, or computed from some."""
+    parts = [node for node in ast.walk(value) if isinstance(node, ast.Constant)]
+    is_list = isinstance(value, ast.Dict | ast.Set | ast.JoinedStr)
+    return bool(parts) and not is_list and all(type(part.value) in {int, float} for part in parts)
+
+
+def _is_text(statement: ast.stmt | None) -> bool:
+    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+
+
+def page() -> str:
+    """The whole page."""
+    sections = []
+    for title, path in FILES.items():
+        rows = [f"| `{one.names}` | {one.value} | {one.text} |" for one in constants_of(path)]
+        sections.append(
+            "\n".join([f"## {title}", "", "| constant | value | kind and source |", "|---|---|---|", *rows])
+        )
+    return _HEAD + "\n\n".join(sections) + "\n"
+
+
+_HEAD = """\
+# Constants of decisions
+
+These are the numbers by which `femfit fit`, `compare`, `diagnose`, `add` and `suggest` decide. A *derived* number
+follows from something else. A *conventional* one is a usual level. A *calibrated* one was set by trials with known
+truth, seeds 1 to 6 of the [study](../trial.md), whose table is of a seed that set nothing. An *assumed* one is an
+engineer's judgement with no calibration behind it. A *numerical* one bounds rounding or time.
+
+"""

@@ -1,0 +1,49 @@
+"""What an audit concludes, as it is printed and as JSON."""
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from femfit.core.printed import Printed
+
+Severity = Literal["holds", "stated", "note", "wrong"]
+_SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")
+
+
+@dataclass(frozen=True)
+class AuditFinding:
+    """One conclusion of an audit."""
+
+    code: str
+    # ``holds``: recomputed and right; ``stated``: the file says it and nothing was at hand to recompute it from;
+    # ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic
+    severity: Severity
+    about: str
+    sentence: str
+    # The number as given and as it follows, in the unit that the sentence names
+    stated: float | None = None
+    recomputed: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Audit(Printed):
+    """All conclusions of an audit."""
+
+    findings: tuple[AuditFinding, ...]
+
+    def count(self, severity: Severity) -> int:
+        """How many findings have a severity."""
+        return sum(one.severity == severity for one in self.findings)
+
+    def __str__(self) -> str:
+        """The lines that ``femfit audit`` prints: the count, then what is wrong first."""
+        total = (
+            f"{self.count('wrong')} wrong, {self.count('note')} to look at, {self.count('holds')} recomputed and right"
+        )
+        if self.count("stated"):
+            total += f", {self.count('stated')} only as the file states"
+        ordered = [one for severity in _SEVERITIES for one in self.findings if one.severity == severity]
+        return "\n".join([total, *(f"{one.severity}: {one.about}: {one.sentence}" for one in ordered)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return {"findings": [asdict(one) for one in self.findings]}

@@ -1,0 +1,126 @@
+"""The constants by which a table becomes a model, each with its kind and source.
+
+*Derived* follows from something else. *Conventional* is a usual level. *Assumed* is an engineer's judgement with no
+calibration behind it. *Numerical* bounds rounding or time. The solver's own tolerances stand beside the solver.
+"""
+
+# What a table must have
+
+FEWEST_ROWS, FEWEST_DISTANCES = 12, 4
+"""Assumed: fewer rows, or distances, leave too little to check a fit by."""
+
+FEWEST_CURRENTS = 3
+"""Derived: a parabola in the current; of three currents one can be left out and a line be distinguished from it."""
+
+FAR_ABOVE_WEIGHT = 10.0
+"""Assumed: rms force over the weight from which the weight says nothing of how good a model must be."""
+
+SMALL_FORCE = 0.01
+"""Assumed: forces below this part of the largest one at the same distance are passages through zero, whose relative
+error would say nothing."""
+
+TRAPEZOID = 0.1
+"""Assumed: part of the flux linkage's change over the currents that the integral of the inductance may miss: what the
+trapezoidal rule loses at a bend between a few currents."""
+
+STRAIGHT = 1e-3
+"""Numerical: an inductance that changes with the current by less than this part adds nothing to the flux linkage."""
+
+# How good a model is
+
+COARSE = 0.01
+"""Conventional: misfit of the force, of its rms or of each point's own, that a co-energy's user is warned of."""
+
+POOR_CIRCUIT = 0.1
+"""Conventional: misfit of flux linkage or inductance, over the rms of the table's, or over the inductance's change with
+the distance, that the user is warned of."""
+
+TARGET = 5e-3
+"""Conventional: held-out rms error of a law, as a part of the weight (or of the rms force), that is good enough."""
+
+MAY_MISS = 1.1
+"""Conventional: what a model misses the table by as it is written, over what its fit does: a tenth is allowed."""
+
+STORED = 1e-9
+"""Numerical: what storing numbers in decimals may change, as a part of a quantity's rms."""
+
+# The basis of a co-energy and of a Hall characteristic
+
+U_DEGREE = 4
+"""Assumed: degree of the splines in u = d_0 / (d + s): the force, a derivative, has continuous curvature."""
+
+HELD_OUT_TARGET, HALL_TARGET = 5e-5, 2e-5
+"""Assumed: the smallest basis whose held-out error is below this part is taken, which is below a good sweep's own; the
+same of the Hall field's range: far from the magnet, where the field is a twentieth of its range, a thousandth of it is
+still tens of micrometres."""
+
+NEARLY_BEST, NEARLY_BEST_BENT = 1.1, 1.02
+"""Assumed: where none reaches the target (noisy rows), the smallest within this factor of the least held-out error; the
+second where the inductance bends, since what misses the target there is the bend, seldom noise."""
+
+ROUNDS = 3
+"""Numerical: how often distance and current are searched in turn."""
+
+SHIFTS = (0.0, 0.1, 0.3, 1.0, 3.0)
+"""Assumed: shifts s of u = d_0 / (d + s) that are tried, as parts of the range of distances: none suits a magnet far
+from its electromagnet, large ones a plunger or a pole with a long gap of its own, where d_0 / d would crowd the
+distances."""
+
+CELLS_IN_CURRENT, BENT_CELLS = (1, 2, 3, 4, 6), (3, 4, 6, 8, 12, 16)
+"""Assumed: cells in the current that are tried; and where the inductance shows a bend, with knots denser at it."""
+
+MOST_CELLS = 16
+"""Numerical: in each direction where the inductance bends: as many functions as a QP with shapes solves in seconds."""
+
+DISTANCES_PER_FUNCTION = 1.2
+"""Assumed, beside a bend: with a function of u for each distance, the force between a pot magnet's currents was off by
+half."""
+
+LEAST_DENSITY = 0.2
+"""Assumed: density of knots in the current where the flux linkage is straight, as a part of their largest density."""
+
+SHAPE_POINTS = 24
+"""Numerical: shape constraints are imposed at so many points of an axis, or six a cell where that is more; between them
+a quartic can dip by a fraction of a per cent."""
+
+ALLOWED_VIOLATION = 1e-5
+"""Numerical: a shape counts as obeyed where it fails by less than this part of its largest value (inductance, slope or
+k_m)."""
+
+# How rows are weighted and left out
+
+RELATIVE_SIGMA = 1e-4
+"""Assumed: rows are weighted for this error relative to the force's scale, or to the change of flux linkage and of
+inductance over the distance."""
+
+INDUCTANCE_SIGMA = 3.0
+"""Assumed: relative sigma of the inductance, over that of the other columns: it is a difference of flux linkages at
+neighbouring currents, which it must not outweigh."""
+
+FREE_SLOPE = 10.0
+"""Assumed: sigma of the inductance's slope, as a part of largest inductance over range of currents: above any winding's
+slope, it holds only what no row determines."""
+
+SMOOTHED_DEGREE = 3
+"""Derived: with cubics in the current the inductance is a broken line, and one slope a cell is all there is to hold."""
+
+DISTANCE_FOLDS, SCATTERED_FOLDS = 4, 5
+"""Derived: with row j + 2 current k modulo 5, no two rows of a fold are neighbours, nor next but one along an axis;
+every fourth distance keeps its neighbours."""
+
+JUDGED = 2
+"""Derived: force and flux linkage are asked for on held-out rows; the inductance, their slope, only helps to find
+them."""
+
+# Laws
+
+STEPS = (0.0, -0.1, 0.1)
+"""Assumed: starts beside the law's first guess, as parts of the logarithm of the range between its bounds."""
+
+NEGLIGIBLE = 5e-4
+"""Assumed: part of the weight (or of the rms force) below which a coefficient function's held-out error does not
+matter."""
+
+JACKKNIFE_BLOCKS, DISTANCE_BLOCKS = 12, 8
+"""Conventional: blocks of distances that are left out in turn, for a coefficient's interval and for a law's held-out
+error."""

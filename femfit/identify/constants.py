@@ -1,0 +1,190 @@
+"""The constants of the decision what is missing, each with its kind and source; no other file of the decision has one.
+
+*Derived* follows from something else. *Conventional* is a usual level. *Calibrated* was set by trials with known truth:
+seeds 1 to 6 of the hidden-effect study, 21 November 2026; the curve of seed 7, which set nothing, is in docs/trial.md.
+*Assumed* is an engineer's judgement with no calibration behind it. *Numerical* bounds rounding or time.
+"""
+
+# The test of the model, and of what is named
+
+LEVEL = 0.01
+"""Conventional: probability that something is said to be missing where nothing is. Two tests share it (Bonferroni)."""
+
+LEVEL_AFTER = 0.005
+"""Conventional: p-value below which a refit has left structure."""
+
+STRUCTURE_LEFT = 0.01
+"""Conventional: p-value below which a refit has left structure that more amplitudes of its effects are tried on."""
+
+OWN_MISFIT = 4.0
+"""Assumed: a structured misfit up to twice (four times in square) that to the table that the model was fitted to is the
+model's own."""
+
+POWER = 0.9
+"""Conventional: what data "could have shown" they show nine times in ten."""
+
+CLEAN_CAMPAIGNS = 40
+"""Conventional: clean campaigns of a bootstrap; none of 40 named something means at most 8.8 % at 95 %."""
+
+BEYOND_NOISE = 3.0
+"""Conventional: standard errors of an rms from which it is said to be more than noise makes it."""
+
+# Smooth patterns, the alternatives of the lack-of-fit test
+
+DEGREE, BRANCH_DEGREE = 5, 3
+"""Assumed: degrees in log distance and current of a misfit of unknown cause, and of its change with the branch."""
+
+COARSE = (2, 3)
+"""Assumed: degrees up to which patterns are tested apart from the finer ones, which would drown a broad misfit."""
+
+LEAST_READINGS = 6
+"""Assumed: a channel of fewer readings is not tested; a third of its readings is as many patterns as it may have."""
+
+LEAST_SPREAD_C = 0.5
+"""Assumed: temperatures that vary less (standard deviation) are one temperature."""
+
+SPANNED = 1e-4
+"""Numerical: squared sine below which a pattern lies in the fitted columns."""
+
+# Which effect is named
+
+ENOUGH, ENOUGH_OF_TWO = 0.97, 0.98
+"""Calibrated: share of the structured excess that one name, or two, must explain where structure is left."""
+
+LEAST_SHARE = 0.35
+"""Calibrated: share that a name must explain at all, however well the test passes after it."""
+
+MOST, AHEAD = 0.7, 0.3
+"""Calibrated: share that one name must explain where no further effect adds anything, and by how much more than any
+other name."""
+
+MUCH, FAR_AHEAD = 0.6, 0.5
+"""Calibrated: the same where further effects add something."""
+
+LEAST_SECOND_SHARE = 0.01
+"""Assumed: share that each of two effects must explain beyond the other; the larger's form may be off by as much."""
+
+ELSEWHERE_SHARE = 0.5
+"""Calibrated: share of the misfit in channels that the other effect leaves alone that will do instead."""
+
+REMAINDER_SHARE = 0.9
+"""Calibrated: share of what one effect leaves that a second one must explain to be named where structure is left."""
+
+OPPOSED = -0.75
+"""Calibrated: cosine between the contributions of two effects below which the one only mends the other's form."""
+
+TIE = 9.0
+"""Conventional: two effects are one class where the weighted sums of squares differ by less (three deviations), in
+units of the noise and of what the better one leaves unexplained."""
+
+SEEN = 0.05
+"""Assumed: part of an effect's length beside fitted ones below which nothing can be said of it."""
+
+NONLINEAR_PRICE = 0.5
+"""Assumed: price of a nonlinear parameter over that of an amplitude, which is ln M (derived; Schwarz, 1978)."""
+
+PAIR_PRICE = 2.0
+"""Conventional: price of an amplitude in the search for pairs (Akaike, 1974), lower than in the choice, so that the
+search leaves nothing out."""
+
+REFITTED, PAIRED, CONTINUED = 8, 8, 3
+"""Numerical, for the time that it takes: how many single effects are refitted, how many are tried in pairs with every
+other to first order, and how many refitted ones are continued by how many others."""
+
+ROUNDING = 1e-3
+"""Numerical: weighted sums of squares closer than this are equal; a refit stops within it."""
+
+# A refit, and an effect that is added
+
+COLUMN_STEP = 1e-3
+"""Numerical: step of a difference over the width of a parameter's plausible range."""
+
+NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
+"""Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of
+squares, whose standard deviation is 1 and more, rises by no more than this."""
+
+MOST_EVALUATIONS = 60
+"""Numerical: steps after which a search is ended; nearly all of them need fewer than twenty."""
+
+HELPS = 9.0
+"""Conventional: fall of the weighted error on runs left out from which tolerances are used (three deviations)."""
+
+HARMS = 1.05
+"""Assumed: rise of a channel's error on runs left out from which they are not, whatever the other channels gain."""
+
+SETTLED = 2.0
+"""Assumed: time constants that the longest run must last for it to show where an effect settles (to 14 %)."""
+
+LEAST_CHANGE = 1e-6
+"""Numerical: a change below this part of the channel's largest value is rounding."""
+
+# The noise
+
+PRIOR_MOUNT_M, PRIOR_MOUNT_DOF = 20e-6, 6.0
+"""Assumed: a body put back by hand against a stop comes back to about this (standard deviation); that judgement counts
+like so many mounts."""
+
+PRIOR_RUN, PRIOR_RUN_DOF = 0.1, 4.0
+"""Assumed: a run's offset over the standard deviation of one reading; that judgement counts like so many runs."""
+
+LEAST_REPEATS = 12
+"""Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %)."""
+
+LEAST_REPEATS_AGAINST_DECLARED = 4 * LEAST_REPEATS
+"""Conventional: the same where the noise is declared, so that repeats (to 10 %) replace what is declared."""
+
+LARGEST_CORRELATION = 0.95
+"""Assumed: readings that follow each other more closely are not noise."""
+
+CORRELATION_PRICE = 0.5
+"""Assumed: a quarter of Akaike's price of 2 for a parameter, so that one that repeats show is rarely dropped."""
+
+TEST_LEVEL = 2.5e-4
+"""Derived: one tail of the decision's level, 0.01, over some twenty effects; there a test's normal quantile is replaced
+by Student's, for scatter that is known from few mounts or runs."""
+
+UNKNOWN_CHANNEL = 1e6
+"""Assumed: a channel of unknown noise gets this many times the largest known one, so that it has no weight."""
+
+SAME_SETTING = 1.0 / 400.0
+"""Assumed: settings closer than this part of their range were meant to be the same."""
+
+SAME_READING = 1e-12
+"""Derived: some thousand roundings of a float, over the largest reading."""
+
+# Readings that are set aside or suspected
+
+CLEARLY, WELL = 0.2, 0.3
+"""Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
+
+DOMAIN_SLACK = 0.02
+"""Assumed: by how much of its width a validity domain may be left; a stage's zero error at the border of the sweep."""
+
+IN_ORDER = 0.75
+"""Assumed: part of the current's steps that must agree with the branches where rows stand in the order of measuring."""
+
+# Where the model fails, and the shape of a law
+
+COVARIATE_SHARE = 0.05
+"""Assumed: part of a channel's structure that a covariate must add to be reported."""
+
+THRESHOLDS = 15
+"""Numerical: thresholds that are tried along a covariate."""
+
+LEAST_SCORE, SECOND_WORTH = 0.2, 0.06
+"""Assumed: share of the squared misfit beyond the share of readings below which no part of the range is named,
+and what a second threshold must add to it."""
+
+LEFT_BY_SHARE, SAME_SHARE = 0.05, 0.25
+"""Assumed: a misfit is one share of the prediction where that leaves this part of its square; and it is everywhere
+where its size in the smaller half of the readings differs from that in all by less than this part."""
+
+NOTHING, NEXT_TO_NOTHING = 1e-9, 1e-3
+"""Numerical: a misfit over the prediction that is rounding; and part of the largest prediction below which its sign is
+the fit's own error, as for a magnet that is none."""
+
+OTHER_SIGN = 0.25
+"""Assumed: share of the squared misfit from which its other sign is described too."""
+
+WRONG_SHAPE = 1.0
+"""Conventional: a law that misses its table by more standard deviations of a reading (rms) has the wrong shape."""

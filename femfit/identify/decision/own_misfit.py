@@ -1,0 +1,50 @@
+"""A model's own misfit to the table that it was fitted to: what a verdict grants it, and what would make it smaller."""
+
+import math
+
+import numpy as np
+
+from femfit.core.amount import amount, rounded
+from femfit.fit.misfit import to_be_added
+from femfit.identify.constants import OWN_MISFIT
+from femfit.identify.readings.observations import Observations
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.magnetics import LawMagnetics
+from femfit.tables.measurement import CHANNEL_WORDS
+
+_VERDICT = (
+    "Nothing is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. Noise "
+    "taken off, that is {times} times its own misfit. Up to {most} times is taken for its own; this factor is "
+    "assumed, and an error of up to {hidden} could hide behind it."
+)
+_FINER = "Next: to see smaller errors, make the model's own misfit smaller. "
+
+
+def own_misfit_sentence(observations: Observations, times_own: float) -> str:
+    """The verdict where a model misses the readings no more than its own table by an assumed factor.
+
+    Parameters
+    ----------
+    times_own : float
+        Of :class:`~femfit.identify.decision.model_test.ModelTest`.
+    """
+    factor, both, hidden = math.sqrt(OWN_MISFIT), [], []
+    for name in observations.channels:
+        here, words = observations.of(name), CHANNEL_WORDS[name]
+        read, own = (float(np.sqrt(np.mean(x[here] ** 2))) for x in (observations.residual, observations.tolerance))
+        if own > 0.0:
+            both.append(
+                f"the {words} by {amount(read, name)} rms in these readings and {amount(own, name)} in that table"
+            )
+            hidden.append(f"{amount(factor * own, name)} rms of the {words}")
+    return _VERDICT.format(
+        both=", ".join(both), times=rounded(times_own, 2), most=f"{factor:g}", hidden=" or ".join(hidden)
+    )
+
+
+def finer_model(model: ActuatorModel) -> str:
+    """What to do about a model's own misfit: settings to add to the sweep, or the co-energy in place of a law."""
+    if isinstance(model.without_effects.magnetics, LawMagnetics):
+        return f"{_FINER}Fit the co-energy to the same table (femfit fit without --model) and diagnose with it."
+    finer = (model.provenance.get("fit") or {}).get("finer_sweep")
+    return _FINER + (to_be_added(finer) if finer else "Sweep at more distances and currents, and fit again.")

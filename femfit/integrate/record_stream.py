@@ -1,0 +1,169 @@
+"""A coil record streamed through an integrator: its rows kept or written, and what is wrong with it found."""
+
+import itertools
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding
+from femfit.integrate.constants import LARGEST_VOLTAGE_V
+from femfit.integrate.identified_field import CurrentField
+from femfit.integrate.methods import FEED_FORWARD, IntegrationOptions, integrate_blocks, make_integrator
+from femfit.integrate.offset_filter import OffsetFilter
+from femfit.integrate.record_watch import RecordWatch, Reference
+from femfit.integrate.smoother import smooth as smoothed
+from femfit.integrate.uncertainty import FieldBlock, Systematics
+from femfit.tables.coil_block import CoilBlock, joined_record
+from femfit.tables.coil_record import COLUMNS, CoilRecord
+from femfit.tables.record_writer import RecordWriter
+
+
+@dataclass(frozen=True, eq=False)
+class Streamed:
+    """What is left when a record has streamed past: its last block, and the rows where they were not written."""
+
+    last: FieldBlock
+    samples: int
+    sample_time: float
+    corrected: bool  # Whether an offset voltage was taken off
+    findings: tuple[Finding, ...]
+    rows: pd.DataFrame | None
+
+    def result(self, systematics: Systematics) -> dict[str, Any]:
+        """The fields of a :class:`~femfit.integrate.coil_integral.CoilIntegral` that the stream decides."""
+        end = self.last
+        parts = {name: float(values[-1]) for name, values in end.responses.parts(systematics).items()}
+        return {
+            "samples": self.samples,
+            "sample_time_s": self.sample_time,
+            "end_s": float(end.time[-1]),
+            "value": float(end.field[-1]),
+            "standard_uncertainty": float(end.sigma(systematics)[-1]),
+            "parts": {"noise": float(np.sqrt(end.variance[-1])), **parts},
+            "offset_V": float(end.offset[-1]),
+            "findings": self.findings,
+            "rows": self.rows,
+        }
+
+
+def stream_record(
+    source: CoilRecord | pd.DataFrame,
+    columns: tuple[str, ...],
+    options: IntegrationOptions,
+    known: CurrentField,
+    systematics: tuple[Systematics, Systematics],
+    quantity: str,
+    *,
+    smooth: bool,
+    output: Path | None,
+    progress: Callable[[int, int], None] | None,
+) -> Streamed:
+    """Integrate a record block by block; its columns stand beside the result.
+
+    Systematics are those before and those after an offset voltage was taken off.
+    """
+    blocks = map(_plausible, [_block(source)] if isinstance(source, pd.DataFrame) else source.blocks())
+    total = len(source) if isinstance(source, pd.DataFrame) else source.samples
+    show = progress if progress is not None and total else lambda _done, _total: None
+    first = next(blocks)
+    integrator = make_integrator(options, first)
+    pairs = integrate_blocks(integrator, itertools.chain([first], blocks))
+    if smooth and isinstance(integrator, OffsetFilter):
+        whole = joined_record(itertools.chain([first], blocks))
+        pairs = iter([(whole, smoothed(integrator, whole))])
+    watch = _watch(options, columns, quantity, integrator.sample_time, known)
+    show(0, total or 0)
+    samples, corrected = 0, False
+    value, unit = quantity.rsplit("_", 1)
+    sigma_name = f"{value}_sigma_{unit}"
+    names = ["time_s", *columns, quantity, sigma_name, "offset_V"]
+    kept: list[pd.DataFrame] = []
+    with nullcontext() if output is None else RecordWriter(output, names, integrator.sample_time) as writer:
+        for block, out in pairs:
+            read = {"coil_voltage_V": block.voltage, "hall_T": block.hall, "current_A": block.current}
+            taken_off = np.logical_or.accumulate(out.offset != 0.0) | corrected
+            sigma = np.where(taken_off, out.sigma(systematics[1]), out.sigma(systematics[0]))
+            table = {"time_s": block.time} | {name: there for name in columns if (there := read[name]) is not None}
+            table |= {quantity: out.field, sigma_name: sigma, "offset_V": out.offset}
+            if writer is None:
+                kept.append(pd.DataFrame(table))
+            else:
+                writer.write(table)
+            watch.see(block, out)
+            samples, corrected = samples + len(block), bool(taken_off[-1])
+            show(samples, total or 0)
+        _require_zero_reading(options, float(out.time[-1] - first.time[0]))
+    findings = (*watch.findings(), *_no_plateau(options, corrected))
+    rows = pd.concat(kept, ignore_index=True) if kept else None
+    return Streamed(out, samples, integrator.sample_time, corrected, findings, rows)
+
+
+def _require_zero_reading(options: IntegrationOptions, length: float) -> None:
+    if options.method == "ffa1" and options.zero_reading is not None and length <= options.zero_reading:
+        raise TableError(
+            f"The zero reading must end before the record does; instead it lasts {options.zero_reading:g} s, and "
+            f"the record {length:.3g} s. Give a smaller --zero-reading-s."
+        )
+
+
+def _no_plateau(options: IntegrationOptions, corrected: bool) -> tuple[Finding, ...]:
+    if options.method != "ffa2" or corrected:
+        return ()
+    text = (
+        f"ffa2 found no settled plateau, on which the current moves by less than {options.still_A:g} A in a second: "
+        "nothing was taken off, and this is the plain integral."
+    )
+    return (Finding("plateau", "warning", text, "Give --still-A, a shorter --settling-s, or another method."),)
+
+
+def _watch(
+    options: IntegrationOptions, columns: tuple[str, ...], quantity: str, sample_time: float, known: CurrentField
+) -> RecordWatch:
+    """Compare the coil with the reference that the method uses, or with one that the record has besides."""
+    of_hall = options.method == "cs1-offset" or (options.method in FEED_FORWARD and "hall_T" in columns)
+    reference: Reference | None = "hall_T" if of_hall else "current_A" if "current_A" in columns else None
+    scale = None if known.ratio is None else 1.0 / known.ratio
+    if of_hall and quantity == "field_T":
+        scale = 1.0
+    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, known.currents)
+
+
+def _block(rows: pd.DataFrame) -> CoilBlock:
+    missing = [name for name in ("time_s", "coil_voltage_V") if name not in rows]
+    if missing:
+        raise TableError(f"A coil record needs {' and '.join(missing)}; the table has {', '.join(map(str, rows))}.")
+    columns: dict[str, FloatArray] = {}
+    for name in ("time_s", *COLUMNS):
+        if name in rows:
+            try:
+                columns[name] = rows[name].to_numpy(dtype=np.float64, na_value=np.nan)
+            except (TypeError, ValueError) as error:
+                raise TableError(f"Column {name} of a coil record must hold numbers; {error}.") from error
+    time_s, voltage = columns["time_s"], columns["coil_voltage_V"]
+    read = np.isfinite(time_s) & np.isfinite(voltage)
+    block = CoilBlock(time_s, voltage, columns.get("hall_T"), columns.get("current_A"))[read]
+    if len(block) == 0 or np.any(np.diff(block.time) <= 0.0):
+        raise TableError("A coil record must have a rising time_s; repair the clock, or give each stretch on its own.")
+    return block
+
+
+def _plausible(block: CoilBlock) -> CoilBlock:
+    """The block with readings that are no number left out; a voltage that no coil has is refused."""
+    highest = float(np.abs(block.voltage).max())
+    if highest > LARGEST_VOLTAGE_V:
+        raise TableError(
+            f"A coil's voltage must stay below {LARGEST_VOLTAGE_V:g} V; instead received {highest:.3g} V. Check the "
+            "column and its unit."
+        )
+
+    def known(column: FloatArray | None) -> FloatArray | None:
+        return None if column is None else np.where(np.isfinite(column), column, np.nan)
+
+    return CoilBlock(block.time, block.voltage, known(block.hall), known(block.current))

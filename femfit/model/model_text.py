@@ -1,0 +1,64 @@
+"""A model in a few lines: what it is, how far it is from its table, where it holds, what it has."""
+
+from typing import TYPE_CHECKING
+
+from femfit.core.amount import amount, counted
+from femfit.model.magnetics import LawMagnetics
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel, Misfit
+
+
+def model_lines(model: "ActuatorModel") -> list[str]:
+    """The lines that a printed model shows."""
+    lines = fit_lines(model)
+    if model.effects:
+        lines.append(f"effects: {', '.join(added.effect.name for added in model.effects)}")
+    circuit, motion, sensor = model.circuit, model.motion, model.sensor
+    parts = {
+        "circuit": circuit
+        and f"{amount(circuit.resistance_ohm, 'ohm', 3)} on {circuit.voltage_min_V:g} to {circuit.voltage_max_V:g} V",
+        "motion": motion and f"moving mass {amount(motion.mass_kg, 'kg', 3)}",
+        "sensor": sensor and f"Hall element of {amount(sensor.sensitivity_V_per_T, 'V/T', 3)}",
+    }
+    lines += [f"{name}: {text or 'none'}" for name, text in parts.items()]
+    return [*lines, f"sample time {amount(model.sample_time_s, 's')}"]
+
+
+def fit_lines(model: "ActuatorModel") -> list[str]:
+    """What it is, its misfit where that is known, and its validity domain."""
+    base, domain = model.without_effects, model.validity
+    law = base.magnetics.law if isinstance(base.magnetics, LawMagnetics) else None
+    kind = f"law {law.name}, {law.formula}" if law else "co-energy"
+    lines = [f"{model.name}: {kind}"]
+    if base.misfit is not None:
+        lines += [f"it misses its table of {counted(base.misfit.rows, 'point')} by", *misfit_lines(base.misfit)]
+    valid = (
+        f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm and "
+        f"{domain.current_min_A:.4g} to {domain.current_max_A:.4g} A"
+    )
+    return [*lines, valid]
+
+
+def misfit_lines(misfit: "Misfit") -> list[str]:
+    """A line for each quantity that the table has."""
+    weight = "" if misfit.force_rms_of_weight is None else f", {100 * misfit.force_rms_of_weight:.3g} % of the weight"
+    lines = [
+        (
+            f"  force        {_share(misfit.force_share)} ({amount(misfit.force_rms_N, 'N', 3)} rms, "
+            f"{amount(misfit.force_max_N, 'N', 3)} at most{weight})"
+        )
+    ]
+    if misfit.flux_linkage_rms_Wb is not None:
+        lines.append(
+            f"  flux linkage {_share(misfit.flux_linkage_share)} ({amount(misfit.flux_linkage_rms_Wb, 'Wb', 3)} rms)"
+        )
+    if misfit.inductance_rms_H is not None:
+        lines.append(
+            f"  inductance   {_share(misfit.inductance_share)} ({amount(misfit.inductance_rms_H, 'H', 3)} rms)"
+        )
+    return lines
+
+
+def _share(share: float | None) -> str:
+    return "" if share is None else amount(share, "")

@@ -1,0 +1,181 @@
+"""The numbers in the tables of a report on a bench, with the figures that belong to them."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.catalogue import all_effects
+from femfit.effects.effect import EffectParameter
+from femfit.effects.words import smallest_visible
+from femfit.identify.comparison.fall import ErrorFall
+from femfit.identify.constants import LEVEL_AFTER
+from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
+from femfit.identify.experiments.suggest import Suggestion
+from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.repeats import repeat_cells
+from femfit.identify.refit.add_result import AddResult
+from femfit.report.explained_figures import ranking_figure, waterfall_figure
+from femfit.report.misfit_figures import residual_maps_figure
+from femfit.report.numbers import NOTHING, formula_markup, percent, plain, quantity, significant
+from femfit.report.style import Drawing
+from femfit.tables.measurement import CHANNEL_WORDS
+
+SHOWN = 6
+"""Suggestions in the table."""
+
+
+def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What was read, of which channels, and how their noise is known."""
+    observations, evidence = diagnosis.observations, diagnosis.campaign
+    recorded_motion = "velocity_m_s" in observations.covariates  # readings are windows of a time series
+    told = not recorded_motion and "mount" in observations.given  # whether mounts are told from runs
+    facts: dict[str, Any] = {
+        "recorded_motion": recorded_motion,
+        "runs": len(np.unique(observations.covariates["run"])),
+        "mounts": len(np.unique(observations.covariates["mount"])) if told else 0,
+        "settings": len(np.unique(repeat_cells(observations))),
+        "noise": None if evidence is None else evidence.noise,
+    }
+    if evidence is None:
+        return facts
+    noise, rows = evidence.noise, []
+    for c, name in enumerate(noise.channels):
+        values = np.abs(observations.value[observations.of(name)])
+        source, sigma = noise.source.get(name, ""), float(noise.sigma[c])
+        known = f"{significant(float(noise.repeats[c]), 3)} repeats" if source == "repeats" else source or "not known"
+        share = percent(sigma / float(values.max())) if source and values.max(initial=0.0) > 0.0 else NOTHING
+        own = (quantity(sigma, name), known, share, quantity(float(noise.run[c]), name, 2))
+        shown = own if source else (NOTHING, known, NOTHING, NOTHING)
+        rows.append((CHANNEL_WORDS[name], f"{len(values):,}", *shown, f"{noise.rho[c]:.2f}"))
+    return facts | {"noise_rows": rows}
+
+
+def misfit_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """A row for each channel: rms, largest misfit, noise and their ratio."""
+    rms = {one.channel: one.rms_before for one in diagnosis.error_fall.channels}
+    rows: list[tuple[str, ...]] = []
+    for name in diagnosis.observations.channels:
+        largest = float(np.abs(diagnosis.observations.residual[diagnosis.observations.of(name)]).max())
+        floor = diagnosis.noise_floor.get(name)
+        noise = (quantity(floor, name), significant(rms[name] / floor, 3)) if floor else (NOTHING, NOTHING)
+        rows.append((CHANNEL_WORDS[name], quantity(rms[name], name), quantity(largest, name), *noise))
+    return rows
+
+
+def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]:
+    """What the verdict names, how it ranks, and what the data could have shown."""
+    effects, nominal = all_effects(), diagnosis.observations.nominal
+    facts = {
+        "named": [
+            (one, effects[one.name].symptom if one.name in effects else "", _parameter_rows(one))
+            for one in diagnosis.missing
+        ],
+        "detectable": [
+            (name, smallest_visible(effects[name], amplitudes, nominal) or NOTHING)
+            for name, amplitudes in diagnosis.detectable.items()
+            if name in effects
+        ],
+        "hidden": [score for score in diagnosis.ranking if score.note],
+    }
+    testable = [score for score in diagnosis.ranking if not score.note]
+    if diagnosis.verdict == "nothing_missing" or not testable or diagnosis.decision is None:
+        return facts, {}
+    named = [one.name for one in diagnosis.missing]
+    members = [name for one in diagnosis.missing for name in one.members[1:]]
+    return facts, {"ranking-effects": partial(ranking_figure, testable, diagnosis.decision.excess, named, members)}
+
+
+def _parameter_rows(one: NamedEffect) -> list[tuple[str, ...]]:
+    effect, rows = all_effects().get(one.name), list[tuple[str, ...]]()
+    known = {} if effect is None else {p.name: p for p in effect.parameters}
+    for name, value in one.parameters.items():
+        p, (low, high) = known.get(name), one.ci95.get(name, (np.nan, np.nan))
+        interval = f"{significant(low, 3)} … {significant(high, 3)}" if np.isfinite(low) else _no_interval(value, p)
+        usual = f"{plain(p.plausible[0])} … {plain(p.plausible[1])}" if p else NOTHING
+        unit = formula_markup(p.unit) if p else ""
+        rows.append((p.description if p else name, significant(value, 4), interval, usual, unit))
+    return rows
+
+
+def _no_interval(value: float, parameter: EffectParameter | None) -> str:
+    if parameter is None or parameter.nonlinear or value not in {parameter.lower, parameter.upper}:
+        return NOTHING
+    return "at its bound"
+
+
+def next_facts(diagnosis: Diagnosis, advice: Sequence[Suggestion]) -> dict[str, Any]:
+    """The measurement that would decide."""
+    decision, effects = diagnosis.decision, all_effects()
+    nearest = None
+    if decision is not None and decision.candidates:
+        best = decision.candidates[0]
+        share = 1.0 - best.excess / decision.excess if decision.excess > 0.0 else 0.0
+        nearest = (best.fit.names, float(np.clip(share, 0.0, 1.0)))
+    suggestions = []
+    for one in advice[:SHOWN]:
+        pairs = sorted(((*_unlike(a, b), sigma) for a, b, sigma in one.separates), key=lambda pair: round(pair[2], 6))
+        suggestions.append((one, pairs, [" and ".join(_unlike(a, b)) for a, b in one.remains]))
+    names = dict.fromkeys(name for one in diagnosis.missing for name in one.members if name in effects)
+    return {
+        "nearest": nearest,
+        "suggestions": suggestions,
+        "experiments": [(name, effects[name].experiment) for name in names],
+    }
+
+
+def _unlike(a: str, b: str) -> tuple[str, str]:
+    """Two explanations without the effects that both have."""
+    first, second = a.split(" + "), b.split(" + ")
+    left = [name for name in first if name not in second], [name for name in second if name not in first]
+    return " + ".join(left[0]) or a, " + ".join(left[1]) or b
+
+
+def rms_before_and_after(fall: ErrorFall) -> list[dict[str, float]]:
+    """The error of each channel before and after."""
+    return [{c.channel: c.rms_before for c in fall.channels}, {c.channel: c.rms_after for c in fall.channels}]
+
+
+def error_fall(
+    observations: Observations,
+    after: FloatArray,
+    floor: dict[str, float],
+    steps: Sequence[str],
+    errors: Sequence[dict[str, float]],
+    added: AddResult | None,
+) -> tuple[dict[str, Any], dict[str, Drawing]]:
+    """Error before, after and the noise floor per channel, with maps of what is left."""
+    rows = []
+    for name in errors[0]:
+        noise = (quantity(floor[name], name), f"{errors[-1][name] / floor[name]:.2f}") if name in floor else ()
+        values = (quantity(one[name], name) for one in errors)
+        rows.append((CHANNEL_WORDS[name], *values, *(noise or (NOTHING, NOTHING))))
+    facts = {
+        "added": added,
+        "level": LEVEL_AFTER,
+        "steps": [f"with {name}" for name in steps],
+        "fall_rows": rows,
+        "tolerances": [
+            (name.removesuffix("_error"), value)
+            for one in (added.base if added else ())
+            for name, value in one.parameters.items()
+        ],
+        "size_rows": [
+            (
+                size.effect,
+                CHANNEL_WORDS[size.channel],
+                quantity(size.change, size.channel),
+                " … ".join(quantity(end, size.channel) for end in size.ci95),
+                percent(size.of_largest),
+                f"{quantity(size.distance_m, 'm')}, {quantity(size.current_A, 'A')}",
+            )
+            for size in (added.sizes if added else ())
+        ],
+    }
+    maps = [("before", observations.residual), ("after", after)]
+    return facts, {
+        "waterfall": partial(waterfall_figure, list(zip(("model", *steps), errors, strict=True)), floor),
+        "after-maps": partial(residual_maps_figure, observations, maps, floor, sigma=True),
+    }

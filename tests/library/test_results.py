@@ -1,0 +1,139 @@
+"""What every public result has in common: it prints, shows in a notebook, copies, pickles and compares."""
+
+import copy
+import pickle
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import femfit as ff
+from support.actuators import GEOMETRY
+
+
+def unpickled(given):
+    return pickle.loads(pickle.dumps(given))  # noqa: S301  made here
+
+
+def coil_record(place):
+    time = np.arange(0.0, 1.0, 1e-3)
+    field = 0.1 * (1.0 - np.cos(2 * np.pi * time))
+    record = {"time_s": time, "coil_voltage_V": 0.05 * np.gradient(field, time) + 1e-5, "hall_T": field}
+    pd.DataFrame(record).to_csv(place / "coil.csv", index=False)
+    return place / "coil.csv"
+
+
+def loop_record(place):
+    time = np.arange(0.0, 0.5, 1e-3)
+    swing = np.sin(4 * np.pi * time)
+    loop = {"time_s": time, "distance_m": 0.022 + 1e-3 * swing, "current_A": 0.4 + 0.1 * swing}
+    loop["hall_V"] = 2.6 + 0.01 * swing
+    pd.DataFrame(loop).to_csv(place / "loop.csv", index=False)
+    return place / "loop.csv"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory, levitation_model):
+    """One of each public result, made as cheaply as possible."""
+    place = tmp_path_factory.mktemp("results")
+    d, i = (axis.ravel() for axis in np.meshgrid(np.linspace(0.015, 0.045, 10), np.linspace(0.0, 1.4, 5)))
+    columns = {"current_A": i, "distance_m": d, "force_N": levitation_model.force(d, i)}
+    columns["flux_linkage_Wb"] = levitation_model.flux_linkage(d, i)
+    pd.DataFrame(columns).to_csv(place / "sweep.csv", index=False)
+    shutil.copy(GEOMETRY.parent / "data" / "levitation_bench.csv", place / "bench.csv")
+    table, bench = ff.read_sweep(place / "sweep.csv"), ff.read_measurement(place / "bench.csv")
+    series = ff.read_measurement(loop_record(place))
+    found, added = ff.diagnose(levitation_model, bench, bootstrap=0), ff.add_effects(levitation_model, bench, EFFECT)
+    others = [name for name in ff.list_effects() if name != "hall_offset"]
+    return {
+        "actuator": ff.read_actuator(GEOMETRY / "emaws-rig.toml"),
+        "sweep": table,
+        "import": ff.import_table(place / "sweep.csv"),
+        "fit": ff.fit_model(table, law="F1e"),
+        "model": levitation_model,
+        "model with effects": added.model,
+        "bench table": bench,
+        "time series": series,
+        "comparison": ff.compare(levitation_model, bench),
+        "diagnosis": found,
+        "diagnosis of a record": ff.diagnose(levitation_model, series, exclude=others, bootstrap=0),
+        "advice": ff.suggest(levitation_model, bench, found),
+        "added": added,
+        "filter": ff.kalman_filter(levitation_model),
+        "filter under effects": ff.kalman_filter(added.model, "ekf"),
+        "loop": ff.close_loop(levitation_model, runs=1, seconds=0.05),
+        "coil integral": ff.integrate_coil(coil_record(place), coil_area_m2=0.05),
+        "export": ff.export(levitation_model, place / "build"),
+    }
+
+
+EFFECT = "coil_temperature"
+KINDS = (
+    "actuator",
+    "sweep",
+    "import",
+    "fit",
+    "model",
+    "model with effects",
+    "bench table",
+    "time series",
+    "comparison",
+    "diagnosis",
+    "diagnosis of a record",
+    "advice",
+    "added",
+    "filter",
+    "filter under effects",
+    "loop",
+    "coil integral",
+    "export",
+)
+
+
+def test_every_kind_of_result_is_tested(results):
+    assert set(results) == set(KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_result_comes_back_from_a_pickle_and_a_copy_as_it_was(kind, results):
+    given = results[kind]
+    for again in (unpickled(given), copy.deepcopy(given)):
+        assert type(again) is type(given)
+        assert str(again) == str(given)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_result_can_be_compared_and_stand_in_a_set(kind, results):
+    given = results[kind]
+    assert given == given  # noqa: PLR0124  arrays would raise here
+    assert given != copy.copy(given) or kind == "actuator"  # data without arrays are equal by value
+    assert len({given, given}) == 1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_result_is_short_at_a_prompt_and_whole_in_a_notebook(kind, results):
+    given = results[kind]
+    assert "\n" not in repr(given)
+    assert len(repr(given)) < 400
+    assert given._repr_html_().startswith("<pre>")
+    assert str(given).count("\n") < 60
+
+
+def test_what_comes_back_predicts_steps_and_explains_as_before(results):
+    model, again = (made(results["model with effects"]) for made in (lambda x: x, copy.deepcopy))
+    assert model.force(0.02, 0.5) == again.force(0.02, 0.5)
+    ukf, other = results["filter"], unpickled(results["filter"])
+    states = [one.step(one.start([0.022, 0.0, 0.4]), 1.1, 2.7).mean for one in (ukf, other)]
+    assert np.array_equal(*states)
+    found = results["diagnosis"]
+    again = unpickled(found)
+    effects = results["added"].added
+    explained = [one.observations.predict(effects) for one in (found, again)]
+    assert np.array_equal(*explained)
+
+
+def test_an_effect_of_the_catalogue_stays_the_one_that_it_is():
+    for effect in ff.list_effects().values():
+        assert unpickled(effect) is effect
+        assert copy.deepcopy(effect) is effect
