@@ -10,6 +10,10 @@ FILES = {
     "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
     "What to measure next": PACKAGE / "identify" / "experiments" / "constants.py",
     "A table to a model": PACKAGE / "fit" / "constants.py",
+    "Which readings contradict all others": PACKAGE / "tables" / "outliers.py",
+    "Which rows and sensors of a bench table cannot be right": PACKAGE / "tables" / "measurement_checks.py",
+    "Which samples of a record cannot be right": PACKAGE / "tables" / "time_series_checks.py",
+    "Which unit or sign a column seems to have": PACKAGE / "tables" / "suspected_units.py",
 }
 
 

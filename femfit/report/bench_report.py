@@ -15,6 +15,7 @@ from femfit.identify.comparison.curves import measured_curves
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
+from femfit.identify.decision.own_misfit import finer_model
 from femfit.identify.experiments.suggest import Suggestion
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import AddResult
@@ -204,8 +205,8 @@ def _summary(diagnosis: Diagnosis, suggestions: Sequence[Suggestion]) -> list[tu
         said.append(("Where", diagnosis.where.sentence))
     if diagnosis.missing:
         said.append(("How certain", certainty_sentence(diagnosis)))
-    if suggestions:
-        said.append(("Next", suggestions[0].text))
+    if suggestions or diagnosis.own_misfit:
+        said.append(("Next", suggestions[0].text if suggestions else finer_model(diagnosis.model)))
     if diagnosis.missing:
         said.append(("Error", f"{_worst(diagnosis.error_fall)}."))
     return said

@@ -14,31 +14,34 @@ from femfit.tables.outliers import isolated_outliers
 from femfit.tables.suspected_units import suspected_by_size
 
 _LEAST_COPIES = 5
-"""Rows on end that equal earlier ones and are copies, where no order tells: single readings may be equal by chance."""
+"""Assumed: rows on end that equal earlier ones and are copies, where no order tells: single readings may be equal
+by chance."""
 
 _LEAST_STUCK = 8
-"""Consecutive equal readings from which a channel may be stuck."""
+"""Assumed: consecutive equal readings from which a channel may be stuck."""
 
 _STUCK_CHANCE = 1e-3
-"""Expected number of such stretches by chance, from how often successive readings are equal."""
+"""Conventional: expected number of such stretches by chance, from how often successive readings are equal."""
 
 _BALANCED = 0.9
-"""Share of a run's forces in stretches of one value from which they are a weight that was held, not a stuck sensor."""
+"""Assumed: share of a run's forces in stretches of one value from which they are a weight that was held, not a stuck
+sensor."""
 
 STILL_CURRENT = 0.005
-"""Change of the current, over all of its range, that is the ammeter's and no step."""
+"""Assumed: change of the current, over all of its range, that is the ammeter's and no step."""
 
 _TURNS = 0.25
-"""Turns over steps up to which currents were cycled; currents in random order turn at two steps of three."""
+"""Assumed: turns over steps up to which currents were cycled; currents in random order turn at two steps of three."""
 
 _BOTH = 0.1
-"""Part of the steps that must rise, and fall."""
+"""Assumed: part of the steps that must rise, and fall."""
 
 _FEW = 0.02
-"""Steps back in a file, over its rows, up to which a clock was reset; more are a file sorted by something else."""
+"""Assumed: steps back in a file, over its rows, up to which a clock was reset; more are a file sorted by something
+else."""
 
 _JUMP = 50.0
-"""Usual steps from which a gap in the order is told."""
+"""Assumed: usual steps from which a gap in the order is told."""
 
 
 def checked(table: BenchTable) -> BenchTable:

@@ -18,28 +18,29 @@ from scipy.spatial import cKDTree
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 
-_NEIGHBOURS = 12
-_LEAST = 8
-"""Fewest neighbours to judge a reading by."""
+_NEIGHBOURS, _LEAST = 12, 8
+"""Assumed: neighbours that a reading is judged by, and the fewest."""
 
 _SIGMA = 8.0
-"""Deviation, in local standard deviations, from which a lone reading is set aside."""
+"""Assumed: deviation, in local standard deviations, from which a lone reading is set aside."""
 
 _COMPANY = 4.0
-"""Deviation of a neighbour or a repeat from which a reading is not alone."""
+"""Assumed: deviation of a neighbour or a repeat from which a reading is not alone."""
 
 _MOST = 0.02
-"""Largest part of a channel that can be outliers; more are its nature."""
+"""Assumed: largest part of a channel that can be outliers; more are its nature."""
 
 _ROUNDS = 20
+"""Numerical: rounds of setting aside, after which a channel is left as it is."""
 
 _RANGES = 2
-"""The settings that a reading can lie between: distance and current, not the branch."""
+"""Derived: the settings that a reading can lie between: distance and current, not the branch."""
 
 _SLIP = 2.0
 """Conventional: a slipped digit or decimal point changes a reading at least so much, seen against all neighbours."""
 
 _ROUNDING = 1e-9
+"""Numerical: part of the neighbours' distances by which a reading may lie outside of them."""
 
 
 def isolated_outliers(

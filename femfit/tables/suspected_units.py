@@ -14,10 +14,10 @@ from femfit.core.finding import Finding
 from femfit.tables.units import UNITS, column_unit
 
 _KELVIN = (200.0, 400.0)
-"""Temperatures between these are more likely kelvins than degrees."""
+"""Assumed: temperatures between these are more likely kelvins than degrees."""
 
 _LARGEST_STEP_S = 0.5
-"""A usual step of a record's clock above it is more likely milliseconds."""
+"""Assumed: a usual step of a record's clock above it is more likely milliseconds."""
 
 
 _LEAST_SHARE = 0.05

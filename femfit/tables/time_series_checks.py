@@ -9,16 +9,16 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 
 _PAUSE = 5.0
-"""A step of the clock longer than this many times the usual longest (95 %) one is a gap."""
+"""Assumed: a step of the clock longer than this many times the usual longest (95 %) one is a gap."""
 
 _SENSORS = ("current_A", "distance_m", "hall_V", "force_N")
 """Channels that noise moves: voltages may be held and temperatures rest."""
 
 _LEAST_STUCK, _MUCH_LONGER = 50, 20
-"""Samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
+"""Assumed: samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
 
 _LEAST_CLIPPED, _PILED = 20, 5
-"""Samples at the end of a range, and how many times those of the next hundredth of the range that must be."""
+"""Assumed: samples at the end of a range, and how many times those of the next hundredth of the range that must be."""
 
 
 def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArray, list[Finding]]:

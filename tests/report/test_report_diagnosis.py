@@ -18,7 +18,7 @@ from femfit.report.bench_report import render_diagnosis
 from femfit.report.misfit_figures import settings_figure
 from femfit.report.page import write_page
 from femfit.tables.measurement import CHANNELS
-from support.campaign import campaign
+from support.campaign import NOISE, campaign
 from support.page import Page
 
 SIZE = {"distances": 7, "currents": 5}
@@ -173,6 +173,26 @@ def test_mounts_are_spoken_of_only_where_the_data_tell_them(levitation_model):
     _, _, page = page_of(levitation_model, replace(table, given=tuple(name for name in table.given if name != "mount")))
     assert "mount" not in page.text.split("Where the model fails")[1]
     assert "In each run the recorded distance is right to within" in page.text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_models_own_misfit_comes_with_what_to_sweep(levitation_model):
+    misfit = replace(levitation_model.misfit, force_rms_N=0.01)
+    model = replace(levitation_model, misfit=misfit, provenance={})
+    diagnosis, _, page = page_of(model, campaign(model, 69, [hidden("force_gain", gain_error=0.03)], **SIZE))
+    assert diagnosis.own_misfit
+    assert verdict_sentence(diagnosis) in page.text
+    assert "Sweep at more distances and currents" in page.text
+    assert "nine times in ten beyond the model's own misfit" in page.text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_distance_without_scatter_is_not_said_to_be_right_to_0_m(levitation_model):
+    table = campaign(levitation_model, 66, runs=1, mount_m=0.0, **SIZE)
+    once = replace(table, given=tuple(name for name in table.given if name not in ("mount", "run")))
+    _, _, page = page_of(levitation_model, replace(once, declared_noise=NOISE))
+    assert "to within 0 m" not in page.text
+    assert "The distance is taken as recorded" in page.text
 
 
 @pytest.mark.usefixtures("undrawn")

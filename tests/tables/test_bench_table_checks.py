@@ -175,7 +175,7 @@ def test_a_clock_that_was_reset_within_a_run_is_not_sorted_by(tmp_path):
     clock = 0.7 * rows["order"] + 0.013
     clock[60:] -= 30.0
     table = read(tmp_path, rows.assign(order=clock))
-    assert "order goes back 1 times in run 1: the clock was reset" in str(table.findings[0])
+    assert "order goes back 1 time in run 1: the clock was reset" in str(table.findings[0])
     assert table.rows["distance_m"].to_numpy() == pytest.approx(rows["distance_m"].to_numpy())
     assert table.rows["order"].tolist() == list(range(len(rows)))
 

@@ -17,7 +17,7 @@ _VERDICT = (
     "taken off, that is {times} times its own misfit. Up to {most} times is taken for its own; this factor is "
     "assumed, and an error of up to {hidden} could hide behind it."
 )
-_FINER = "Next: to see smaller errors, make the model's own misfit smaller. "
+_FINER = "To see smaller errors, make the model's own misfit smaller. "
 
 
 def own_misfit_sentence(observations: Observations, times_own: float) -> str:
