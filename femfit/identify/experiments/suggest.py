@@ -73,6 +73,7 @@ class Advice:
     # Per effect the measurement that isolates it, for records, to which no readings can be added on trial
     isolating: tuple[tuple[str, str], ...] = ()
     note: str = ""  # Why nothing is advised; empty where there is nothing to say
+    remarks: tuple[str, ...] = ()  # On what the advice rests, where that is a guess
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -80,7 +81,7 @@ class Advice:
 
     def __str__(self) -> str:
         if self.note:
-            return self.note
+            return "\n".join([self.note, *self.remarks])
         lines = []
         for k, one in enumerate(self.suggestions[:SHOWN]):
             clauses = "; ".join(pairs_in_words([pair[:2] for pair in one.separates]))
@@ -91,7 +92,7 @@ class Advice:
         if self.never:
             lines.append(f"No measurement that femfit knows separates {'; '.join(pairs_in_words(self.never))}.")
         lines += [f"{name}: {experiment}" for name, experiment in self.isolating]
-        return "\n".join([*lines, f"The data leave {listed(self.explanations, 'or')}."])
+        return "\n".join([*lines, f"The data leave {listed(self.explanations, 'or')}.", *self.remarks])
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
@@ -131,6 +132,11 @@ def suggest(
     model = model_of(model)
     measured = read_measurement(data) if isinstance(data, str | Path) else data
     found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
+    guesses = tuple(str(one) for one in found.findings if one.code == "guessed-noise")
+    return replace(_advice(model, measured, found, say), remarks=guesses)
+
+
+def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: Callable[[str], None]) -> Advice:
     explanations, least = _left_together(found)
     names = tuple(" + ".join(fit.names) for fit in explanations)
     if found.campaign is None or len(explanations) < 2:

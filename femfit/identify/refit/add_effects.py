@@ -20,7 +20,7 @@ from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
-from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW
+from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
@@ -163,7 +163,7 @@ def add_effects(
         readings=len(observations.value),
         runs=len(np.unique(observations.column("run"))),
         observations=observations,
-        findings=(*observations.findings, *fitted.findings, *dropped),
+        findings=(*observations.findings, *fitted.findings, *dropped, *guessed_noises(readings.noise)),
         better_alone=better_alone,
     )
 
