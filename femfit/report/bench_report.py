@@ -272,6 +272,7 @@ def _measured_facts(content: DiagnosisContent) -> dict[str, Any]:
         "runs": len(np.unique(observations.covariates["run"])),
         "mounts": len(np.unique(observations.covariates["mount"])) if told else 0,
         "noise": None if evidence is None else evidence.noise,
+        "findings": observations.findings if evidence is None else content.diagnosis.findings,
     }
     if evidence is None:
         return facts
@@ -279,7 +280,8 @@ def _measured_facts(content: DiagnosisContent) -> dict[str, Any]:
     for c, name in enumerate(noise.channels):
         values = np.abs(observations.value[observations.of(name)])
         source, sigma = noise.source.get(name, ""), float(noise.sigma[c])
-        known = f"{significant(float(noise.repeats[c]), 3)} repeats" if source == "repeats" else source or "not known"
+        known = f"{significant(float(noise.repeats[c]), 3)} repeats" if source == "repeats" else source
+        known = {"guess": "a guess", "": "not known"}.get(known, known)
         share = percent(sigma / float(values.max())) if source and values.max(initial=0.0) > 0.0 else NOTHING
         own = (quantity(sigma, name), known, share, quantity(float(noise.run[c]), name, 2))
         shown = own if source else (NOTHING, known, NOTHING, NOTHING)
