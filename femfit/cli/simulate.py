@@ -1,10 +1,13 @@
-"""``femfit simulate``: close the loop around a model."""
+"""``femfit simulate``: close the loop around a model, or drive it in open loop."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
+
+from femfit.core.errors import DomainError
 
 ControllerOption = Literal["backstepping", "pid"]
 FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -13,6 +16,14 @@ FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 def simulate(
     model: Path,
     *,
+    voltage: float | None = None,
+    current: float | None = None,
+    drive: Path | None = None,
+    interpolation: Literal["held", "linear"] = "held",
+    duration_ms: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
+    start_mm: float | None = None,
+    extrapolate: Annotated[bool, Parameter(negative=())] = False,
+    picture: Path | None = None,
     controller: ControllerOption | None = None,
     observer: Annotated[FilterOption | None, Parameter(name="--filter")] = None,
     noise_mV: Annotated[float | None, Parameter(name="--noise-mV", validator=Number(gte=0.0))] = None,
@@ -28,15 +39,34 @@ def simulate(
     csv: Path | None = None,
     json: Path | None = None,
 ) -> None:
-    """Close the loop around a model: controller, filter, sensor, steps, noise, faults.
+    """Drive a model in open loop, or close the loop around it.
 
-    Without --controller, --filter, --runs, --seconds, --plant, --csv or a fault: which controllers hold the body, how
-    well the filters measure, and what a Hall offset, a force error, a wrong start and no filter do.
+    With --voltage, --current or --drive: pull-in and drop-out, switching times, seating velocity, bounces, energies.
+
+    Otherwise the loop is closed: controller, filter, sensor, steps, noise, faults. Without --controller, --filter,
+    --runs, --seconds, --plant, --csv or a fault: which controllers hold the body, how well the filters measure, and
+    what a Hall offset, a force error, a wrong start and no filter do.
 
     Parameters
     ----------
     model : Path
-        Model file with circuit, motion and sensor.
+        Model file with circuit and motion, and for a closed loop a sensor.
+    voltage : float
+        Constant command in V: open loop.
+    current : float
+        Constant command in A of a current amplifier: open loop.
+    drive : Path
+        Table with the columns time_s and voltage_V or current_A: open loop.
+    interpolation : str
+        Of that table: held (each value up to the next time) or linear.
+    duration_ms : float
+        Of the open loop; default: up to the table's last time, or 100.
+    start_mm : float
+        Where the body begins in open loop; default: on the stop that its weight and springs press it to.
+    extrapolate : bool
+        Go on in open loop where distance or current leave the validity domain.
+    picture : Path
+        File for a picture of the open loop (.png, .svg, .pdf).
     controller : str
         pid (default) or backstepping.
     observer : str
@@ -63,7 +93,7 @@ def simulate(
     plant : Path
         Model file of what truly moves and is truly sensed, while controller and filter believe in MODEL.
     csv : Path
-        File for the time series of up to ten runs.
+        File for the time series: of the open loop, or of up to ten runs.
     json : Path
         File for the result as JSON.
     """
@@ -71,11 +101,27 @@ def simulate(
     from femfit.core.outputs import LOOP, RESULT, require_outputs
     from femfit.model.json_file import read_model
 
+    chosen = (controller, observer, runs, seconds, plant, csv, stuck_after_s)
+    faults = (hall_bias_mV, drift_mV_per_s, force_scale - 1.0, dropout)
+    open_loop = (voltage, current, drive, duration_ms, start_mm, picture)
+    if any(choice is not None for choice in open_loop) or extrapolate:
+        if any(choice is not None for choice in (*chosen[:5], stuck_after_s, noise_mV)) or any(faults):
+            raise DomainError(
+                "--voltage, --current and --drive simulate in open loop, without controller, filter, noise and faults. "
+                "Leave out the options of one of the two."
+            )
+        _open_loop(
+            model,
+            {"voltage_V": voltage, "current_A": current, "drive": drive, "interpolation": interpolation},
+            duration_s=None if duration_ms is None else 1e-3 * duration_ms,
+            start_m=None if start_mm is None else 1e-3 * start_mm,
+            outside="extrapolate" if extrapolate else "stop",
+            files=(csv, json, picture),
+        )
+        return
     require_outputs([model, plant], (csv, LOOP), (json, RESULT))
     actuator = read_model(model)
     noise = None if noise_mV is None else 1e-3 * noise_mV
-    chosen = (controller, observer, runs, seconds, plant, csv, stuck_after_s)
-    faults = (hall_bias_mV, drift_mV_per_s, force_scale - 1.0, dropout)
     if all(choice is None for choice in chosen) and not any(faults):
         from femfit.simulation.study import closed_loop_study
 
@@ -106,3 +152,31 @@ def simulate(
     if csv is not None:
         summary.write_csv(csv)
         print(f"written: {csv}")
+
+
+def _open_loop(
+    model: Path,
+    command: Mapping[str, Any],
+    *,
+    duration_s: float | None,
+    start_m: float | None,
+    outside: Literal["stop", "extrapolate"],
+    files: tuple[Path | None, Path | None, Path | None],
+) -> None:
+    from femfit.cli.output import write_json
+    from femfit.core.outputs import OPEN_LOOP, PICTURE, RESULT, require_outputs
+    from femfit.open_loop.simulate import simulate as simulate_open_loop
+
+    csv, json, picture = files
+    require_outputs([model, command["drive"]], (csv, OPEN_LOOP), (json, RESULT), (picture, PICTURE))
+    motion = simulate_open_loop(model, **command, duration_s=duration_s, start_m=start_m, outside=outside)
+    print(motion)
+    write_json(json, motion.to_dict())
+    if csv is not None:
+        motion.write_csv(csv)
+        print(f"written: {csv}")
+    if picture is not None:
+        from femfit.report.open_loop_figure import write_open_loop_picture
+
+        write_open_loop_picture(motion, picture)
+        print(f"written: {picture}")

@@ -1,4 +1,11 @@
-"""The columns of a sweep table."""
+"""The columns of a sweep table.
+
+With one circuit, or none, they are those of :data:`COLUMNS`. With several a column of a circuit carries its name:
+``current_bias_A``, ``flux_linkage_bias_Wb``, ``inductance_bias_H``, and ``inductance_bias_control_H`` of two.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
 
 COLUMNS: dict[str, str] = {
     "current_A": "Current of the winding; a positive one attracts a magnet that is drawn to be attracted.",
@@ -17,3 +24,51 @@ COLUMNS: dict[str, str] = {
 
 VARIANT = "variant"
 """Column of a parameter sweep: the number of the variant, from 1; the parameters follow it."""
+
+
+def current_columns(circuits: Sequence[str]) -> list[str]:
+    """One column a circuit; one of zeros where there is none."""
+    return _named("current_A", circuits) or ["current_A"]
+
+
+def flux_columns(circuits: Sequence[str]) -> list[str]:
+    """One column a circuit."""
+    return _named("flux_linkage_Wb", circuits)
+
+
+def is_current(column: str) -> bool:
+    """Whether a column is the current of a circuit."""
+    return column.startswith("current_") and column.endswith("_A")
+
+
+def is_flux(column: str) -> bool:
+    """Whether a column is a flux linkage, of any circuit."""
+    return column.startswith("flux_linkage_")
+
+
+def inductance_columns(circuits: Sequence[str]) -> dict[str, tuple[int, int]]:
+    """The columns of the circuits' own inductances and, after them, of each two's, with the two circuits' places.
+
+    Examples
+    --------
+    >>> list(inductance_columns(["upper", "lower"]))
+    ['inductance_upper_H', 'inductance_lower_H', 'inductance_upper_lower_H']
+    """
+    own = {name: (k, k) for k, name in enumerate(_named("inductance_H", circuits))}
+    pairs = combinations(range(len(circuits)), 2)
+    return own | {f"inductance_{circuits[j]}_{circuits[k]}_H": (j, k) for j, k in pairs}
+
+
+def sweep_columns(circuits: Sequence[str]) -> list[str]:
+    """All columns of a sweep of these circuits, in their order."""
+    own = {
+        "current_A": current_columns(circuits),
+        "flux_linkage_Wb": flux_columns(circuits),
+        "inductance_H": list(inductance_columns(circuits)),
+    }
+    return [name for column in COLUMNS for name in own.get(column, [column])]
+
+
+def _named(column: str, circuits: Sequence[str]) -> list[str]:
+    stem, unit = column.rsplit("_", 1)
+    return [column] if len(circuits) == 1 else [f"{stem}_{name}_{unit}" for name in circuits]

@@ -30,8 +30,9 @@ Trans. Magn. 24 (1988) 439: weight functions and their equality with virtual wor
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -39,10 +40,8 @@ from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, Mesh, dx, grad
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.constants import MU_0
+from femfit.field.regions import FIXED, MOVING
 from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, flux_density
-
-if TYPE_CHECKING:
-    from femfit.field.linear_system import FieldPair
 
 
 @dataclass(frozen=True)
@@ -54,10 +53,10 @@ class Layer:
     outer: str
 
 
-AROUND_MOVER = Layer("layer", inner="halo|moving:.*", outer="air|coil|fixed:.*")
+AROUND_MOVER = Layer("layer", inner=f"halo|{MOVING}", outer=f"air|{FIXED}")
 """The mesh's own layer, which touches no corner: the force on the moving part."""
 
-AROUND_FIXED = Layer("air", inner="halo|layer|moving:.*", outer="coil|fixed:.*")
+AROUND_FIXED = Layer("air", inner=f"halo|layer|{MOVING}", outer=FIXED)
 """All air between the moving part's layer and the fixed parts: the reaction on the fixed parts, with the sign of the
 force on the moving one."""
 
@@ -113,26 +112,40 @@ class LayerForce:
 class OtherForces:
     """Reaction and virtual work of a linear actuator's fields w and u, as they are when :meth:`evaluate` is called.
 
-    The two are integrated for the three coefficients of 1, i and i^2 alone; to assemble their matrices at each distance
-    would take four times as long. Both weights vary in the air outside of the mover's layer alone.
+    The two are integrated for the products of the sources alone; to assemble their matrices at each distance would take
+    four times as long. Both weights vary in the air outside of the mover's layer alone.
     """
 
     def __init__(
-        self, total: "FieldPair", own: "FieldPair", reaction_weight: GridFunction, work_weight: GridFunction
+        self,
+        total: Sequence[GridFunction],
+        own: Sequence[GridFunction],
+        reaction_weight: GridFunction,
+        work_weight: GridFunction,
     ) -> None:
-        space = total.coil.space
+        space = total[0].space
         self._mesh = space.mesh
         self._order = 2 * space.globalorder + 2  # B, B, r and the slope of a weight of order 2
-        w, u = ([flux_density(function) for function in (pair.magnets, pair.coil)] for pair in (total, own))
+        w, u = ([flux_density(function) for function in functions] for functions in (total, own))
         v = [b - own_b for b, own_b in zip(w, u, strict=True)]
-        pairs = [(u[0], v[0]), (u[0], v[1]), (u[1], v[0]), (u[1], v[1])]
         slopes = grad(reaction_weight), grad(work_weight)
-        terms = [2.0 * stress_density(b, c, slope) for slope in slopes for b, c in pairs]
+        terms = [2.0 * stress_density(b, c, slope) for slope in slopes for b in u for c in v]
+        self._shape = (2, len(w), len(w))
         self._density = ng.CF(tuple(terms)).Compile()  # each field is evaluated once, not in every term
 
     def evaluate(self) -> tuple[FloatArray, FloatArray]:
-        """The reaction's and virtual work's coefficients of 1, i and i^2, each of shape (3,), signed as the force."""
+        """The reaction and virtual work as quadratic forms in the sources, signed as the force."""
         air = self._mesh.Materials(AROUND_FIXED.region)
-        terms = np.array(ng.Integrate(self._density, self._mesh, order=self._order, definedon=air)).reshape(2, 4)
-        reaction, work = np.column_stack([terms[:, 0], terms[:, 1] + terms[:, 2], terms[:, 3]])
+        terms = np.array(ng.Integrate(self._density, self._mesh, order=self._order, definedon=air)).reshape(self._shape)
+        reaction, work = 0.5 * (terms + terms.swapaxes(1, 2))
         return reaction, work
+
+
+def quadratic(form: LayerForce, functions: Sequence[GridFunction]) -> FloatArray:
+    """The force of a sum of solutions as a quadratic form in their factors: symmetric, in N."""
+    count = len(functions)
+    matrix = np.zeros((count, count))
+    for j in range(count):
+        for k in range(j + 1):
+            matrix[j, k] = matrix[k, j] = form.between(functions[j], functions[k])
+    return matrix

@@ -9,11 +9,14 @@ import shapely
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
+from femfit.field.outline import fixed_parts, moving_parts, polygon
 from femfit.field.settings import SolverSettings
 
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
 LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer only costs elements
 LEVEL_RATIO = 4.0  # of the room from one step of the layer's width to the next
+MITRE_LIMIT = 1.5  # of the offset: a pointed part's layer is cut off before its tip meets another part
+ROUNDING = 0.1  # of the offset: chords of an arc that a layer needs no more of
 SHORTEST_STEP = 0.02  # of the outer offset: a shorter edge where two steps nearly meet is no use, and may not be meshed
 
 
@@ -35,7 +38,7 @@ class Layout:
 
 def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
     """Measure an actuator over its sweep."""
-    mover, fixed = mover_outline(actuator), _fixed_parts(actuator)
+    mover, fixed = mover_outline(actuator), _obstacles(actuator)
     still = shapely.union_all(fixed)
     distances = (min(actuator.sweep.distances_m), max(actuator.sweep.distances_m))
     clearance = _clearance(mover, still, distances)
@@ -64,18 +67,16 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     """
     mover = mover_outline(actuator)
     near, far = group[0], group[-1]
-    outer = OUTER_OFFSET * _offset_scale(
-        mover, _clearance(mover, shapely.union_all(_fixed_parts(actuator)), (near, far))
-    )
+    outer = OUTER_OFFSET * _offset_scale(mover, _clearance(mover, shapely.union_all(_obstacles(actuator)), (near, far)))
     if far > near:  # (far - top - outer) / (near - top - outer) within the limit
         outer = min(outer, near - layout.fixed_top - (far - near) / (settings.stretch_limit - 1.0))
     outer = max(outer, layout.outer_offset)
     return replace(layout, nearest=near, inner_offset=INNER_OFFSET / OUTER_OFFSET * outer, outer_offset=outer)
 
 
-def _fixed_parts(actuator: Actuator) -> list[Any]:
-    fixed: list[Any] = [shapely.Polygon(region.vertices_m) for region in actuator.fixed]
-    fixed.append(shapely.Polygon(actuator.coil.vertices_m))
+def _obstacles(actuator: Actuator) -> list[Any]:
+    """All that the moving part and its layer keep away from."""
+    fixed: list[Any] = [polygon(part) for part in fixed_parts(actuator)]
     if actuator.hall is not None:
         fixed.append(shapely.Point(actuator.hall.radius_m, actuator.hall.height_m))
     return fixed
@@ -94,10 +95,10 @@ def _offset_scale(mover: shapely.Polygon, clearance: float) -> float:
 
 def mover_outline(actuator: Actuator) -> shapely.Polygon:
     """Outline of the whole moving part at distance zero."""
-    outline = shapely.union_all([shapely.Polygon(region.vertices_m) for region in actuator.moving.regions])
+    outline = shapely.union_all([polygon(part) for part in moving_parts(actuator)])
     if outline.geom_type != "Polygon":
         raise FieldSolverError(
-            "The regions of the moving part must touch each other, so that one closed surface encloses them; "
+            "The regions and coils of the moving part must touch each other, so that one closed surface encloses them; "
             f"they form {len(outline.geoms)} separate bodies. Join them by a region of air or another material."
         )
     return outline
@@ -113,7 +114,7 @@ def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon,
     """
     mover = mover_outline(actuator)
     outlines = [_grown(mover, offset) for offset in (layout.inner_offset, layout.outer_offset)]
-    still = shapely.affinity.translate(shapely.union_all(_fixed_parts(actuator)), 0.0, -layout.nearest)
+    still = shapely.affinity.translate(shapely.union_all(_obstacles(actuator)), 0.0, -layout.nearest)
     r0, z0, r1, z1 = mover.bounds
     room = LEVEL_RATIO * layout.outer_offset / OUTER_OFFSET
     while 0.0 < room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
@@ -130,7 +131,8 @@ def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon,
 
 def _grown(outline: Any, offset: float) -> Any:
     """An outline all of whose edges are moved outwards by an offset in m, cut at the axis."""
-    return outline.buffer(offset, join_style="mitre").intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
+    grown = outline.buffer(offset, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    return grown.simplify(ROUNDING * offset).intersection(shapely.box(0.0, -1e3, 1e3, 1e3))
 
 
 def stretch_groups(distances: tuple[float, ...], layout: Layout, settings: SolverSettings) -> list[tuple[float, ...]]:

@@ -1,19 +1,20 @@
 """All currents of a linear actuator from one factorisation a distance.
 
-The field is w = w_m + i w_c (magnets, coil with 1 A), so F = F_0 + F_1 i + F_2 i^2, the flux linkage and the Hall field
-are affine in i, and the co-energy is W' = W_0 + flux_0 i + L i^2 / 2. The stress of the moving magnet's own field
-integrates to zero, but not on a mesh: it is evaluated on the same mesh with everything else taken away, and subtracted
-(:mod:`femfit.field.linear_system`).
+The field is a sum over the sources s = (1, i_1 .. i_n) of the magnets' and of each circuit's with 1 A, so the force is
+a quadratic form in s, flux linkages and the Hall field are linear in it, and the co-energy is a quadratic form again.
+The stress of the moving part's own field integrates to zero, but not on a mesh: it is evaluated on the same mesh with
+everything else taken away, and subtracted (:mod:`femfit.field.linear_system`).
 """
 
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 
+from femfit.core.arrays import FloatArray
 from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
+from femfit.field.currents import CurrentsLike, sources
 from femfit.field.force import OtherForces, weight
 from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
@@ -39,6 +40,7 @@ class LinearActuator:
         estimate: bool = True,
     ) -> None:
         self.actuator = actuator
+        self._circuits = tuple(circuit.name for circuit in actuator.circuits)
         self.layout = layout
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
@@ -71,21 +73,26 @@ class LinearActuator:
             self_force=fine.self_force,
         )
 
-    def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance, one value a current."""
+    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
+        """Columns of the sweep table at a distance, one value a point of the currents."""
         solution = self.solve(distance)
         if not np.all(np.isfinite(solution.force)):
             raise FieldSolverError(
                 "the solution is not finite. Look for extreme dimensions or materials in the actuator file."
             )
-        columns = superpose(np.array(currents), solution)
+        columns = superpose(sources(currents, self._circuits), solution, self._circuits)
         return {name: values.tolist() for name, values in columns.items()}
 
-    def field(self, distance: float, current: float) -> PointField:
+    def field(self, distance: float, currents: CurrentsLike) -> PointField:
         """The field at a point, with the mesh left stretched to it."""
         solution = self.solve(distance)
         self._moving.move_to(distance)
-        total = self._system.total  # as solved
+        (factors,) = sources(currents, self._circuits)
         field = ng.GridFunction(self._system.space)
-        field.vec.data = total.magnets.vec + current * total.coil.vec
-        return PointField(field, float(polyval(current, solution.force)), float(polyval(current, solution.self_force)))
+        for factor, total in zip(factors, self._system.total, strict=True):  # as solved
+            field.vec.data += factor * total.vec
+        return PointField(field, _form(solution.force, factors), _form(solution.self_force, factors))
+
+
+def _form(matrix: FloatArray, factors: FloatArray) -> float:
+    return float(factors @ matrix @ factors)

@@ -1,38 +1,26 @@
 """The discrete linear problem on one mesh and polynomial order: the fields of magnets and of 1 A, and the mover's own.
 
 In a solution w, H = nu_0 B - M holds with the moving part's magnetisation M = (nu_0 - nu) B + nu B_rem, so that w is
-exactly u + v: u of M, frozen, in free space, v of everything else (as in :mod:`femfit.field.nonlinear_point`). All are
-linear in (1, i).
+exactly u + v: u of M, frozen, and of the moving coils' currents in free space, v of everything else (as in
+:mod:`femfit.field.nonlinear_point`). All are linear in the sources (1, i_1 .. i_n).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, Mesh, dx
+from ngsolve import H1, BilinearForm, GridFunction, Mesh, dx
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.constants import MU_0
 from femfit.device.parts import Actuator
-from femfit.field.force import LayerForce
+from femfit.field.force import LayerForce, quadratic
 from femfit.field.layout import Layout
-from femfit.field.weak_form import AIR, coil_load, flux_density, linear_materials, magnet_load, reluctivity, stiffness
-
-
-@dataclass(frozen=True)
-class FieldPair:
-    """A field that is linear in (1, i)."""
-
-    magnets: GridFunction
-    coil: GridFunction
-
-    def quadratic(self, form: Callable[[GridFunction, GridFunction], float]) -> FloatArray:
-        """The coefficients, shape (3,), of 1, i and i^2 in a quadratic form, from its symmetric bilinear one."""
-        return np.array(
-            [form(self.magnets, self.magnets), 2.0 * form(self.magnets, self.coil), form(self.coil, self.coil)]
-        )
+from femfit.field.newton import inner
+from femfit.field.regions import AIR
+from femfit.field.weak_form import hall_field, linear_materials, reluctivity, source_loads, stiffness
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,58 +35,62 @@ class Coefficients:
 
 
 class LinearSystem:
-    """Forms, loads and force matrix; from one distance to the next only the air's form changes."""
+    """Forms, loads and force matrix; from one distance to the next only the air's form changes.
+
+    ``total`` and ``own`` have one field a source: the magnets', and that of 1 A in each circuit.
+    """
 
     def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, g: GridFunction, order: int) -> None:
         self.mesh = mesh
         self.space = H1(mesh, order=order)
-        self.total, self.own = (FieldPair(GridFunction(self.space), GridFunction(self.space)) for _ in range(2))
         self._hall = actuator.hall
-        self._magnets, self._own_magnets = (magnet_load(self.space, actuator, part) for part in ("", "moving:"))
-        self._coil = coil_load(self.space, actuator)
+        self._loads = source_loads(self.space, actuator)
+        self._own_loads = source_loads(self.space, actuator, moving=True)
+        self.total, self.own = (tuple(GridFunction(self.space) for _ in self._loads) for _ in range(2))
         self._layer_force = LayerForce(self.space, g)
         named = linear_materials(actuator)
         parts, nu_0, nu = "|".join(named), ng.CF(1.0 / MU_0), reluctivity(mesh, named)
         self._air = stiffness(self.space, nu_0, layout.outer_radius, regions=AIR)
-        self._solid, self._vacuum = (stiffness(self.space, one, None, regions=parts).Assemble() for one in (nu, nu_0))
+        self._solid, self._vacuum = (
+            [stiffness(self.space, one, None, regions=parts).Assemble()] if named else [] for one in (nu, nu_0)
+        )
         self._inverse = SummedInverse(self.space)
         self._induced = stiffness(self.space, nu_0 - nu, None, regions="moving:.*", condense=False)
 
     def solve(self) -> None:
         """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
         self._air.Assemble()
-        self._inverse.renew((self._air, self._solid))
-        for load, total in ((self._magnets, self.total.magnets), (self._coil, self.total.coil)):
-            total.vec.FV().NumPy()[:] = self._inverse.solve(load.vec.FV().NumPy())
-        self._inverse.renew((self._air, self._vacuum))
-        magnetisation = self.total.coil.vec.CreateVector()
-        for total, own, permanent in (
-            (self.total.magnets, self.own.magnets, 1.0),
-            (self.total.coil, self.own.coil, 0.0),
-        ):
+        self._inverse.renew((self._air, *self._solid))
+        self._solve(self._loads, self.total)
+        self._inverse.renew((self._air, *self._vacuum))
+        magnetisation = self.total[0].vec.CreateVector()
+        own_loads = []
+        for total, load in zip(self.total, self._own_loads, strict=True):
             self._induced.Apply(total.vec, magnetisation)  # element by element, on the moving part alone
-            magnetisation.data += permanent * self._own_magnets.vec
-            own.vec.FV().NumPy()[:] = self._inverse.solve(magnetisation.FV().NumPy())
+            own_loads.append(magnetisation.FV().NumPy() + load)
+        self._solve(own_loads, self.own)
 
     def evaluate(self) -> Coefficients:
         """Solve on the mesh as it is now stretched: force, flux linkage, co-energy and Hall field."""
         self.solve()
-        self_force = self.own.quadratic(self._layer_force.between)
-        magnets, coil = self.total.magnets.vec, self.total.coil.vec
-        load = self._coil.vec
+        self_force = quadratic(self._layer_force, self.own)
+        linked = np.array([[inner(load, total.vec.FV().NumPy()) for total in self.total] for load in self._loads])
         return Coefficients(
-            force=self.total.quadratic(self._layer_force.between) - self_force,
+            force=quadratic(self._layer_force, self.total) - self_force,
             self_force=self_force,
-            flux_linkage=np.array([InnerProduct(load, magnets), InnerProduct(load, coil)]),
-            coenergy=0.5 * InnerProduct(self._magnets.vec, magnets),
+            flux_linkage=linked[1:],
+            coenergy=0.5 * linked[0, 0],
             hall=self._hall_field(),
         )
+
+    def _solve(self, loads: Sequence[FloatArray] | FloatArray, functions: Sequence[GridFunction]) -> None:
+        for load, function in zip(loads, functions, strict=True):
+            function.vec.FV().NumPy()[:] = self._inverse.solve(load) if load.any() else 0.0
 
     def _hall_field(self) -> FloatArray | None:
         if self._hall is None:
             return None
-        point = self.mesh(self._hall.radius_m, self._hall.height_m)
-        return np.array([flux_density(solution)[1](point) for solution in (self.total.magnets, self.total.coil)])
+        return np.array([hall_field(self._hall, self.mesh, function) for function in self.total])
 
 
 class SummedInverse:

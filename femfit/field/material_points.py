@@ -11,7 +11,7 @@ C. Pechstein and B. Juettler, J. Comput. Appl. Math. 196 (2006) 45, for nu_d.
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import ngsolve as ng
 import numpy as np
@@ -30,6 +30,10 @@ BEYOND_SHARE = 0.01
 
 TINY_FLUX_DENSITY = 1e-12
 """In T; below it the direction of B does not matter, for there H / B is dH/dB."""
+
+
+Tensor: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""Components rr, rz, zz of nu_d in m/H, each of shape (points)."""
 
 
 class MaterialPoints:
@@ -88,8 +92,8 @@ class MaterialPoints:
         """The integral of h . B(v) over the parts, for all test functions v: the derivative of the energy for h = H."""
         return np.asarray(self._to_load @ (self.weight * h).ravel())
 
-    def tensor(self, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The components rr, rz, zz of nu_d in m/H, each of shape (points), at B of shape (2, points)."""
+    def tensor(self, b: FloatArray) -> Tensor:
+        """The tensor nu_d at B of shape (2, points)."""
         size = np.hypot(*b)
         along, across = self._reluctivity.copy(), self._reluctivity.copy()
         for points, curve in self._curves:
@@ -130,7 +134,8 @@ class MaterialPoints:
         """Note the law of a region's points: nu and nu B_r of a linear one, or the curve."""
         if isinstance(material, LinearMaterial):
             self._reluctivity[points] = material.reluctivity
-            self.coercive_field[1, points] = material.reluctivity * material.remanence_T
+            coercive = material.reluctivity * material.remanence_T * np.array(material.direction)
+            self.coercive_field[:, points] = coercive[:, None]
         else:
             self._curves.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
             self._ends.append((points, material.flux_density_T[-1]))

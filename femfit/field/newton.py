@@ -1,6 +1,6 @@
 r"""Newton's iteration as energy minimisation.
 
-The state w minimises E(w) = stored energy - current x flux linkage, which is convex because every H(B) is monotone. A
+The state w minimises E(w) = stored energy - currents x flux linkages, which is convex because every H(B) is monotone. A
 correction solves K c = -dE/dw; K, the second derivative, is kept while it serves: it is renewed after a step that was
 shortened or reduced the residual too little. Any such K is positive definite, so c always goes downhill, and halving
 the step until the energy falls enough leads to the one minimum from any start.
@@ -67,14 +67,14 @@ class NewtonResult:
 
 def minimise(
     problem: "NonlinearSystem",
-    current: float,
+    currents: FloatArray,
     start: FloatArray,
     *,
     contraction: float = CONTRACTION,
     limit: int = LIMIT,
 ) -> NewtonResult:
     """Find the state of least energy."""
-    state, here, history = start, problem.evaluate(start, current), list[float]()
+    state, here, history = start, problem.evaluate(start, currents), list[float]()
     stale = not problem.ready
     for _ in range(limit):
         if stale:
@@ -89,7 +89,7 @@ def minimise(
         if residual <= TOLERANCE:
             return NewtonResult(state + correction, len(history), residual, True, tuple(history))
         least = 1.0 if residual < RESOLVED else SHORTEST_STEP
-        step, state, here = _search(problem, current, state, here, correction, least, SUFFICIENT * decrease)
+        step, state, here = _search(problem, currents, state, here, correction, least, SUFFICIENT * decrease)
         stale = contraction == 0.0 or step < 1.0 or slow
     return NewtonResult(state, limit, history[-1], False, tuple(history))
 
@@ -101,7 +101,7 @@ def _relative(decrease: float, square: float) -> float:
 
 def _search(
     problem: "NonlinearSystem",
-    current: float,
+    currents: FloatArray,
     state: FloatArray,
     here: Expansion,
     correction: FloatArray,
@@ -112,7 +112,7 @@ def _search(
     step = 1.0
     while True:
         trial = state + step * correction
-        there = problem.evaluate(trial, current)
+        there = problem.evaluate(trial, currents)
         if step <= least or there.energy <= here.energy - step * decrease:
             return step, trial, there
         step *= 0.5

@@ -1,21 +1,22 @@
-r"""All currents of an actuator with saturating parts at a distance.
+r"""All points of the currents of an actuator with saturating parts, at a distance.
 
 **Start of the iteration.** Along the currents a state changes much, along the distances little, so states at the
-group's reference distance are solved once, and a point starts from w(d, i_k) = w(d_ref, i_k) + w(d, i_k-1) -
-w(d_ref, i_k-1), wrong only in the mixed second difference. The higher polynomial order starts in the same way from the
-lower one. Nothing depends on which distances were solved before, so that a resumed sweep gives the same digits.
+group's reference distance are solved once, and a point starts from them (:mod:`femfit.field.current_path`). The higher
+polynomial order starts in the same way from the lower one. Nothing depends on which distances were solved before, so
+that a resumed sweep gives the same digits.
 
 **Force.** In a converged state H = nu_0 B - M holds at every point of the mesh with the magnetisation M = B / mu_0 - H
-(permanent, induced or both), so the discrete field is exactly u + v: u of the moving part's M, frozen, in free space, v
-of everything else. The stress of u integrates to zero on every surface round the moving part, whatever M is; what it
-integrates to on the mesh is error, and is subtracted. It needs no linear material and no permanent magnet.
+(permanent, induced or both), so the discrete field is exactly u + v: u of the moving part's M, frozen, and of its
+coils' currents in free space, v of everything else. The stress of u integrates to zero on every surface round the
+moving part, whatever M is; what it integrates to on the mesh is error, and is subtracted. It needs no linear material
+and no permanent magnet.
 
 References
 ----------
 F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighted over a layer.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,15 +25,17 @@ from ngsolve import ConvertOperator
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
+from femfit.field.current_path import States, along_currents
+from femfit.field.currents import CurrentsLike, current_points, swept_currents
 from femfit.field.force import AROUND_FIXED, LayerForce, weight
 from femfit.field.layout import Layout
 from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh, PointField
-from femfit.field.newton import TOLERANCE, NewtonResult, inner, minimise
+from femfit.field.newton import TOLERANCE, NewtonResult
 from femfit.field.nonlinear_system import RESPONSE_LIMIT, NonlinearSystem
 from femfit.field.point_rows import NonlinearPoint, PointSolution, table_rows
 from femfit.field.settings import SolverSettings
-from femfit.field.weak_form import flux_density
+from femfit.field.weak_form import hall_field
 
 
 class NonlinearActuator:
@@ -41,7 +44,7 @@ class NonlinearActuator:
     def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
         self.layout = layout
         self._hall = actuator.hall
-        self._currents = actuator.sweep.currents_A
+        self._circuits = tuple(circuit.name for circuit in actuator.circuits)
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
         self.coarse = NonlinearSystem(self.mesh, actuator, layout, settings.order - 1)
@@ -49,64 +52,68 @@ class NonlinearActuator:
         self._raise_order = csr(ConvertOperator(self.coarse.space, self.fine.space), self.coarse.space.ndof)
         g = weight(self.mesh)
         self._fine_layer, self._coarse_layer = (LayerForce(system.space, g) for system in (self.fine, self.coarse))
-        self._references = self._reference_states() if len(group) > 1 else {}
+        self._references: States = {}
+        if len(group) > 1:
+            self.coarse.move()
+            swept = current_points(swept_currents(actuator.sweep), len(self._circuits))
+            self._references = _states(along_currents(self.coarse, swept, {}))
 
     @property
     def unknowns(self) -> int:
         """Number of unknowns of the finer of the two orders."""
         return int(self.fine.space.ndof)
 
-    def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table, one value a current; one without convergence has its ``status`` and no field."""
-        return table_rows(self.solve(distance, currents), currents)
+    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
+        """Columns of the sweep table, one value a point; one without convergence has its ``status`` and no field."""
+        points = current_points(currents, len(self._circuits))
+        return table_rows(self.solve(distance, points), points, self._circuits)
 
-    def solve(self, distance: float, currents: tuple[float, ...]) -> list[NonlinearPoint]:
-        """Solve all currents at a distance."""
+    def solve(self, distance: float, currents: CurrentsLike) -> list[NonlinearPoint]:
+        """Solve all points of the currents at a distance."""
+        points = current_points(currents, len(self._circuits))
         with self._moving.at(distance):
             self.coarse.move()
             self.fine.move()
-            coarse = _along_currents(self.coarse, currents, self._references)
-            bases = {i: self._raise_order @ result.state for i, result in coarse.items() if result.converged}
-            fine = _along_currents(self.fine, tuple(i for i in currents if i in bases), bases)
+            coarse = along_currents(self.coarse, points, self._references)
+            bases = {key: self._raise_order @ state for key, state in _states(coarse).items()}
+            fine = along_currents(self.fine, np.array([p for p in points if tuple(p) in bases]), bases)
             evaluate = self._evaluation()
-            start, points = np.zeros(self.fine.space.ndof), []
-            for i in currents:
-                last = fine.get(i, coarse[i])
+            start, solved = np.zeros_like(self.fine.circuits), []
+            for point in points:
+                key = tuple(point)
+                last = fine.get(key, coarse[key])
                 status, solution = _status(last), None
-                if i in fine and last.converged:
+                if key in fine and last.converged:
                     response, found = self.fine.response(last.state, start)
                     if found:
-                        start, solution = response, evaluate(i, last.state, coarse[i].state, response)
+                        start, solution = response, evaluate(point, last.state, coarse[key].state, response)
                     else:
                         status = _NO_INDUCTANCE
-                iterations = last.iterations + (coarse[i].iterations if i in fine else 0)
-                points.append(NonlinearPoint(iterations, last.residual, status, solution))
-        return points
+                iterations = last.iterations + (coarse[key].iterations if key in fine else 0)
+                solved.append(NonlinearPoint(iterations, last.residual, status, solution))
+        return solved
 
-    def field(self, distance: float, current: float) -> PointField:
+    def field(self, distance: float, currents: CurrentsLike) -> PointField:
         """The field at a point, with the mesh left stretched to it."""
-        (point,) = self.solve(distance, (current,))
+        (point,) = self.solve(distance, currents)
         if point.solution is None:
-            raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {current:g} A: {point.status}.")
+            amperes = ", ".join(f"{i:g}" for i in np.ravel(currents))
+            raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {point.status}.")
         self._moving.move_to(distance)
         solution = point.solution
         return PointField(self.fine.function(solution.state), solution.force, solution.self_force)
 
-    def _reference_states(self) -> dict[float, FloatArray]:
-        self.coarse.move()
-        results = _along_currents(self.coarse, self._currents, {})
-        return {i: result.state for i, result in results.items() if result.converged}
-
-    def _evaluation(self) -> Callable[[float, FloatArray, FloatArray, FloatArray], PointSolution]:
+    def _evaluation(self) -> Callable[[FloatArray, FloatArray, FloatArray, FloatArray], PointSolution]:
         """The evaluation of states at the distance that the mesh is stretched to."""
         weights = self._moving.reaction_weight, self._moving.work_weight
         reaction, work = (LayerForce(self.fine.space, g, AROUND_FIXED) for g in weights)
-        place = None if self._hall is None else self.mesh(self._hall.radius_m, self._hall.height_m)
 
-        def evaluate(current: float, fine: FloatArray, coarse: FloatArray, response: FloatArray) -> PointSolution:
-            total, own = self.fine.function(fine), self.fine.function(self.fine.own_state(fine))
+        def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray, response: FloatArray) -> PointSolution:
+            total, own = self.fine.function(fine), self.fine.function(self.fine.own_state(fine, currents))
             others = self.fine.function(fine - own.vec.FV().NumPy())
-            lower, lower_own = self.coarse.function(coarse), self.coarse.function(self.coarse.own_state(coarse))
+            lower, lower_own = (
+                self.coarse.function(state) for state in (coarse, self.coarse.own_state(coarse, currents))
+            )
             layer, lower_layer = self._fine_layer, self._coarse_layer
             self_force = layer.between(own, own)
             return PointSolution(
@@ -115,10 +122,10 @@ class NonlinearActuator:
                 work=2.0 * work.between(own, others),
                 coarse_force=lower_layer.between(lower, lower) - lower_layer.between(lower_own, lower_own),
                 self_force=self_force,
-                flux_linkage=inner(self.fine.coil, fine),
+                flux_linkage=self.fine.flux_linkage(fine),
                 inductance=self.fine.inductance(fine, response),
-                coenergy=-self.fine.evaluate(fine, current).energy,
-                hall=None if place is None else float(flux_density(total)[1](place)),
+                coenergy=-self.fine.evaluate(fine, currents).energy,
+                hall=None if self._hall is None else hall_field(self._hall, self.mesh, total),
                 beyond_curve=self.fine.points.beyond_curve(self.fine.points.flux_density(fine)),
                 state=fine,
             )
@@ -126,41 +133,8 @@ class NonlinearActuator:
         return evaluate
 
 
-def _along_currents(
-    system: NonlinearSystem, currents: tuple[float, ...], bases: dict[float, FloatArray]
-) -> dict[float, NewtonResult]:
-    """Solve from the weakest current outwards, each state predicted from its neighbour and from the bases."""
-    results: dict[float, NewtonResult] = {}
-    states: dict[float, FloatArray] = {}
-    for current, before in _outwards(currents):
-        start = _predicted(current, [i for i in before if i in states], states, bases)
-        results[current] = minimise(system, current, np.zeros(system.space.ndof) if start is None else start)
-        if results[current].converged:
-            states[current] = results[current].state
-    return results
-
-
-def _predicted(
-    current: float, before: list[float], states: dict[float, FloatArray], bases: dict[float, FloatArray]
-) -> FloatArray | None:
-    """The start at a current from the states before it, the last one first: with bases, or else on a straight line."""
-    if current in bases:
-        known = [i for i in before if i in bases]
-        return bases[current] + states[known[0]] - bases[known[0]] if known else bases[current]
-    if len(before) < 2:
-        return states[before[0]] if before else None
-    share = (current - before[0]) / (before[0] - before[1])
-    return states[before[0]] + share * (states[before[0]] - states[before[1]])
-
-
-def _outwards(currents: tuple[float, ...]) -> list[tuple[float, list[float]]]:
-    """Each current from the weakest outwards, with those between it and the weakest, the nearest first."""
-    if not currents:
-        return []
-    middle = int(np.argmin(np.abs(currents)))
-    up = [(i, list(currents[middle:k][::-1])) for k, i in enumerate(currents) if k > middle]
-    down = [(i, list(currents[k + 1 : middle + 1])) for k, i in enumerate(currents) if k < middle]
-    return [(currents[middle], []), *up, *down[::-1]]
+def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:
+    return {key: result.state for key, result in results.items() if result.converged}
 
 
 _NO_INDUCTANCE = (

@@ -14,9 +14,10 @@ from femfit.core.constants import MU_0
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.linear_system import SummedInverse
-from femfit.field.material_points import MaterialPoints, csr
+from femfit.field.material_points import MaterialPoints, Tensor, csr
 from femfit.field.newton import Expansion, inner
-from femfit.field.weak_form import AIR, coil_load, materials, stiffness
+from femfit.field.regions import AIR
+from femfit.field.weak_form import materials, source_loads, stiffness
 
 RESPONSE_TOLERANCE = 1e-3
 """Tolerance of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
@@ -31,7 +32,10 @@ class NonlinearSystem:
         self.space = H1(mesh, order=order)
         self.points = MaterialPoints(self.space, materials(actuator))
         self._magnets = self.points.load(self.points.coercive_field)
-        self.coil = np.array(coil_load(self.space, actuator).vec.FV().NumPy())
+        # Loads of 1 A in each circuit, and in its moving coils alone; shape (circuits, unknowns)
+        self.circuits, self._own_circuits = (
+            source_loads(self.space, actuator, moving=moving)[1:] for moving in (False, True)
+        )
         nu_0, radius = ng.CF(1.0 / MU_0), layout.outer_radius
         self._air = stiffness(self.space, nu_0, radius, regions=AIR)
         self._air_uncondensed = stiffness(self.space, nu_0, radius, regions=AIR, condense=False)
@@ -46,12 +50,12 @@ class NonlinearSystem:
         self._free_inverse.renew((self._air, self._vacuum))
         self.ready = False
 
-    def evaluate(self, state: FloatArray, current: float) -> Expansion:
+    def evaluate(self, state: FloatArray, currents: FloatArray) -> Expansion:
         """Energy without the constant of the magnets, its derivative and the state's square."""
         h, stored = self.points.respond(self.points.flux_density(state))
         of_air = self._stiffness @ state
         of_all = of_air + self.points.load(h)
-        sources = self._magnets + current * self.coil
+        sources = self._magnets + currents @ self.circuits
         return Expansion(
             energy=0.5 * inner(state, of_air) + stored - inner(state, sources),
             gradient=of_all - sources,
@@ -69,16 +73,19 @@ class NonlinearSystem:
         return self._inverse.solve(load)
 
     def response(self, state: FloatArray, guess: FloatArray) -> tuple[FloatArray, bool]:
-        """dw/di in 1/A at a converged state, and whether to RESPONSE_TOLERANCE: conjugate gradients from a guess.
+        """dw/di in 1/A at a converged state, shape (circuits, unknowns), and whether to RESPONSE_TOLERANCE.
 
-        They use the second derivative at the state, preconditioned by the kept one.
+        By conjugate gradients from a guess, with the second derivative at the state, preconditioned by the kept one.
         """
         tensor = self.points.tensor(self.points.flux_density(state))
-        x = guess
-        residual = self.coil - self._second_derivative(tensor, x)
+        solved = [self._respond(tensor, load, x) for load, x in zip(self.circuits, guess, strict=True)]
+        return np.array([x for x, _ in solved]).reshape(guess.shape), all(found for _, found in solved)
+
+    def _respond(self, tensor: Tensor, load: FloatArray, x: FloatArray) -> tuple[FloatArray, bool]:
+        residual = load - self._second_derivative(tensor, x)
         preconditioned = self.solve(residual)
         direction, product = preconditioned, inner(residual, preconditioned)
-        limit = RESPONSE_TOLERANCE**2 * inner(self.coil, self.solve(self.coil))
+        limit = RESPONSE_TOLERANCE**2 * inner(load, self.solve(load))
         for _ in range(RESPONSE_LIMIT):
             if not product > limit:  # nor where a number is lost
                 break
@@ -91,15 +98,24 @@ class NonlinearSystem:
             direction = preconditioned + (product / before) * direction
         return x, product <= limit
 
-    def inductance(self, state: FloatArray, response: FloatArray) -> float:
-        """d(flux linkage)/d(current) in H: coil . x for the exact response x, stationary at it."""
+    def inductance(self, state: FloatArray, response: FloatArray) -> FloatArray:
+        """d(flux linkages)/d(currents) in H: load . x for exact responses x, stationary at them."""
         tensor = self.points.tensor(self.points.flux_density(state))
-        return inner(response, 2.0 * self.coil - self._second_derivative(tensor, response))
+        images = [self._second_derivative(tensor, x) for x in response]
+        linked, energy = (
+            np.array([[inner(x, one) for one in loads] for x in response]) for loads in (self.circuits, images)
+        )
+        count = len(response)
+        return np.asarray((linked + linked.T - energy).reshape(count, count))
 
-    def own_state(self, state: FloatArray) -> FloatArray:
-        """The field of the moving part's magnetisation alone, frozen as it is in a state, in free space."""
+    def flux_linkage(self, state: FloatArray) -> FloatArray:
+        """Of each circuit, in Wb."""
+        return np.array([inner(load, state) for load in self.circuits])
+
+    def own_state(self, state: FloatArray, currents: FloatArray) -> FloatArray:
+        """The field in free space of the moving part's magnetisation, frozen as in a state, and of its currents."""
         magnetisation = self.points.magnetisation(self.points.flux_density(state)) * self.points.moving
-        return self._free_inverse.solve(self.points.load(magnetisation))
+        return self._free_inverse.solve(self.points.load(magnetisation) + currents @ self._own_circuits)
 
     def function(self, state: FloatArray) -> GridFunction:
         """A state as a function on the mesh."""
@@ -107,7 +123,7 @@ class NonlinearSystem:
         function.vec.FV().NumPy()[:] = state
         return function
 
-    def _second_derivative(self, tensor: tuple[FloatArray, FloatArray, FloatArray], x: FloatArray) -> FloatArray:
+    def _second_derivative(self, tensor: Tensor, x: FloatArray) -> FloatArray:
         rr, rz, zz = tensor
         b = self.points.flux_density(x)
         field = np.stack([rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]])

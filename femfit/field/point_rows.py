@@ -1,7 +1,7 @@
 r"""From what was solved at a distance to its rows of the table, with the force's error.
 
-A linear actuator's distance is a polynomial in the current: F = F_0 + F_1 i + F_2 i^2, flux linkage = flux_0 + L i,
-W' = W_0 + flux_0 i + L i^2 / 2, B = B_0 + B_1 i. A saturating one's is solved current by current.
+A linear actuator's distance is a form in the sources s = (1, i_1 .. i_n): F = s . F s, flux linkage = A s,
+W' = W_0 + flux_0 . i + i . L i / 2, B = b . s. A saturating one's is solved point by point.
 
 No single body is always safe, so the force is also had from the reaction on the fixed parts and by virtual work
 (:mod:`femfit.field.force`). The estimate is the larger of the change from one order lower, with its factor,
@@ -9,14 +9,15 @@ and of the disagreement of the three. With the fields' own stresses removed the 
 the orders do: what is left is the error of the magnetisation, which they share.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 
 from femfit.core.arrays import FloatArray
+from femfit.core.sweep_columns import flux_columns, inductance_columns
+from femfit.field.currents import weakest
 
 DISAGREEMENT = "force_disagreement_N"
 """How far reaction or virtual work are from the force: no column of the table, but part of its ``force_error_N``."""
@@ -31,54 +32,61 @@ BEYOND_CURVE = "beyond_bh_curve"
 
 @dataclass(frozen=True, eq=False)
 class DistanceSolution:
-    """One distance: three coefficients of forces, two of flux linkage and Hall field, W_0; in N, Wb, T, J and A."""
+    """One distance; in N, Wb, T, J and A, with m = 1 + circuits sources."""
 
-    force: FloatArray
-    # Change of the force from one polynomial order lower, where that was solved; shape (3,)
+    force: FloatArray  # Symmetric; shape (m, m)
+    # Change of the force from one polynomial order lower, where that was solved; shape (m, m)
     force_change: FloatArray | None
-    # The force by reaction and by virtual work (:class:`femfit.field.force.OtherForces`); shape (3,)
+    # The force by reaction and by virtual work (:class:`femfit.field.force.OtherForces`); shape (m, m)
     reaction: FloatArray
     work: FloatArray
-    flux_linkage: FloatArray
-    coenergy: float
-    hall: FloatArray | None
-    self_force: FloatArray  # The stress of the moving part's own field, as subtracted from the force; shape (3,)
+    flux_linkage: FloatArray  # Of the circuits, without current and of each source's ampere; shape (m - 1, m)
+    coenergy: float  # W_0
+    hall: FloatArray | None  # Shape (m,)
+    self_force: FloatArray  # The stress of the moving part's own field, as subtracted from the force; shape (m, m)
 
 
-def superpose(currents: FloatArray, solution: DistanceSolution) -> dict[str, FloatArray]:
-    """Table columns at n currents in A.
+def superpose(sources: FloatArray, solution: DistanceSolution, circuits: Sequence[str]) -> dict[str, FloatArray]:
+    """Table columns at sources of shape (points, 1 + circuits).
 
     The terms of the change between the orders add in magnitude, so that no cancellation flatters the error, which is
     absent where the change is unknown.
     """
-    flux, inductance = solution.flux_linkage
-    disagreement = np.maximum(
-        *(np.abs(polyval(currents, solution.force - other)) for other in (solution.reaction, solution.work))
-    )
+    flux = solution.flux_linkage
+    others = (solution.reaction, solution.work)
+    disagreement = np.max([np.abs(_form(sources, solution.force - other)) for other in others], axis=0)
+    count = len(sources)
+    currents, linked = sources[:, 1:], sources @ flux.T
     columns = {
-        "force_N": polyval(currents, solution.force),
+        "force_N": _form(sources, solution.force),
         DISAGREEMENT: disagreement,
-        "flux_linkage_Wb": polyval(currents, [flux, inductance]),
-        "inductance_H": np.full(len(currents), inductance),
-        "coenergy_J": polyval(currents, [solution.coenergy, flux, 0.5 * inductance]),
+        **dict(zip(flux_columns(circuits), linked.T, strict=True)),
+        **{name: np.full(count, flux[j, 1 + k]) for name, (j, k) in inductance_columns(circuits).items()},
+        "coenergy_J": solution.coenergy + 0.5 * np.sum(currents * (flux[:, 0] + linked), axis=1),
     }
     if solution.force_change is not None:
-        change = ERROR_SAFETY * polyval(np.abs(currents), np.abs(solution.force_change))
+        change = ERROR_SAFETY * _form(np.abs(sources), np.abs(solution.force_change))
         columns["force_error_N"] = np.maximum(change, disagreement)
     if solution.hall is not None:
-        columns["hall_T"] = polyval(currents, solution.hall)
+        columns["hall_T"] = sources @ solution.hall
     return columns
+
+
+def _form(sources: FloatArray, matrix: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("pj,jk,pk->p", sources, matrix, sources))
 
 
 @dataclass(frozen=True, eq=False)
 class PointSolution:
-    """One current at one distance, in SI units.
+    """One point of the currents at one distance, in SI units.
 
     Parameters
     ----------
     force, reaction, work, coarse_force : float
         By the layer round the moving part, by the reaction on the fixed parts, by virtual work, and by the layer one
         order lower.
+    flux_linkage : array, shape (circuits,)
+    inductance : array, shape (circuits, circuits)
     self_force : float
         As subtracted from the force.
     beyond_curve : bool
@@ -92,8 +100,8 @@ class PointSolution:
     work: float
     coarse_force: float
     self_force: float
-    flux_linkage: float
-    inductance: float
+    flux_linkage: FloatArray
+    inductance: FloatArray
     coenergy: float
     hall: float | None
     beyond_curve: bool
@@ -110,16 +118,17 @@ class NonlinearPoint:
     solution: PointSolution | None
 
 
-def table_rows(points: list[NonlinearPoint], currents: tuple[float, ...]) -> dict[str, list[Any]]:
-    """Columns of the sweep table, one value a current; one that did not converge has its ``status`` and no field."""
-    weakest = points[int(np.argmin(np.abs(currents)))].solution
-    least_change = _least_change([point.solution for point in points if point.solution], weakest)
-    rows = [_columns(point, least_change) for point in points]
+def table_rows(points: Sequence[NonlinearPoint], currents: FloatArray, circuits: Sequence[str]) -> dict[str, list[Any]]:
+    """Columns of the sweep table, one value a point; one that did not converge has its ``status`` and no field."""
+    least_change = _least_change(
+        [point.solution for point in points if point.solution], points[weakest(currents)].solution
+    )
+    rows = [_columns(point, least_change, circuits) for point in points]
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
 
 
-def _least_change(solutions: list[PointSolution], weakest: PointSolution | None) -> Callable[[float], float]:
+def _least_change(solutions: Sequence[PointSolution], at_weakest: PointSolution | None) -> Callable[[float], float]:
     """A lower bound on the force's change between the orders, for a force.
 
     At single currents the change passes through zero, so it counts at least with its mean relative to the force; and
@@ -127,7 +136,7 @@ def _least_change(solutions: list[PointSolution], weakest: PointSolution | None)
     """
     total = sum(abs(one.force) for one in solutions)
     share = sum(abs(one.force - one.coarse_force) for one in solutions) / total if total else 0.0
-    floor = abs(weakest.force) if weakest else 0.0
+    floor = abs(at_weakest.force) if at_weakest else 0.0
     return lambda force: share * max(abs(force), floor)
 
 
@@ -142,7 +151,7 @@ def _force_error(solution: PointSolution, least_change: Callable[[float], float]
     return max(ERROR_SAFETY * change, _disagreement(solution))
 
 
-def _columns(point: NonlinearPoint, least_change: Callable[[float], float]) -> dict[str, Any]:
+def _columns(point: NonlinearPoint, least_change: Callable[[float], float], circuits: Sequence[str]) -> dict[str, Any]:
     columns = {
         "newton_iterations": point.iterations,
         "newton_residual": point.residual,
@@ -153,8 +162,8 @@ def _columns(point: NonlinearPoint, least_change: Callable[[float], float]) -> d
         return columns
     columns |= {
         "force_N": solution.force,
-        "flux_linkage_Wb": solution.flux_linkage,
-        "inductance_H": solution.inductance,
+        **dict(zip(flux_columns(circuits), solution.flux_linkage.tolist(), strict=True)),
+        **{name: float(solution.inductance[place]) for name, place in inductance_columns(circuits).items()},
         "coenergy_J": solution.coenergy,
         "force_error_N": _force_error(solution, least_change),
         DISAGREEMENT: _disagreement(solution),

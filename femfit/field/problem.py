@@ -4,6 +4,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from femfit.device.parts import Actuator, NonlinearMaterial
+from femfit.field.currents import current_points, swept_currents
 from femfit.field.layout import Layout
 from femfit.field.linear_point import LinearActuator
 from femfit.field.settings import SolverSettings
@@ -38,5 +39,5 @@ def prepare(
     level = partial(build, estimate=False)
     if choice is not None:
         return at_level(level, choice, settings)
-    checked = check_currents(actuator.sweep.currents_A) if saturates else actuator.sweep.currents_A
-    return meet_tolerance(level, group, checked, settings)
+    points = current_points(swept_currents(actuator.sweep), len(actuator.circuits))
+    return meet_tolerance(level, group, check_currents(points) if saturates else points, settings)

@@ -11,6 +11,7 @@ from femfit.core.errors import FieldSolverError, RunDirectoryError
 from femfit.core.journal import Journal, JournalHeader
 from femfit.device.parts import Actuator
 from femfit.device.variants import VariantSweep, only, read_variants
+from femfit.field.currents import swept_currents
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep_rows import sweep_manifest, sweep_rows
@@ -86,7 +87,7 @@ def run_sweep(
     settings = settings or settings_for(sweep.actuator)
     tasks, failed = _plan(sweep, settings)
     configuration = _configuration(sweep, settings)
-    currents = len(sweep.variants[0].sweep.currents_A)
+    currents = len(swept_currents(sweep.variants[0].sweep))
     names = {task.key for task in tasks}
 
     def report() -> None:

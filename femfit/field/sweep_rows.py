@@ -1,28 +1,30 @@
 """From a sweep's results to its table and manifest, and what it came to in a few numbers."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.sweep_columns import COLUMNS, VARIANT
+from femfit.core.sweep_columns import VARIANT, current_columns, sweep_columns
 from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.device.parts import SweepAxes
 from femfit.device.sensors import HallElement
 from femfit.device.summary import sweep_manifest_entry
 from femfit.device.variants import VariantSweep
-from femfit.tables.sweep_table import SweepTable
+from femfit.field.currents import swept_currents
+from femfit.tables.sweep_table import SweepTable, current_names
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Result = Mapping[str, Any]
+NEWTON_COLUMNS = ("newton_iterations", "newton_residual")
+"""Columns of actuators with saturating parts alone."""
+
 SMALL_FORCE = 0.01
 """A force below this part of the largest at its distance is a passage through zero (conventional)."""
-
-FIELD_COLUMNS = ("force_N", "flux_linkage_Wb", "inductance_H", "coenergy_J", "hall_T", "force_error_N")
 
 
 def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result]) -> "pd.DataFrame":
@@ -32,19 +34,20 @@ def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result])
     """
     import pandas as pd  # noqa: PLC0415  loads while the workers solve
 
-    frames = []
+    circuits = [circuit.name for circuit in sweep.actuator.circuits]
+    columns, frames = sweep_columns(circuits), []
     for number, variant in enumerate(sweep.variants, 1):
         own = {VARIANT: number, **dict(zip(sweep.columns, variant.values, strict=True))} if sweep.columns else {}
         frames += [
-            _distance_rows(variant.sweep, distance, results[number, distance]) | own
+            _distance_rows(variant.sweep, circuits, distance, results[number, distance]) | own
             for distance in variant.sweep.distances_m
         ]
     rows = pd.concat([pd.DataFrame(frame) for frame in frames], ignore_index=True)
     axes = [VARIANT, *sweep.columns] if sweep.columns else []
-    rows = rows.reindex(columns=[*(name for name in COLUMNS if name in rows), *axes])
+    rows = rows.reindex(columns=[*(name for name in columns if name in rows), *axes])
     if rows["hall_T"].isna().all():
         rows = rows.drop(columns="hall_T")
-    return rows.sort_values([*axes[:1], "current_A", "distance_m"], kind="stable", ignore_index=True)
+    return rows.sort_values([*axes[:1], *current_columns(circuits), "distance_m"], kind="stable", ignore_index=True)
 
 
 def clipped_hall(sweep: VariantSweep, table: SweepTable) -> list[str]:
@@ -94,15 +97,19 @@ def sweep_manifest(sweep: VariantSweep, configuration: Mapping[str, Any]) -> dic
     return manifest | {"parameters": list(sweep.columns), "variants": variants}
 
 
-def _distance_rows(axes: SweepAxes, distance: float, result: Result) -> dict[str, Any]:
-    nothing = np.full(len(axes.currents_A), math.nan)
-    rows = result.get("rows", {})
+def _distance_rows(axes: SweepAxes, circuits: Sequence[str], distance: float, result: Result) -> dict[str, Any]:
+    points = swept_currents(axes)
+    nothing = np.full(len(points), math.nan)
+    solved = {
+        name: np.array(values, dtype=np.float64) if None in values else values
+        for name, values in result.get("rows", {}).items()
+    }
     return {
-        "current_A": np.array(axes.currents_A),
-        "distance_m": np.full(len(axes.currents_A), distance),
-        **dict.fromkeys(FIELD_COLUMNS, nothing),
+        **dict.fromkeys((name for name in sweep_columns(circuits) if name not in NEWTON_COLUMNS), nothing),
+        **dict(zip(current_columns(circuits), points.T, strict=True)),
+        "distance_m": np.full(len(points), distance),
         "status": result["status"],
-        **{name: np.array(values, dtype=np.float64) if None in values else values for name, values in rows.items()},
+        **solved,
     }
 
 
@@ -112,8 +119,8 @@ def summarise(table: SweepTable) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON-ready; the relative error is of the force or, where that is larger, of the force of the weakest current at
-        the same distance, or of that current's force at the distance before or after if its sign is another, and of a
+        JSON-ready; the relative error is of the force or, where that is larger, of the force of the weakest currents
+        at the same distance, or of their force at the distance before or after if its sign is another, and of a
         hundredth of the largest force at the same distance at least: a force that crosses or stays at zero is no
         measure. Forces are None if every row failed. ``points_beyond_bh_curve`` and, with
         a tolerance, which knows one distance only, ``rows_beyond_tolerance`` where they apply.
@@ -140,7 +147,7 @@ def summarise(table: SweepTable) -> dict[str, Any]:
 
 def _near_force(rows: "pd.DataFrame") -> "pd.Series[float]":
     """Each row's force; beside a change of sign along the distance, the largest of it and those of another sign."""
-    keys = [name for name in (VARIANT, "current_A") if name in rows]
+    keys = [*(name for name in (VARIANT,) if name in rows), *current_names(rows)]
     forces = rows.sort_values("distance_m", kind="stable").groupby(keys)["force_N"]
     size = rows["force_N"].abs()
     for step in (1, -1):
@@ -152,7 +159,8 @@ def _near_force(rows: "pd.DataFrame") -> "pd.Series[float]":
 def _relative_errors(rows: "pd.DataFrame", size: "pd.Series[float]") -> "pd.Series[float]":
     """Estimated error of each row with a force, relative to its size or to that of the weakest current."""
     keys = [name for name in (VARIANT, "distance_m") if name in rows]
-    weakest_first = rows.assign(size=size, magnitude=rows["current_A"].abs()).sort_values("magnitude", kind="stable")
+    magnitude = np.linalg.norm(rows[current_names(rows)], axis=1)
+    weakest_first = rows.assign(size=size, magnitude=magnitude).sort_values("magnitude", kind="stable")
     weakest = weakest_first.groupby(keys)["size"].transform("first")
     largest = weakest_first["force_N"].abs().groupby([weakest_first[name] for name in keys]).transform("max")
     scale = size.combine(weakest.reindex(rows.index), max).combine(SMALL_FORCE * largest.reindex(rows.index), max)

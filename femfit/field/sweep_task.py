@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError, FieldSolverError
 from femfit.device.parts import Actuator
+from femfit.field.currents import swept_currents
 from femfit.field.layout import Layout
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep_workers import AGAIN
@@ -39,7 +40,7 @@ class MeshGroup:
 
 @dataclass(frozen=True)
 class DistanceTask:
-    """One distance of a sweep; its result has ``rows``, the table's columns, one value a current."""
+    """One distance of a sweep; its result has ``rows``, the table's columns, one value a point of the currents."""
 
     mesh: MeshGroup
     distance: float
@@ -58,7 +59,7 @@ class DistanceTask:
             if len(self.mesh.distances) == 1:
                 raise
             problem = MESHES.problem(self.mesh.of(self.distance))
-        rows = problem.rows(self.distance, self.mesh.actuator.sweep.currents_A)
+        rows = problem.rows(self.distance, swept_currents(self.mesh.actuator.sweep))
         return {"rows": {name: [_json_ready(value) for value in values] for name, values in rows.items()}}
 
 

@@ -25,6 +25,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.sweep_columns import is_flux
+from femfit.field.currents import CurrentsLike, between, current_points, weakest
 from femfit.field.point_rows import DISAGREEMENT
 from femfit.field.settings import SolverSettings
 
@@ -60,13 +62,13 @@ class LevelChoice:
     """
 
     level: int
-    currents_A: tuple[float, ...]
+    currents_A: tuple[tuple[float, ...], ...]  # Of the circuits, a point
     force_errors: tuple[float, ...]
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "LevelChoice":
         """From its fields as a journal has them."""
-        return cls(content["level"], tuple(content["currents_A"]), tuple(content["force_errors"]))
+        return cls(content["level"], tuple(map(tuple, content["currents_A"])), tuple(content["force_errors"]))
 
 
 class ToleranceProblem:
@@ -79,29 +81,29 @@ class ToleranceProblem:
         self._currents: FloatArray = np.array(choice.currents_A)
         self._errors: FloatArray = np.array(choice.force_errors)
 
-    def rows(self, distance: float, currents: tuple[float, ...]) -> dict[str, list[Any]]:
-        """Columns of the sweep table at a distance, one value a current."""
+    def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
+        """Columns of the sweep table at a distance, one value a point."""
         columns = self._rows(distance, currents)
         if "force_N" in columns:
-            error = self._relative(np.array(currents)) * scale(columns["force_N"], currents)
+            points = current_points(currents, self._currents.shape[1])
+            error = self._relative(points) * scale(columns["force_N"], points)
             columns["force_error_N"] = np.maximum(error, columns[DISAGREEMENT]).tolist()
         return columns
 
-    def _relative(self, currents: FloatArray) -> FloatArray:
-        """The larger error of the two checked currents on either side."""
-        last = len(self._currents) - 1
-        above = np.clip(np.searchsorted(self._currents, currents), 0, last)
-        below = np.clip(np.searchsorted(self._currents, currents, side="right") - 1, 0, last)
-        return np.maximum(self._errors[above], self._errors[below])
+    def _relative(self, points: FloatArray) -> FloatArray:
+        """The largest error of the checked points round each point: with no other checked one between."""
+        checked = self._currents
+        near = [[between(checked, point, one).sum() == 1 for one in checked] for point in points]
+        return np.asarray(np.max(np.where(near, self._errors, 0.0), axis=1))
 
 
 def meet_tolerance(
     build: "Callable[[SolverSettings], LevelProblem]",
     group: tuple[float, ...],
-    currents: tuple[float, ...],
+    currents: FloatArray,
     settings: SolverSettings,
 ) -> ToleranceProblem:
-    """Refine until ascending distances that share a mesh meet the tolerance at ascending currents, or to its end.
+    """Refine until ascending distances that share a mesh meet the tolerance at points of the currents, or to its end.
 
     The rows say the error that is left, also where the last level does not meet the tolerance.
     """
@@ -121,10 +123,11 @@ def meet_tolerance(
             break
         below, above = above, solve(level)
         force = factor * _difference("force_N", below, above, currents)
-        flux = factor * _difference("flux_linkage_Wb", below, above, currents)
+        linked = [_difference(name, below, above, currents).max() for name in below.columns[0] if is_flux(name)]
+        flux = factor * max(linked, default=0.0)
         chosen = below if shared else above
-        met = max(force.max(), flux.max(), _disagreement(chosen, currents)) <= tolerance
-    choice = LevelChoice(chosen.level, currents, tuple(force.tolist()))
+        met = max(force.max(), flux, _disagreement(chosen, currents)) <= tolerance
+    choice = LevelChoice(chosen.level, tuple(map(tuple, currents.tolist())), tuple(force.tolist()))
     return ToleranceProblem(chosen.problem, levels[chosen.level], choice)
 
 
@@ -149,11 +152,14 @@ def refinement_levels(settings: SolverSettings) -> list[SolverSettings]:
     ]
 
 
-def check_currents(currents: tuple[float, ...]) -> tuple[float, ...]:
-    """The currents that a nonlinear actuator is checked at: the ends, the weakest, and some between."""
-    spread = np.linspace(0, len(currents) - 1, MOST_CHECKED).round().astype(int)
-    chosen = {*spread.tolist(), int(np.argmin(np.abs(currents)))}
-    return tuple(currents[k] for k in sorted(chosen))
+def check_currents(points: FloatArray) -> FloatArray:
+    """The points that a nonlinear actuator is checked at: the ends, the weakest, and with one circuit some between."""
+    if points.shape[1] == 1:
+        spread = np.linspace(0, len(points) - 1, MOST_CHECKED).round().astype(int)
+    else:
+        ends = (points == points.min(axis=0)) | (points == points.max(axis=0))
+        spread = np.flatnonzero(ends.all(axis=1))
+    return points[sorted({*spread.tolist(), weakest(points)})]
 
 
 @dataclass(frozen=True)
@@ -163,7 +169,7 @@ class _Solved:
     columns: list[dict[str, list[Any]]]
 
 
-def _difference(name: str, first: _Solved, second: _Solved, currents: tuple[float, ...]) -> FloatArray:
+def _difference(name: str, first: _Solved, second: _Solved, currents: FloatArray) -> FloatArray:
     """The largest difference over the distances, relative to the scale, for each current; shape (currents,)."""
     worst = np.zeros(len(currents))
     for one, other in zip(first.columns, second.columns, strict=True):
@@ -174,7 +180,7 @@ def _difference(name: str, first: _Solved, second: _Solved, currents: tuple[floa
     return worst
 
 
-def _disagreement(solved: _Solved, currents: tuple[float, ...]) -> float:
+def _disagreement(solved: _Solved, currents: FloatArray) -> float:
     """The largest one of the bodies, relative to the scale: part of the error that the rows will state."""
     worst = 0.0
     for columns in solved.columns:
@@ -185,12 +191,12 @@ def _disagreement(solved: _Solved, currents: tuple[float, ...]) -> float:
     return worst
 
 
-def scale(values: Sequence[float], currents: Sequence[float]) -> FloatArray:
-    """What errors at one distance are relative to: a value, or that at the weakest current if it is larger.
+def scale(values: Sequence[float], currents: FloatArray) -> FloatArray:
+    """What errors at one distance are relative to: a value, or that at the weakest currents if it is larger.
 
     Where the coil's force cancels the magnet's, the sum is no measure of what was computed. A force that vanishes by
     symmetry leaves the solver's last digits, which are no measure of anything: it is 0.
     """
     size = np.abs(np.array(values, dtype=np.float64))
-    size = np.fmax(size, size[int(np.argmin(np.abs(currents)))])
+    size = np.fmax(size, size[weakest(currents)])
     return np.asarray(np.where(size <= ROUNDING * np.fmax.reduce(size), 0.0, size))

@@ -2,10 +2,11 @@ r"""The axisymmetric magnetostatic problem in its weak form.
 
 With A_phi = r w(r, z), w smooth and even in r, the flux density is B_r = -r dw/dz, B_z = 2 w + r dw/dr. Find w with
 
-    integral nu B(w) . B(v) 2 pi r  +  boundary  =  integral nu B_rem B_z(v) 2 pi r  +  integral J r v 2 pi r
+    integral nu B(w) . B(v) 2 pi r  +  boundary  =  integral nu B_rem . B(v) 2 pi r  +  integral J r v 2 pi r
 
-for all v: no 1/r anywhere and no condition on the axis. The boundary, a sphere of radius R, carries the energy of the
-field outside of it for a dipole, (nu_0 / R) r^2 w v 2 pi r, which is exact for the leading term of any closed source.
+for all v, B_rem along any direction in (r, z): no 1/r anywhere and no condition on the axis. The boundary, a sphere of
+radius R, carries the energy of the field outside of it for a dipole, (nu_0 / R) r^2 w v 2 pi r, which is exact for the
+leading term of any closed source.
 
 References
 ----------
@@ -17,15 +18,16 @@ import math
 from typing import Any
 
 import ngsolve as ng
+import numpy as np
 import shapely
-from ngsolve import CF, H1, BilinearForm, InnerProduct, LinearForm, Mesh, ds, dx, grad
+from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, ds, dx, grad
 
+from femfit.core.arrays import FloatArray
 from femfit.core.constants import MU_0
 from femfit.core.errors import FieldSolverError
-from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial
-
-AIR = "air|coil|halo|layer"
-"""Pattern of the regions without a material."""
+from femfit.device.parts import Actuator, Coil, LinearMaterial, Material, NonlinearMaterial
+from femfit.device.sensors import HallElement
+from femfit.field.regions import coil_region
 
 RADIAL_WEIGHT_ORDER = 3  # r^3 at most multiplies the polynomials; added to the quadrature's order
 
@@ -35,6 +37,12 @@ def flux_density(w: Any) -> Any:
     r = ng.x
     slope = grad(w)
     return CF((-r * slope[1], 2.0 * w + r * slope[0]))
+
+
+def hall_field(hall: HallElement, mesh: Mesh, w: GridFunction) -> float:
+    """The component of B in T that a Hall element measures."""
+    b = flux_density(w)(mesh(hall.radius_m, hall.height_m))
+    return float(hall.direction[0] * b[0] + hall.direction[1] * b[1])
 
 
 def materials(actuator: Actuator) -> dict[str, Material]:
@@ -68,26 +76,40 @@ def stiffness(
     return form
 
 
-def magnet_load(space: H1, actuator: Actuator, prefix: str = "") -> LinearForm:
-    """The right-hand side of the magnets, or of those in the regions whose name begins with a prefix."""
+def source_loads(space: H1, actuator: Actuator, *, moving: bool = False) -> FloatArray:
+    """The right-hand sides of the magnets and of 1 A in each circuit, or of what of them moves.
+
+    Returns
+    -------
+    array, shape (1 + circuits, unknowns)
+        The product of a circuit's row with a solution is that solution's flux linkage.
+    """
+    loads = [_magnet_load(space, actuator, "moving:" if moving else "")]
+    coils = {coil.name: _coil_load(space, coil) for coil in actuator.coils if coil.moves or not moving}
+    for circuit in actuator.circuits:
+        signed = [sign * coils[name] for name, sign in circuit.coils if name in coils]
+        loads.append(np.sum(signed, axis=0) if signed else np.zeros(space.ndof))
+    return np.array(loads)
+
+
+def _magnet_load(space: H1, actuator: Actuator, prefix: str) -> FloatArray:
     v = space.TestFunction()
     form = LinearForm(space)
-    for name, material in linear_materials(actuator).items():
-        if material.remanence_T and name.startswith(prefix):
+    for name, material in materials(actuator).items():
+        if material.remanence_T and isinstance(material, LinearMaterial) and name.startswith(prefix):
             source = material.reluctivity * material.remanence_T
-            region = dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
-            form += source * flux_density(v)[1] * 2.0 * math.pi * ng.x * region
-    return form.Assemble()
+            along = InnerProduct(CF(material.direction), flux_density(v))
+            form += source * along * 2.0 * math.pi * ng.x * dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
+    return np.array(form.Assemble().vec.FV().NumPy())
 
 
-def coil_load(space: H1, actuator: Actuator) -> LinearForm:
-    """The right-hand side of 1 A in the winding; its product with a solution is that solution's flux linkage."""
+def _coil_load(space: H1, coil: Coil) -> FloatArray:
     v = space.TestFunction()
     r = ng.x
-    density = actuator.coil.turns / shapely.Polygon(actuator.coil.vertices_m).area
-    coil = LinearForm(space)
-    coil += density * r * v * 2.0 * math.pi * r * dx("coil", bonus_intorder=RADIAL_WEIGHT_ORDER)
-    return coil.Assemble()
+    density = coil.turns / shapely.Polygon(coil.vertices_m).area
+    form = LinearForm(space)
+    form += density * r * v * 2.0 * math.pi * r * dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
+    return np.array(form.Assemble().vec.FV().NumPy())
 
 
 def reluctivity(mesh: Mesh, named: dict[str, LinearMaterial]) -> Any:

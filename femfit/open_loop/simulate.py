@@ -80,8 +80,8 @@ def simulate(
     --------
     >>> import femfit as ff
     >>> fall = ff.simulate("model.json", voltage_V=0.0, duration_s=0.01, start_m=0.02)
-    >>> fall.table["distance_m"][-1] > 0.02
-    True
+    >>> fall.end_s, len(fall.table["distance_m"])
+    (0.01, 2001)
     """
     model = model if isinstance(model, ActuatorModel) else read_model(Path(model))
     if mechanics is not None:

@@ -38,6 +38,7 @@ def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
         "mounts": len(np.unique(observations.covariates["mount"])) if told else 0,
         "settings": len(np.unique(repeat_cells(observations))),
         "noise": None if evidence is None else evidence.noise,
+        "findings": observations.findings if evidence is None else diagnosis.findings,
     }
     if evidence is None:
         return facts
@@ -45,7 +46,8 @@ def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     for c, name in enumerate(noise.channels):
         values = np.abs(observations.value[observations.of(name)])
         source, sigma = noise.source.get(name, ""), float(noise.sigma[c])
-        known = f"{significant(float(noise.repeats[c]), 3)} repeats" if source == "repeats" else source or "not known"
+        known = f"{significant(float(noise.repeats[c]), 3)} repeats" if source == "repeats" else source
+        known = {"guess": "a guess", "": "not known"}.get(known, known)
         share = percent(sigma / float(values.max())) if source and values.max(initial=0.0) > 0.0 else NOTHING
         own = (quantity(sigma, name), known, share, quantity(float(noise.run[c]), name, 2))
         shown = own if source else (NOTHING, known, NOTHING, NOTHING)

@@ -29,8 +29,7 @@ class FieldCells:
     points_m: FloatArray
     triangles: IntArray
     elements: IntArray  # Points at the corners of each finite element; shape (e, 3)
-    # Names of the mesh's regions: ``fixed:NAME``, ``moving:NAME``, ``coil``, ``air``, and ``halo`` and ``layer``, the
-    # air around the moving part; ``point_region`` and ``triangle_region`` are places in it
+    # Names of the mesh's regions, as in femfit.field.regions; ``point_region`` and ``triangle_region`` are places in it
     regions: tuple[str, ...]
     point_region: IntArray
     triangle_region: IntArray
@@ -91,7 +90,7 @@ def _respond(
         material = named.get(name, AIR)
         b = density[here]
         if isinstance(material, LinearMaterial):
-            field[here] = material.reluctivity * (b - np.array([0.0, material.remanence_T]))
+            field[here] = material.reluctivity * (b - material.remanence_T * np.array(material.direction))
             permeability[here] = material.relative_permeability
         else:
             curve = BHCurve(material.flux_density_T, material.field_A_per_m)

@@ -16,6 +16,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import listing
 from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
+from femfit.core.sweep_columns import is_current
 from femfit.tables.settings_file import read_settings
 
 if TYPE_CHECKING:
@@ -61,15 +62,24 @@ class SweepTable(Printed):
 
     def __str__(self) -> str:
         rows = self.valid_rows()
-        current, distance = rows["current_A"], 1e3 * rows["distance_m"]
+        distance = 1e3 * rows["distance_m"]
+        currents = [(name.removeprefix("current_").removesuffix("A"), rows[name]) for name in current_names(rows)]
+        said = [
+            f"{counted(one.nunique(), 'current')} {f'of {name[:-1]} ' if name else ''}{one.min():g} to {one.max():g} A"
+            for name, one in currents
+        ]
         return (
-            f"{counted(len(rows), 'point')}: {counted(current.nunique(), 'current')} "
-            f"{current.min():g} to {current.max():g} A, "
+            f"{counted(len(rows), 'point')}: {', '.join(said)}, "
             f"{counted(distance.nunique(), 'distance')} {distance.min():g} to {distance.max():g} mm"
         )
 
     def _repr_html_(self) -> str:
         return super()._repr_html_() + str(self.rows.to_html(max_rows=12))
+
+
+def current_names(rows: "pd.DataFrame") -> list[str]:
+    """The columns of the circuits' currents, in their order."""
+    return [name for name in map(str, rows.columns) if is_current(name)]
 
 
 def write_sweep_table(table: SweepTable, directory: Path) -> Path:
@@ -119,9 +129,9 @@ def read_sweep_table(path: str | Path) -> SweepTable:
         if isinstance(error, TableError):
             raise
         raise TableError(f"Sweep table {file} cannot be read: {quoted(error, 300)}") from error
-    _check(rows, file)
     manifest_file = file.with_name(MANIFEST_NAME)
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
+    _check(rows, file, swept=manifest.get("kind") == "sweep")
     wrong = [name for name in ("actuator", "versions") if not isinstance(manifest.get(name, {}), dict)]
     if wrong:
         raise TableError(f"{wrong[0]} in {manifest_file} must be a table of settings. Run the sweep or import again.")
@@ -142,10 +152,12 @@ def _table_file(path: Path) -> Path:
     return path
 
 
-def _check(rows: "pd.DataFrame", file: Path) -> None:
+def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
     from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
 
-    missing = [name for name in REQUIRED if name not in rows]
+    currents = current_names(rows)
+    required = (*(currents or REQUIRED[:1]), *REQUIRED[1:])
+    missing = [name for name in required if name not in rows]
     if missing:
         raise TableError(
             f"Sweep table {file} must have the columns {', '.join(REQUIRED)}; {', '.join(missing)} missing "
@@ -156,10 +168,10 @@ def _check(rows: "pd.DataFrame", file: Path) -> None:
     usable = rows[rows["status"] == "ok"] if "status" in rows else rows
     if usable.empty:
         raise TableError(f"Sweep table {file} has no row with status ok.")
-    for name in REQUIRED:
+    for name in required:
         if not is_numeric_dtype(usable[name]):
             raise TableError(f"Column {name} of {file} must be numeric; it holds {quoted(usable[name].iloc[0])!r}.")
         if not np.isfinite(usable[name].to_numpy(dtype=float)).all():
             raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")
-    if (usable["distance_m"] <= 0).any():
+    if not swept and (usable["distance_m"] <= 0).any():
         raise TableError(f"Column distance_m of {file} must be > 0; it goes down to {usable['distance_m'].min():g}.")

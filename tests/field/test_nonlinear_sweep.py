@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from femfit.core.sweep_columns import COLUMNS
-from femfit.field import nonlinear_point, nonlinear_system, sweep_task
+from femfit.field import current_path, nonlinear_system, sweep_task
 from femfit.field import sweep as sweep_module
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
@@ -66,7 +66,7 @@ def failing_at(current, minimise):
 
 
 def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(whole, actuator, tmp_path, monkeypatch):
-    monkeypatch.setattr(nonlinear_point, "minimise", failing_at(2.0, nonlinear_point.minimise))
+    monkeypatch.setattr(current_path, "minimise", failing_at(2.0, current_path.minimise))
     sweep_task.MESHES.clear()
     few = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=(0.008,)))
     table = run_sweep(few, tmp_path, workers=1, settings=QUICK)

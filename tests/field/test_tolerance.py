@@ -8,6 +8,7 @@ import pytest
 
 from femfit.device.load import read_actuator
 from femfit.device.parts import LinearMaterial
+from femfit.field.currents import current_points
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.settings import SolverSettings, settings_for
@@ -21,6 +22,7 @@ def errors(actuator, tolerance, distances):
     settings = SolverSettings(tolerance=tolerance)
     layout, found = layout_of(actuator, settings), []
     currents = actuator.sweep.currents_A
+    points = current_points(currents, 1)
     for group in stretch_groups(actuator.sweep.distances_m, layout, settings):
         chosen = [distance for distance in group if distance in distances]
         if not chosen:
@@ -32,7 +34,7 @@ def errors(actuator, tolerance, distances):
         reference = prepare(actuator, group, layout_of(actuator, finer), finer)
         for distance in chosen:
             rows, true = problem.rows(distance, currents), reference.rows(distance, currents)
-            size, flux = scale(true["force_N"], currents), scale(true["flux_linkage_Wb"], currents)
+            size, flux = scale(true["force_N"], points), scale(true["flux_linkage_Wb"], points)
             pulls = size > 0.0
             columns = (
                 np.subtract(rows["force_N"], true["force_N"])[pulls] / size[pulls],
@@ -122,9 +124,9 @@ def test_levels_refine_in_order_and_at_the_corners():
 
 
 def test_the_scale_of_an_error_does_not_vanish_where_the_force_does():
-    np.testing.assert_array_equal(scale([0.2, 0.0, -0.5], (0.0, 1.0, 2.0)), [0.2, 0.2, 0.5])
-    np.testing.assert_array_equal(scale([0.5, 0.0, 0.5], (-1.0, 0.0, 1.0)), [0.5, 0.0, 0.5])
-    np.testing.assert_array_equal(scale([0.5, 1e-16, 0.5], (-1.0, 0.0, 1.0)), [0.5, 0.0, 0.5])
+    np.testing.assert_array_equal(scale([0.2, 0.0, -0.5], current_points((0.0, 1.0, 2.0), 1)), [0.2, 0.2, 0.5])
+    np.testing.assert_array_equal(scale([0.5, 0.0, 0.5], current_points((-1.0, 0.0, 1.0), 1)), [0.5, 0.0, 0.5])
+    np.testing.assert_array_equal(scale([0.5, 1e-16, 0.5], current_points((-1.0, 0.0, 1.0), 1)), [0.5, 0.0, 0.5])
 
 
 def test_a_force_that_vanishes_by_symmetry_does_not_end_in_the_finest_mesh():
@@ -137,6 +139,13 @@ def test_a_force_that_vanishes_by_symmetry_does_not_end_in_the_finest_mesh():
 
 def test_a_nonlinear_actuator_is_checked_at_the_ends_and_the_weakest_current():
     currents = tuple(np.linspace(-3.0, 7.0, 21))
-    chosen = check_currents(currents)
-    assert {-3.0, 0.0, 7.0} <= set(chosen)
+    chosen = check_currents(current_points(currents, 1))
+    assert {-3.0, 0.0, 7.0} <= set(chosen[:, 0])
     assert len(chosen) <= 5
+
+
+def test_a_nonlinear_actuator_with_two_circuits_is_checked_at_the_corners_and_the_weakest_currents():
+    axis = (-1.0, 0.0, 2.0)
+    points = np.array([(i, j) for i in axis for j in axis])
+    chosen = {tuple(point) for point in check_currents(points)}
+    assert chosen == {(-1.0, -1.0), (-1.0, 2.0), (2.0, -1.0), (2.0, 2.0), (0.0, 0.0)}

@@ -91,17 +91,31 @@ def test_an_effect_that_is_left_out_of_the_catalogue_is_not_given_another_name(l
     assert "core_saturation" not in {score.name for score in result.ranking}
 
 
-def test_without_repeats_or_declared_noise_the_data_are_compared_only(levitation_model):
-    table = campaign(levitation_model, 7, [HALL], runs=1, rho=0.0)
-    rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
+def single_sweep(model, seed, effects=(), **size):
+    table = campaign(model, seed, effects, runs=1, rho=0.0, **size)
+    return replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
+
+
+def test_without_repeats_or_declared_noise_a_guess_serves_and_nothing_is_certain(levitation_model):
+    rising = single_sweep(levitation_model, 7, [HALL])
     result = diagnose(levitation_model, rising, **QUICK)
-    assert result.verdict == "compare_only"
-    assert result.findings[-1].code == "no-noise"
-    without = diagnose(levitation_model, rising, **QUICK, exclude=("hall_offset",))
-    assert without.excluded == ("hall_offset",)
-    assert {score.name for score in result.ranking} - {score.name for score in without.ranking} == {"hall_offset"}
+    assert (result.verdict, result.missing[0].name) == ("named", "hall_offset")
+    assert not result.confident
+    assert [one.code for one in result.findings].count("guessed-noise") == 1
     declared = diagnose(levitation_model, replace(rising, declared_noise=NOISE), **QUICK)
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
+    assert "guessed-noise" not in {one.code for one in declared.findings}
+
+
+def test_without_neighbours_on_a_line_the_data_are_compared_only(levitation_model):
+    table = single_sweep(levitation_model, 7, [HALL])
+    scattered = table.rows.iloc[:: len(table.rows) // 12].reset_index(drop=True)
+    result = diagnose(levitation_model, replace(table, rows=scattered), **QUICK)
+    assert result.verdict == "compare_only"
+    assert result.findings[-1].code == "no-noise"
+    without = diagnose(levitation_model, replace(table, rows=scattered), **QUICK, exclude=("hall_offset",))
+    assert without.excluded == ("hall_offset",)
+    assert {score.name for score in result.ranking} - {score.name for score in without.ranking} == {"hall_offset"}
 
 
 def test_a_warm_coil_without_a_thermometer_is_one_class_with_a_wrong_resistance(levitation_model):

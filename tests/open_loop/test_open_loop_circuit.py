@@ -139,7 +139,7 @@ def test_all_energy_is_accounted_for(drive, kind, on, mechanics):
 
 
 def test_leaving_the_domain_is_said_and_ends_the_simulation():
-    model = replace(solenoid(), validity=ValidityBox(-0.4e-3, 6e-3, -0.3, 0.3))
+    model = replace(solenoid(), validity=ValidityBox(0.1e-3, 6e-3, -0.3, 0.3))
     motion = simulate(model, voltage_V=12.0)
     ((name, time),) = motion.left_domain
     assert name == "current"

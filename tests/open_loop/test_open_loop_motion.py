@@ -17,14 +17,14 @@ from support.solenoids import LinearInductance, NoField, inductance, solenoid
 
 
 def body(**mechanics):
-    """A body of 20 g without field, between -0.4 and 6 mm, level unless it is said otherwise."""
+    """A body of 20 g without field, between 0.1 and 6 mm, level unless it is said otherwise."""
     model = replace(solenoid(), magnetics=NoField())
     return replace(model, motion=Mechanics(**{"mass_kg": 0.02, "gravity_m_s2": 0.0} | mechanics))
 
 
 def test_a_body_falls_by_half_g_t_squared():
-    found = simulate(body(gravity_m_s2=9.80665), voltage_V=0.0, start_m=0.0, duration_s=0.03).table
-    np.testing.assert_allclose(found["distance_m"], 0.5 * 9.80665 * found["time_s"] ** 2, atol=1e-12)
+    found = simulate(body(gravity_m_s2=9.80665), voltage_V=0.0, start_m=1e-3, duration_s=0.03).table
+    np.testing.assert_allclose(found["distance_m"], 1e-3 + 0.5 * 9.80665 * found["time_s"] ** 2, atol=1e-12)
     np.testing.assert_allclose(found["velocity_m_s"], 9.80665 * found["time_s"], atol=1e-10)
 
 
@@ -78,7 +78,7 @@ def test_a_body_pressed_on_its_stop_rests_until_the_force_exceeds_the_spring():
     start = next(event for event in motion.events if event.name == "starts")
     coil = inductance(4e-3)
     current = np.sqrt(2.0 * 0.1 * 5e-3**2 / 3e-5)  # F = i^2 |dL/dd| / 2 against a preload of 0.1 N
-    # It starts when the net force is 1e-9 of the largest one, 170 N
+    # It starts when the net force is 1e-9 of the largest one, 50 N
     assert start.current_A == pytest.approx(current, rel=1e-5)
     assert start.time_s == pytest.approx(-coil / 20.0 * np.log(1.0 - 20.0 * current / 12.0), rel=1e-5)
     assert np.all(motion.table["distance_m"][motion.table["time_s"] < start.time_s] == 4e-3)

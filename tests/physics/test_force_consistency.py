@@ -13,7 +13,7 @@ from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.settings import SolverSettings
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
-from support.field import prepared, solved
+from support.field import in_current, prepared, solved
 
 # Converged values of Table 1's actuator (30 turns): an independent run at order 6, corners graded to 0.03 mm, domain
 # radius 2 m, stable to 0.01 %. Columns: distance in m, F_0 in N, F_1 in N/A, F_2 in N/A^2, magnet's field in T.
@@ -40,7 +40,7 @@ def solution_at_chebyshev_nodes():
         np.pi * (np.arange(CHEBYSHEV_NODES) + 0.5) / CHEBYSHEV_NODES
     )
     problem = LinearActuator(actuator, (low, high), layout_of(actuator, settings), settings)
-    return nodes, [problem.solve(float(d)) for d in nodes]
+    return nodes, [in_current(problem.solve(float(d))) for d in nodes]
 
 
 def chebyshev(values, nodes):
@@ -93,14 +93,14 @@ def test_force_is_smooth_on_a_stretched_mesh():
     settings, actuator = SolverSettings(), paper_actuator()
     problem = LinearActuator(actuator, (0.015, 0.025), layout_of(actuator, settings), settings)
     for distance in (0.0163, 0.0201, 0.0237):
-        assert problem.solve(distance).force[0] == pytest.approx(curve(distance), rel=1e-6)
+        assert in_current(problem.solve(distance)).force[0] == pytest.approx(curve(distance), rel=1e-6)
 
 
 def test_stretching_a_mesh_gives_what_a_new_mesh_gives():
     actuator, settings = paper_actuator(), SolverSettings()
     layout = layout_of(actuator, settings)
-    stretched = LinearActuator(actuator, (0.015, 0.03), layout, settings).solve(0.028)
-    fresh = LinearActuator(actuator, (0.028,), layout, settings).solve(0.028)
+    stretched = in_current(LinearActuator(actuator, (0.015, 0.03), layout, settings).solve(0.028))
+    fresh = in_current(LinearActuator(actuator, (0.028,), layout, settings).solve(0.028))
     np.testing.assert_allclose(stretched.force[:2], fresh.force[:2], rtol=3e-4)
     np.testing.assert_allclose(stretched.flux_linkage, fresh.flux_linkage, rtol=3e-4)
 

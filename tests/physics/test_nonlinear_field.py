@@ -95,8 +95,8 @@ def test_newtons_iteration_converges_quadratically():
     problem = problem_at(bobbin(), 0.005)
     system = problem.fine
     system.move()
-    near = minimise(system, 4.0, np.zeros(system.space.ndof)).state
-    result = minimise(system, 5.0, near, contraction=0.0)
+    near = minimise(system, np.array([4.0]), np.zeros(system.space.ndof)).state
+    result = minimise(system, np.array([5.0]), near, contraction=0.0)
     assert result.converged
     # From one correction to the next r -> C r^2: close to the solution the digits double.
     tail = [r for r in result.history if r < 3e-3]
@@ -110,8 +110,8 @@ def test_a_kept_derivative_leads_to_the_same_state_as_a_renewed_one():
     system = problem.coarse
     system.move()
     start = np.zeros(system.space.ndof)
-    kept, renewed = (minimise(system, 8.0, start, contraction=share).state for share in (0.1, 0.0))
-    difference, scale = (system.evaluate(state, 0.0).square for state in (kept - renewed, renewed))
+    kept, renewed = (minimise(system, np.array([8.0]), start, contraction=share).state for share in (0.1, 0.0))
+    difference, scale = (system.evaluate(state, np.array([0.0])).square for state in (kept - renewed, renewed))
     assert math.sqrt(difference / scale) < TOLERANCE
 
 
@@ -120,8 +120,8 @@ def test_every_correction_lowers_the_energy_until_it_is_resolved():
     energies = []
     for limit in range(1, 8):
         system.move()  # forgets the kept derivative, so that each run repeats the one before
-        state = minimise(system, 12.0, np.zeros(system.space.ndof), limit=limit).state
-        energies.append(system.evaluate(state, 12.0).energy)
+        state = minimise(system, np.array([12.0]), np.zeros(system.space.ndof), limit=limit).state
+        energies.append(system.evaluate(state, np.array([12.0])).energy)
     assert (np.diff(energies) < 0.0).all()
 
 

@@ -8,15 +8,16 @@ import pytest
 from numpy.polynomial import Chebyshev
 
 from femfit.device.load import read_actuator
-from femfit.field.force import AROUND_FIXED, LayerForce
+from femfit.field.currents import sources
+from femfit.field.force import AROUND_FIXED, LayerForce, quadratic
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
-from femfit.field.linear_system import FieldPair
 from femfit.field.point_rows import DISAGREEMENT, DistanceSolution, superpose
+from femfit.field.regions import FIXED, MOVING
 from femfit.field.settings import SolverSettings
 from femfit.field.tolerance import LevelChoice, ToleranceProblem
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
-from support.field import finer_settings, prepared
+from support.field import coefficients, finer_settings, in_current, prepared
 from support.saturating import bobbin, problem_at
 
 LOW, HIGH, NODES = 0.018, 0.024, 14
@@ -31,7 +32,7 @@ def test_virtual_work_is_the_slope_of_the_fields_mutual_coenergy():
     nodes = 0.5 * (LOW + HIGH) + 0.5 * (HIGH - LOW) * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
     energies, works = [], []
     for d in nodes:
-        solution = problem.solve(float(d))
+        solution = in_current(problem.solve(float(d)))
         energies.append((solution.coenergy, solution.flux_linkage[0], 0.5 * solution.flux_linkage[1]))
         works.append(solution.work + own_stresses(problem, float(d)))
     inner = (nodes > LOW + 3e-4) & (nodes < HIGH - 3e-4)  # derivatives of the interpolant lose digits at the very ends
@@ -43,19 +44,19 @@ def test_virtual_work_is_the_slope_of_the_fields_mutual_coenergy():
 def own_stresses(problem, distance):
     """Coefficients of T(u, u) + T(v, v) at the distance that was solved last."""
     system = problem._system
-    others = FieldPair(*(ng.GridFunction(system.space) for _ in range(2)))
-    for name in ("magnets", "coil"):
-        getattr(others, name).vec.data = getattr(system.total, name).vec - getattr(system.own, name).vec
+    others = [ng.GridFunction(system.space) for _ in system.total]
+    for other, total, own in zip(others, system.total, system.own, strict=True):
+        other.vec.data = total.vec - own.vec
     with problem._moving.at(distance):
         stress = LayerForce(system.space, problem._moving.work_weight, AROUND_FIXED)
-    return system.own.quadratic(stress.between) + others.quadratic(stress.between)
+    return coefficients(quadratic(stress, system.own) + quadratic(stress, others))
 
 
 def test_the_layer_moves_as_one_also_round_a_part_with_a_pointed_end():
     actuator = read_actuator(GEOMETRY / "biased-electromagnet.toml")  # its body tapers towards the axis
     problem = prepared(actuator, 0.005, SolverSettings(order=3))
     slope = ng.grad(problem._moving.work_weight)
-    still = problem.mesh.Materials("layer|halo|moving:.*|coil|fixed:.*")
+    still = problem.mesh.Materials(f"layer|halo|{MOVING}|{FIXED}")
     assert ng.Integrate(slope * slope, problem.mesh, definedon=still) < 1e-20
 
 
@@ -65,7 +66,7 @@ def test_the_layer_moves_as_one_also_round_a_part_with_a_pointed_end():
 def test_force_reaction_and_virtual_work_agree_where_the_plain_reaction_does_not(name, distance):
     actuator = read_actuator(GEOMETRY / f"{name}.toml")
     problem = prepared(actuator, distance)
-    solution, current = problem.solve(distance), actuator.sweep.currents_A[-1]
+    solution, current = in_current(problem.solve(distance)), actuator.sweep.currents_A[-1]
     powers = np.array([1.0, current, current**2])
     force, reaction, work = (powers @ one for one in (solution.force, solution.reaction, solution.work))
     plain = LayerForce(problem._system.space, problem._moving.reaction_weight, AROUND_FIXED)
@@ -81,14 +82,16 @@ def test_force_on_a_steel_plunger_the_reaction_and_virtual_work_agree_when_it_sa
 
 
 def solution_of(force, change, reaction, work):
-    zeros = np.zeros(3)
-    arrays = (np.array(one, dtype=float) for one in (force, change, reaction, work))
-    return DistanceSolution(*arrays, flux_linkage=np.ones(2), coenergy=0.0, hall=None, self_force=zeros)
+    matrices = ([[a, b / 2.0], [b / 2.0, c]] for a, b, c in (force, change, reaction, work))
+    arrays = (np.array(one, dtype=float) for one in matrices)
+    return DistanceSolution(*arrays, flux_linkage=np.ones((1, 2)), coenergy=0.0, hall=None, self_force=np.zeros((2, 2)))
 
 
 @pytest.mark.parametrize(("reaction", "work"), [((1.5, 1.0, 0.0), (1.0, 1.0, 0.0)), ((1.0, 1.0, 0.0), (0.5, 1.0, 0.0))])
 def test_the_stated_error_is_the_larger_of_change_and_disagreement(reaction, work):
-    rows = superpose(np.array([0.0, 2.0]), solution_of((1.0, 1.0, 0.0), (0.1, -0.1, 0.0), reaction, work))
+    rows = superpose(
+        sources((0.0, 2.0), ("coil",)), solution_of((1.0, 1.0, 0.0), (0.1, -0.1, 0.0), reaction, work), ("coil",)
+    )
     np.testing.assert_allclose(rows[DISAGREEMENT], [0.5, 0.5])
     np.testing.assert_allclose(rows["force_error_N"], [0.5, 0.9])
 
@@ -101,7 +104,7 @@ class _Level:
 
 
 def test_a_row_solved_to_a_tolerance_states_the_disagreement_where_it_is_larger():
-    problem = ToleranceProblem(_Level(), SolverSettings(), LevelChoice(1, (0.0, 1.0), (0.1, 0.1)))
+    problem = ToleranceProblem(_Level(), SolverSettings(), LevelChoice(1, ((0.0,), (1.0,)), (0.1, 0.1)))
     assert problem.rows(0.01, (0.0, 1.0))["force_error_N"] == [0.5, 0.4]
 
 

@@ -158,10 +158,20 @@ def test_something_unknown_is_called_unknown_and_its_place_is_shown(levitation_m
 def test_without_a_noise_floor_the_page_says_what_to_measure(levitation_model):
     table = campaign(levitation_model, 65, [HALL], runs=1, **SIZE)
     rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
-    diagnosis, _, page = page_of(levitation_model, rising)
+    scattered = replace(rising, rows=rising.rows.iloc[::5].reset_index(drop=True))
+    diagnosis, _, page = page_of(levitation_model, scattered)
     assert diagnosis.verdict == "compare_only"
     assert "at least twice" in page.text
     assert others(page) == {"settings", "misfit-maps"}
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_guessed_noise_is_said(levitation_model):
+    table = campaign(levitation_model, 65, [HALL], runs=1, **SIZE)
+    rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
+    content, page = page_of(levitation_model, rising)
+    (guessed,) = [one for one in content.diagnosis.findings if one.code == "guessed-noise"]
+    assert str(guessed) in page.text
 
 
 @pytest.mark.usefixtures("undrawn")

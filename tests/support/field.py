@@ -1,5 +1,9 @@
 """Short ways to a solved field."""
 
+from dataclasses import replace
+
+import numpy as np
+
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.linear_point import LinearActuator
 from femfit.field.settings import SolverSettings
@@ -14,13 +18,29 @@ def prepared(actuator, distance, settings=None):
 
 
 def solved(actuator, distance=None, settings=None):
-    """Coefficients of force, flux linkage and Hall field at a distance (the first one by default)."""
+    """Coefficients of force, flux linkage and Hall field at a distance (the first one by default), for one circuit."""
     distance = actuator.sweep.distances_m[0] if distance is None else distance
-    return prepared(actuator, distance, settings).solve(distance)
+    return in_current(prepared(actuator, distance, settings).solve(distance))
+
+
+def in_current(solution):
+    """A distance's solution for one circuit, with forces as the three coefficients of 1, i and i^2."""
+    forces = ("force", "force_change", "reaction", "work", "self_force")
+    known = {name: getattr(solution, name) for name in forces if getattr(solution, name) is not None}
+    return replace(
+        solution,
+        flux_linkage=solution.flux_linkage[0],
+        **{name: coefficients(matrix) for name, matrix in known.items()},
+    )
+
+
+def coefficients(matrix):
+    """Of 1, i and i^2 in a quadratic form of (1, i)."""
+    return np.array([matrix[0, 0], 2.0 * matrix[0, 1], matrix[1, 1]])
 
 
 def fields(problem, distance):
-    """Solutions w of magnets and of 1 A at a distance, with the mesh left stretched to it."""
+    """Solutions w of the magnets and of 1 A in each circuit at a distance, with the mesh left stretched to it."""
     problem._moving.move_to(distance)
     problem._system.solve()
     return problem._system.total

@@ -29,7 +29,7 @@ def solenoid(mechanics: Mechanics | None = None, drive: Drive | None = None, cel
     return ActuatorModel(
         name="solenoid",
         magnetics=CoenergySpline(REFERENCE_M, TensorSpline(u_knots, i_knots, 4, 2, coefficients), SHIFT_M),
-        validity=ValidityBox(-0.4e-3, 6e-3, -2.0, 2.0),
+        validity=ValidityBox(0.1e-3, 6e-3, -2.0, 2.0),
         circuit=Circuit(20.0, 0.0 if drive else -12.0, 12.0, drive or Drive()),
         motion=mechanics
         or Mechanics(

@@ -20,7 +20,7 @@ from femfit.device.parts import LinearMaterial, Region
 from femfit.field.settings import SolverSettings
 from femfit.field.weak_form import flux_density, stiffness
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
-from support.field import fields, finer_settings, prepared, solved
+from support.field import fields, finer_settings, in_current, prepared, solved
 from support.reference import REFERENCE
 from support.saturating import bobbin, problem_at, rows_at
 
@@ -48,7 +48,7 @@ def loops(a, b, z):
     coil = rectangle(a - side / 2.0, a + side / 2.0, -side / 2.0, side / 2.0)
     actuator = assembly(moving=[magnet(DUMMY, 0.02 * a, 0.02 * a)], distances=(3.0 * a,), coil=coil, hall=(b, z))
     problem = prepared(actuator, 3.0 * a)
-    w = fields(problem, 3.0 * a).coil
+    w = fields(problem, 3.0 * a)[1]
     point = problem.mesh(b, z)
     return 2.0 * math.pi * b**2 * w(point), -2.0 * math.pi * b * flux_density(w)[0](point)
 
@@ -183,7 +183,7 @@ def linear_rig():
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     axes = dataclasses.replace(rig.sweep, distances_m=(0.02 - step, 0.02, 0.02 + step))
     problem = prepared(dataclasses.replace(rig, sweep=axes), 0.02)
-    low, middle, high = (problem.solve(d) for d in axes.distances_m)
+    low, middle, high = (in_current(problem.solve(d)) for d in axes.distances_m)
 
     def coenergy(s):
         return s.coenergy + s.flux_linkage[0] * current + 0.5 * s.flux_linkage[1] * current**2
@@ -226,7 +226,7 @@ def ldx_mass():
         turns=ampere_turns,
     )
     problem = prepared(actuator, 3.0)
-    w = fields(problem, 3.0).coil
+    w = fields(problem, 3.0)[1]
     nodes, weights = np.polynomial.legendre.leggauss(12)
     force = 0.0
     for middle, width, height, turns in LDX_FLOAT:

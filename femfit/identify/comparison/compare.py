@@ -50,7 +50,7 @@ class ChannelMisfit:
     rms: float
     largest: Extreme
     noise_floor: float | None  # Standard deviation of one reading; None where it is unknown
-    noise_source: str  # ``repeats``, ``declared``, ``samples`` of a time series, or empty
+    noise_source: str  # ``repeats``, ``declared``, ``guess``, ``samples`` of a time series, or empty
     noise_readings: float | None  # Degrees of freedom of the repeats that the noise comes from
     # Root mean square of the model's misfit to the table that it was fitted to, in the channel's unit
     model_misfit: float
@@ -62,11 +62,9 @@ class ChannelMisfit:
             f"{counted(self.readings, 'reading')}"
         )
         if self.noise_floor is not None:
-            source = (
-                self.noise_source
-                if self.noise_readings is None
-                else f"from {counted(round(self.noise_readings), 'repeat')}"
-            )
+            source = {"guess": "a guess"}.get(self.noise_source, self.noise_source)
+            if self.noise_readings is not None:
+                source = f"from {counted(round(self.noise_readings), 'repeat')}"
             floor = amount(self.noise_floor, self.channel)
             text += f", {rounded(self.rms / self.noise_floor)} times the noise of one, {floor} ({source})"
         worst = self.largest
@@ -74,7 +72,9 @@ class ChannelMisfit:
             f"; largest {amount(worst.value, self.channel)} at {amount(worst.distance_m, 'distance_m', 3)} and "
             f"{amount(worst.current_A, 'current_A')}"
         )
-        against = {"repeats": "the repeats", "declared": "the declared noise"}.get(self.noise_source, "that noise")
+        against = {"repeats": "the repeats", "declared": "the declared noise", "guess": "the guessed noise"}.get(
+            self.noise_source, "that noise"
+        )
         return text + (f"; against {against} {probability(self.lack_of_fit.p_value)}" if self.lack_of_fit else "")
 
 

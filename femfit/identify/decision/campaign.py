@@ -18,6 +18,7 @@ from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, ra
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start
 from femfit.identify.signatures.columns import effect_columns, why_untestable
+from femfit.tables.measurement import CHANNEL_WORDS
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +116,9 @@ class Campaign:
 NO_NOISE = Finding(
     "no-noise",
     "warning",
-    "The noise is unknown: no settings were measured twice, and none is declared.",
-    "Measure some settings twice, or declare the noise in a .toml beside the data ([noise] force_N = 2e-4).",
+    "The noise is unknown: no settings were measured twice, none is declared, and too few readings stand on lines of "
+    "one distance or current to guess it from their smoothness.",
+    "Measure some settings twice, or declare the noise: --noise force_N=2e-4.",
 )
 TOO_FEW = Finding(
     "too-few-readings",
@@ -160,13 +162,14 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
 
 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
-    """Say which channels cannot be tested, which never vary, and where repeats replaced a declared noise."""
+    """Say which channels cannot be tested, which never vary, and where the noise was guessed or repeats replaced it."""
     tested = set(campaign.patterns.patterns.channel.tolist())
     names = [name for c, name in enumerate(campaign.observations.channels) if c not in tested]
     text = f"{', '.join(names)}: too few readings to be tested."
     few = [Finding("too-few-readings", "warning", text)] if names else []
     constant = constant_readings(campaign.noise.never_varying)
-    return [*few, *constant, *_replaced_noise(campaign.observations, campaign.noise)]
+    replaced = _replaced_noise(campaign.observations, campaign.noise)
+    return [*few, *constant, *replaced, *guessed_noises(campaign.noise)]
 
 
 def constant_readings(names: Iterable[str]) -> list[Finding]:
@@ -182,6 +185,21 @@ def constant_readings(names: Iterable[str]) -> list[Finding]:
         )
         for name in names
     ]
+
+
+def guessed_noises(noise: NoiseModel) -> list[Finding]:
+    """Say that the noise is a guess, where nothing tells it."""
+    guesses = [amount(noise.floor[name], name) for name, source in noise.source.items() if source == "guess"]
+    if not guesses:
+        return []
+    names = [CHANNEL_WORDS[name] for name, source in noise.source.items() if source == "guess"]
+    said = ", ".join(f"{words} {sigma}" for words, sigma in zip(names, guesses, strict=True))
+    text = (
+        "No settings were measured twice and no noise is declared. The noise of one reading was guessed, on the wide "
+        f"side, from how smoothly the misfit runs from setting to setting: {said}. All of this rests on it."
+    )
+    remedy = "Measure some settings twice, or declare the noise with --noise CHANNEL=STANDARD DEVIATION."
+    return [Finding("guessed-noise", "warning", text, remedy)]
 
 
 def _replaced_noise(observations: Observations, noise: NoiseModel) -> list[Finding]:

@@ -148,6 +148,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
         confident=bool(
             decision.verdict == "named"
             and not alike
+            and "guess" not in campaign.noise.source.values()
             and all(one.plausible for one in missing)
             and chosen
             and chosen.fit.converged

@@ -68,11 +68,12 @@ def certainty_sentence(diagnosis: "Diagnosis") -> str:
     if diagnosis.look_alikes:
         alike = _any_of(diagnosis.look_alikes[:_ALIKE])
         return f"Not certain: {alike}, or a cause like it that the catalogue lacks, could give these readings."
+    if diagnosis.campaign and "guess" in diagnosis.campaign.noise.source.values():
+        return "Not certain: the noise is a guess. Measure some settings twice, or declare it."
     if any(not fit.converged for fit in diagnosis.explanations[:1]):
         return "Not certain: the fit was ended before it had settled, so its sizes are not final."
-    if diagnosis.verdict == "named":
-        return "Not certain: its size is unusual. Check it by another measurement."
-    return "Not certain: the readings differ from the effect's exact form."
+    unusual = "its size is unusual. Check it by another measurement"
+    return f"Not certain: {unusual if diagnosis.verdict == 'named' else 'the readings differ from its exact form'}."
 
 
 def _any_of(names: "list[str] | tuple[str, ...]") -> str:

@@ -79,6 +79,7 @@ class Advice(Printed):
     isolating: tuple[tuple[str, str], ...] = ()
     note: str = ""  # Why no measurements are compared; empty where there is nothing to say
     further: int = 0  # Explanations beyond the first :data:`COMPARED`, which are not compared
+    remarks: tuple[str, ...] = ()  # On what the advice rests, where that is a guess
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -87,7 +88,7 @@ class Advice(Printed):
     def __str__(self) -> str:
         isolating = [f"{name}: {experiment}" for name, experiment in self.isolating]
         if self.note:
-            return "\n".join([self.note, *isolating])
+            return "\n".join([self.note, *isolating, *self.remarks])
         lines = []
         for k, one in enumerate(self.suggestions[:SHOWN]):
             clauses = "; ".join(pairs_in_words([pair[:2] for pair in one.separates]))
@@ -103,7 +104,9 @@ class Advice(Printed):
         if self.further:
             as_well = "explanation fits" if self.further == 1 else "explanations fit"
             more = f" {self.further} further {as_well} as well; only the first {COMPARED} were compared."
-        return "\n".join([*lines, *isolating, f"The data leave {listed(self.explanations, 'or')}.{more}"])
+        return "\n".join(
+            [*lines, *isolating, f"The data leave {listed(self.explanations, 'or')}.{more}", *self.remarks]
+        )
 
 
 def suggest(
@@ -145,6 +148,11 @@ def suggest(
     model = model_of(model)
     measured = measurement_of(data)
     found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
+    guesses = tuple(str(one) for one in found.findings if one.code == "guessed-noise")
+    return replace(_advice(model, measured, found, say), remarks=guesses)
+
+
+def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: Callable[[str], None]) -> Advice:
     every, least = _left_together(found)
     explanations, further = every[:COMPARED], max(0, len(every) - COMPARED)
     names = tuple(" + ".join(fit.names) for fit in explanations)

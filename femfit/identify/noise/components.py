@@ -1,4 +1,4 @@
-"""Estimates the noise of a campaign: from repeats where there are any, else as declared.
+"""Estimates the noise of a campaign: from repeats where there are any, else as declared, else as a guess.
 
 The scatter of a reading comes from repeats of one setting, after each mount's position, each run's offset and what
 temperature and time do were removed; its correlation along a run and the scatter of mounts and runs from what a smooth
@@ -33,16 +33,22 @@ from femfit.identify.constants import (
     TEST_LEVEL,
     UNKNOWN_CHANNEL,
 )
+from femfit.identify.noise.smoothness import guessed_noise
 from femfit.identify.noise.whitening import Chains, NoiseModel, Whitening, chains_of, orthonormal_basis, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.repeats import pure_error, repeat_cells
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
-    """The noise model of a campaign; None where neither repeats nor a sidecar say the noise of any channel."""
+    """The noise model of a campaign.
+
+    None where neither repeats nor a declaration say the noise of any channel, and it cannot be guessed either.
+    """
     cells = repeat_cells(observations)
     constant = never_varying(observations, cells)
     sigma, degrees, source = _scatter(observations, cells, constant)
+    if not np.isfinite(sigma).any():
+        sigma, degrees, source = _guesses(observations)
     if not np.isfinite(sigma).any():
         return None
     channels = len(observations.channels)
@@ -86,6 +92,17 @@ def _scatter(
             square = _without_settings(observations, here, cells, square / dof, dof) * dof
         if dof >= (LEAST_REPEATS_AGAINST_DECLARED if name in source else LEAST_REPEATS) and square > 0.0:
             sigma[c], degrees[c], source[name] = np.sqrt(square / dof), dof, "repeats"
+    return sigma, degrees, source
+
+
+def _guesses(observations: Observations) -> tuple[FloatArray, FloatArray, dict[str, str]]:
+    """The same from the smoothness of the misfit, where nothing says the noise of any channel."""
+    count = len(observations.channels)
+    sigma, degrees, source = np.full(count, np.nan), np.zeros(count), {}
+    for c, name in enumerate(observations.channels):
+        guess, free = guessed_noise(observations, name)
+        if guess > SAME_READING * float(np.abs(observations.value[observations.channel == c]).max()):
+            sigma[c], degrees[c], source[name] = guess, free, "guess"
     return sigma, degrees, source
 
 

@@ -18,18 +18,18 @@ def repeat_cells(observations: Observations) -> IntArray:
 
     Readings of one channel with the same number are repeats.
     """
-    keys = {name: _levels(observations.column(name)) for name in ("distance_m", "current_A")}
+    keys = {name: levels(observations.column(name), SAME_SETTING) for name in ("distance_m", "current_A")}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
 
 
-def _levels(x: FloatArray) -> FloatArray:
-    """Numbers of the levels that a setting was brought to.
+def levels(x: FloatArray, part: float) -> FloatArray:
+    """Numbers of the levels that a setting was brought to, each as wide as a part of the setting's range.
 
     A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
     changes over that distance.
     """
-    tolerance = SAME_SETTING * float(np.ptp(x))
+    tolerance = part * float(np.ptp(x))
     order = np.argsort(x, kind="stable")
     level, start, numbers = 0, x[order[0]], np.zeros(len(x))
     for k in order:

@@ -18,7 +18,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
-from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW
+from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
@@ -147,7 +147,7 @@ def _result(
         readings=len(observations.value),
         runs=len(np.unique(observations.column("run"))),
         observations=observations,
-        findings=(*observations.findings, *fitted.findings, *dropped),
+        findings=(*observations.findings, *fitted.findings, *dropped, *guessed_noises(noise)),
         better_alone=alone,
     )
 

@@ -1,0 +1,53 @@
+"""A guess of the noise where nothing tells it: what neighbouring settings leave beside a straight line.
+
+A model's misfit is smooth over distance and current. Of three neighbours on a line the middle one, less the straight
+line through the others, holds noise and little else: e = a y_before + b y_after - y has the variance
+(a^2 + b^2 + 1) sigma^2. Noise that lasts from reading to reading hides from neighbours that were read one after the
+other, and seldom from those along the other setting, so that the larger of both guesses counts.
+
+References
+----------
+T. Gasser, L. Sroka and C. Jennen-Steinmetz, Biometrika 73 (1986) 625: pseudo-residuals.
+P. J. Rousseeuw and C. Croux, J. American Statistical Association 88 (1993) 1273: median absolute deviation, 37 %.
+"""
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from femfit.core.arrays import FloatArray
+from femfit.identify.constants import GUESS_WIDER, LEAST_NEIGHBOURS, SAME_LINE
+from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.repeats import levels
+
+_NORMAL_MEDIAN = float(stats.norm.ppf(0.75))  # of the size of a standard normal number
+_INDEPENDENT = 0.37 / 2.0
+"""Derived: efficiency of a median, over pseudo-residuals that share two of three readings with the next."""
+
+
+def guessed_noise(observations: Observations, channel: str) -> tuple[float, float]:
+    """A standard deviation of one reading, on the wide side, and its degrees of freedom; 0 where there is no guess."""
+    here = observations.of(channel)
+    residual = observations.residual[here]
+    at = {name: observations.column(name)[here] for name in ("distance_m", "current_A")}
+    beside = (observations.column("run")[here], observations.column("branch")[here])
+    guesses = []
+    for along, fixed in (("distance_m", "current_A"), ("current_A", "distance_m")):
+        lines = np.stack([*beside, levels(at[fixed], SAME_LINE)])
+        differences = _pseudo_residuals(residual, at[along], lines)
+        if len(differences) >= LEAST_NEIGHBOURS:
+            sigma = float(np.median(np.abs(differences))) / _NORMAL_MEDIAN
+            guesses.append((GUESS_WIDER * sigma, _INDEPENDENT * len(differences)))
+    return max(guesses, default=(0.0, 0.0))
+
+
+def _pseudo_residuals(y: FloatArray, x: FloatArray, lines: FloatArray) -> FloatArray:
+    """Middle readings less the line through their neighbours, each with the variance of one reading."""
+    _, line = np.unique(lines, axis=1, return_inverse=True)
+    frame = pd.DataFrame({"line": line.ravel(), "x": x, "y": y}).groupby(["line", "x"], as_index=False).first()
+    number, at, value = (frame[name].to_numpy() for name in ("line", "x", "y"))
+    inside = np.flatnonzero(number[:-2] == number[2:]) if len(number) > 2 else np.zeros(0, dtype=np.intp)
+    before, middle, after = inside, inside + 1, inside + 2
+    weight = (at[after] - at[middle]) / (at[after] - at[before])
+    left = weight * value[before] + (1.0 - weight) * value[after] - value[middle]
+    return np.asarray(left / np.sqrt(weight**2 + (1.0 - weight) ** 2 + 1.0))

@@ -1,0 +1,158 @@
+"""Several coils, moving coils and circuits against closed forms and the Lorentz force."""
+
+import dataclasses
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from femfit.core.constants import MU_0
+from femfit.device.parts import Circuit, Coil
+from femfit.device.sensors import HallElement
+from femfit.field.layout import layout_of
+from femfit.field.linear_point import LinearActuator
+from femfit.field.settings import SolverSettings
+from femfit.field.weak_form import flux_density
+from support.actuators import magnet, rectangle
+from support.devices import device, linear, loudspeaker
+from support.field import fields, prepared
+from support.validation_cases import loops_exact
+
+SIDE = 0.01  # of a coil's section over its radius: a section this small changes M by SIDE^2 / 24
+
+
+def thin(radius, height=0.0, **options):
+    """A loop as a coil of small square section."""
+    side = SIDE * radius
+    section = rectangle(radius - side / 2.0, radius + side / 2.0, height - side / 2.0, height + side / 2.0)
+    return Coil(section, 1.0, 1.0, **options)
+
+
+def pair_of_loops(fixed, moving, distance):
+    coils = [thin(fixed, name="fixed"), thin(moving, SIDE * moving / 2.0, moves=True, name="moving")]
+    return device("loops", coils=coils, currents=((0.0, 1.0), (0.0, 1.0)), distances=(distance,))
+
+
+@pytest.mark.parametrize(("a", "b", "z"), [(0.1, 0.1, 0.1), (0.1, 0.05, 0.05), (0.02, 0.015, 0.01)])
+def test_mutual_inductance_and_force_of_two_loops_are_maxwells(a, b, z):
+    actuator = pair_of_loops(a, b, z - SIDE * b / 2.0)
+    solution = prepared(actuator, actuator.sweep.distances_m[0]).solve(actuator.sweep.distances_m[0])
+    mutual, slope = loops_exact(a, b, z)
+    assert solution.flux_linkage[0, 2] == pytest.approx(mutual, rel=2e-4)
+    assert solution.flux_linkage[1, 1] == pytest.approx(solution.flux_linkage[0, 2], rel=1e-9)  # reciprocity
+    assert 2.0 * solution.force[1, 2] == pytest.approx(-slope, rel=5e-4)  # F = -i_1 i_2 dM/dd
+
+
+def test_a_coils_own_current_does_not_move_it():
+    solution = prepared(pair_of_loops(0.02, 0.015, 0.01), 0.01).solve(0.01)
+    assert abs(solution.force[2, 2]) < 1e-9 * abs(solution.force[1, 2])
+    assert abs(solution.force[1, 1]) < 1e-9 * abs(solution.force[1, 2])
+
+
+def test_a_maxwell_pair_in_one_circuit_makes_a_uniform_gradient():
+    # Two loops of opposite current, sqrt(3) radii apart: B_z = 48 / 49 sqrt(3 / 7) mu_0 i z / R^2, but for z^5.
+    radius = 0.1
+    half = 0.5 * math.sqrt(3.0) * radius
+    coils = [thin(radius, half, name="upper"), thin(radius, -half, name="lower")]
+    gradient = 48.0 / 49.0 * math.sqrt(3.0 / 7.0) * MU_0 / radius**2
+    for height in (0.01, 0.02):
+        actuator = device(
+            "maxwell-pair",
+            coils=coils,
+            circuits=(Circuit("pair", (("upper", 1.0), ("lower", -1.0)), 1.0),),
+            moving=[magnet(1e-6, 0.005, 0.005)],
+            currents=((0.0, 1.0),),
+            distances=(0.3,),
+            sensors=[HallElement(0.0, height)],
+        )
+        assert prepared(actuator, 0.3).solve(0.3).hall[1] == pytest.approx(gradient * height, rel=2e-3)
+
+
+def test_coils_in_series_are_one_coil_of_all_their_turns():
+    whole = Coil(rectangle(0.01, 0.02, -0.02, 0.0), 300.0, 1.0)
+    halves = [
+        Coil(rectangle(0.01, 0.02, -0.01, 0.0), 150.0, 1.0, name="upper"),
+        Coil(rectangle(0.01, 0.02, -0.02, -0.01), 150.0, 1.0, name="lower"),
+    ]
+    series = (Circuit("both", (("upper", 1.0), ("lower", 1.0)), 2.0),)
+    body = [magnet(1.3, 0.006, 0.005)]
+    one = device("one", coils=[whole], moving=body, currents=((0.0, 1.0),), distances=(0.01,))
+    two = device("two", coils=halves, circuits=series, moving=body, currents=((0.0, 1.0),), distances=(0.01,))
+    first, second = (prepared(actuator, 0.01).solve(0.01) for actuator in (one, two))
+    np.testing.assert_allclose(second.force[0], first.force[0], rtol=2e-4, atol=1e-9)
+    np.testing.assert_allclose(second.flux_linkage, first.flux_linkage, rtol=5e-4)
+
+
+@pytest.mark.parametrize("distance", [-9e-3, -6e-3])
+def test_a_voice_coils_force_is_the_lorentz_force_of_the_gaps_field(distance):
+    speaker = linear(loudspeaker(distances=(distance,)))
+    problem = prepared(speaker, distance)
+    solution = problem.solve(distance)
+    (coil,) = speaker.coils
+    (r1, z1), (r2, z2) = coil.vertices_m[0], coil.vertices_m[2]
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    r = 0.5 * (r1 + r2) + 0.5 * (r2 - r1) * nodes
+    # Panels as long as the gap is wide: the field has the plate's corners near.
+    edges = np.linspace(z1, z2, 9) + distance
+    radial = flux_density(fields(problem, distance)[0])
+    total = 0.0
+    for low, high in pairwise(edges):
+        z = 0.5 * (low + high) + 0.5 * (high - low) * nodes
+        b = np.array([[radial(problem.mesh(x, y))[0] for x in r] for y in z])
+        total += 0.25 * (r2 - r1) * (high - low) * np.einsum("ij,j,i,j->", b, r, weights, weights)
+    lorentz = 2.0 * math.pi * coil.turns / ((r2 - r1) * (z2 - z1)) * total
+    assert 2.0 * solution.force[0, 1] == pytest.approx(lorentz, rel=2e-4)
+
+
+def test_a_voice_coils_force_per_current_adds_up_to_its_change_of_flux_linkage():
+    # dF/di = -d(flux linkage)/dd, integrated over 2 mm, each distance with a mesh of its own.
+    low, high = -8e-3, -6e-3
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    between = 0.5 * (low + high) + 0.5 * (high - low) * nodes
+    distances = (low, *between, high)
+    speaker = linear(loudspeaker(distances=distances))
+    first, *middle, last = (prepared(speaker, float(d)).solve(float(d)) for d in distances)
+    change = (first.flux_linkage - last.flux_linkage)[0]
+    constant = 2.0 * np.array([solution.force[0, 1] for solution in middle])
+    assert 0.5 * (high - low) * weights @ constant == pytest.approx(change[0], rel=2e-4)
+    reluctance = np.array([solution.force[1, 1] for solution in middle])
+    assert 0.5 * (high - low) * weights @ reluctance == pytest.approx(0.5 * change[1], rel=2e-3)
+
+
+def test_forces_and_fluxes_of_two_circuits_are_reciprocal():
+    # A magnet with a coil on it before a fixed coil with a core: on one stretched mesh the discrete fields obey
+    # dF/di_k = -d(flux linkage_k)/dd with both circuits' currents.
+    coils = [
+        Coil(rectangle(0.008, 0.014, -0.02, -0.002), 200.0, 1.0, name="fixed"),
+        Coil(rectangle(0.007, 0.01, 0.0, 0.006), 80.0, 1.0, moves=True, name="moving"),
+    ]
+    core = magnet(0.0, 0.007, 0.02, z_min=-0.021, permeability=500.0, name="core")
+    body = magnet(1.2, 0.007, 0.006, permeability=1.05)
+    nodes = 0.008 + 0.002 * np.cos(math.pi * (np.arange(12) + 0.5) / 12)
+    actuator = device(
+        "two", fixed=[core], coils=coils, moving=[body], currents=((0.0, 1.0), (0.0, 1.0)), distances=sorted(nodes)
+    )
+    settings = SolverSettings()
+    problem = LinearActuator(actuator, (0.006, 0.01), layout_of(actuator, settings), settings, estimate=False)
+    solutions = [problem.solve(float(d)) for d in nodes]
+    currents = np.array([1.0, 2.0, -3.0])
+    for circuit in range(2):
+        flux = [solution.flux_linkage[circuit] @ currents for solution in solutions]
+        slope = np.polynomial.Chebyshev.fit(nodes, flux, 11, domain=[0.006, 0.01]).deriv()(nodes[3:9])
+        force = [2.0 * solution.force[1 + circuit] @ currents for solution in solutions[3:9]]
+        np.testing.assert_allclose(force, -slope, rtol=1e-3)
+    for solution in solutions:
+        assert solution.flux_linkage[0, 2] == pytest.approx(solution.flux_linkage[1, 1], rel=1e-9)
+
+
+def test_a_second_circuit_without_current_changes_nothing():
+    coils = [Coil(rectangle(0.01, 0.02, -0.02, -0.005), 300.0, 1.0, name="first"), thin(0.03, -0.01, name="second")]
+    two = device(
+        "two", coils=coils, moving=[magnet(1.3, 0.005, 0.005)], currents=((0.0, 1.0), (0.0,)), distances=(0.01,)
+    )
+    one = dataclasses.replace(two, circuits=two.circuits[:1], sweep=dataclasses.replace(two.sweep, further_A=()))
+    first, second = (prepared(actuator, 0.01) for actuator in (one, two))
+    rows, both = first.rows(0.01, (0.0, 1.0)), second.rows(0.01, ((0.0, 0.0), (1.0, 0.0)))
+    np.testing.assert_allclose(both["force_N"], rows["force_N"], rtol=1e-9)
+    np.testing.assert_allclose(both["flux_linkage_first_Wb"], rows["flux_linkage_Wb"], rtol=1e-9)
