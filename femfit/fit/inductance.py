@@ -102,11 +102,13 @@ def fit_inductance(
             f"Inductances without forces give a law; --model must name one, for example two-exponentials, "
             f"instead of {law}."
         )
+    mechanics = None if mass_kg is None else Mechanics(mass_kg)
     if actuator is not None:
         drawn = read_actuator(actuator)
-        mass_kg = drawn.mechanics.mass_kg if mass_kg is None else mass_kg
+        mechanics = drawn.mechanics if mass_kg is None else replace(drawn.mechanics, mass_kg=mass_kg)
         resistance_ohm = drawn.coil.resistance_ohm if resistance_ohm is None else resistance_ohm
-        supply_V = (drawn.supply.voltage_min_V, drawn.supply.voltage_max_V) if supply_V is None else supply_V
+        if supply_V is None and drawn.supply is not None:
+            supply_V = (drawn.supply.voltage_min_V, drawn.supply.voltage_max_V)
     chosen = law_by_name(law)
     distances = np.unique(table.distance)
     numbers = 1 + len(chosen.basis) + len(chosen.shape)
@@ -124,7 +126,7 @@ def fit_inductance(
         for basis, unit, value in zip(chosen.basis, chosen.coefficient_units, solution[1:], strict=True)
     )
     magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
-    circuit, motion, notes = _parts(mass_kg, resistance_ohm, supply_V)
+    circuit, motion, notes = _parts(mechanics, resistance_ohm, supply_V)
     model = ActuatorModel(
         name=table.source.rpartition(".")[0] or table.source,
         magnetics=magnetics,
@@ -182,17 +184,15 @@ def _linear(law: ForceLaw, shape: Mapping[str, float], table: InductanceTable) -
 
 
 def _parts(
-    mass_kg: float | None, resistance_ohm: float | None, supply_V: tuple[float, float] | None
+    mechanics: Mechanics | None, resistance_ohm: float | None, supply_V: tuple[float, float] | None
 ) -> tuple[Circuit | None, Mechanics | None, tuple[str, ...]]:
-    circuit, motion, notes = None, None, []
+    circuit, notes = None, []
     if resistance_ohm is not None and supply_V is not None:
         circuit = Circuit(resistance_ohm, *supply_V)
     else:
         notes.append(
             "No circuit in the model: give --actuator ACTUATOR.toml, or --resistance-ohm and --supply-V LOW:HIGH."
         )
-    if mass_kg is not None:
-        motion = Mechanics(mass_kg)
-    else:
+    if mechanics is None:
         notes.append("No motion in the model: give --actuator ACTUATOR.toml or --mass-g.")
-    return circuit, motion, tuple(notes)
+    return circuit, mechanics, tuple(notes)
