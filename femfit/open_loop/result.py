@@ -52,7 +52,7 @@ class OpenLoop:
     >>> import femfit as ff
     >>> motion = ff.simulate("model.json", voltage_V=1.5, duration_s=0.005, start_m=0.022)
     >>> print(motion)
-    The body reached no stop in 5.0 ms; ...
+    The body reaches no stop in 5.00 ms; ...
     >>> abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
     True
     """
@@ -88,12 +88,12 @@ class OpenLoop:
 
     def _switching_lines(self) -> list[str]:
         if not self.switchings:
-            d, v = self.table["distance_m"][-1], self.table["velocity_m_s"][-1]
-            at = (
-                f"The body reached no stop in {amount(self.end_s, 's')}; at the end it is at {amount(d, 'm', 3)} and "
-                f"moves with {amount(v, 'm')}/s, the current is {amount(self.table['current_A'][-1], 'A', 3)}."
-            )
-            return [at]
+            d, v, i = (self.table[name] for name in ("distance_m", "velocity_m_s", "current_A"))
+            end = f"at the end the current is {amount(i[-1], 'A', 3)}"
+            if np.all(d == d[0]):
+                return [f"The body stays at {amount(d[0], 'm', 3)} for {amount(self.end_s, 's', 3)}; {end}."]
+            where = f"the body is at {amount(d[-1], 'm', 3)} and moves with {amount(v[-1], 'm')}/s"
+            return [f"The body reaches no stop in {amount(self.end_s, 's', 3)}; {end}, {where}."]
         lines = []
         for one in self.switchings:
             bounces = {0: "no bounce", 1: "1 bounce"}.get(one.bounces, f"{one.bounces} bounces")

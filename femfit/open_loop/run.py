@@ -107,11 +107,10 @@ class _Walk:
         """The first mode: on a stop or not, held or moving."""
         self._command()
         d = float(self.state[0])
-        support: Side | None = None
-        for side in SIDES:
-            stop = self.system.stop(side)
-            if stop is not None and stop.stiffness_N_per_m is None and d == stop.distance_m:
-                support = side
+        at = {side: self.system.stop(side) for side in SIDES}
+        reached = [(side, stop) for side, stop in at.items() if stop is not None and stop.distance_m == d]
+        support = next((side for side, stop in reached if stop.stiffness_N_per_m is None), None)
+        self.mode = replace(self.mode, touching=next((side for side, _ in reached if side != support), None))
         self.mode = self.system.from_rest(self.mode, support, self._net())
 
     def advance(self) -> None:

@@ -90,7 +90,7 @@ def simulate(
     duration = _duration(duration_s, profile)
     system = _system(model, profile)
     notes = _limits(system.feed, profile)
-    start = _start(model, system) if start_m is None else start_m
+    start = _start(model, system) if start_m is None else _on_stop(system, start_m)
     if outside not in {"stop", "extrapolate"}:
         raise DomainError(f"outside must be stop or extrapolate; instead received {outside!r}.")
     if outside == "stop":
@@ -189,6 +189,12 @@ def _start(model: ActuatorModel, system: System) -> float:
     if model.reference_distances_m:
         return model.reference_distances_m[0]
     return 0.5 * (box.distance_min_m + box.distance_max_m)
+
+
+def _on_stop(system: System, start: float) -> float:
+    """A start that rounding alone keeps from a stop is on it."""
+    stops = [stop.distance_m for stop in (system.mechanics.near_stop, system.mechanics.far_stop) if stop is not None]
+    return next((at for at in stops if abs(at - start) < system.least_rebound_m), start)
 
 
 def _require_between_stops(mechanics: Mechanics, start: float) -> None:

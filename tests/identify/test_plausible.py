@@ -49,6 +49,29 @@ def test_a_wrong_unit_or_sign_is_suspected_by_its_name(levitation_model, table, 
     assert str(findings[0]).startswith(f"{column} seems to be {words}")
 
 
+@pytest.mark.parametrize(
+    ("column", "change", "code", "size"),
+    [
+        ("force_N", lambda x: 2.0 * x, "suspected-scale", 2.0),
+        ("flux_linkage_Wb", lambda x: x / 3.0, "suspected-scale", 1.0 / 3.0),
+        ("voltage_V", lambda x: 2.5 * x, "suspected-scale", 2.5),
+        ("hall_V", lambda x: 2.5 + 0.4 * (x - 2.5), "suspected-scale", 0.4),
+        ("force_N", lambda x: x + 4.35e-3 * 9.80665, "suspected-weight", 4.35e-3 * 9.80665),
+        ("force_N", lambda x: x - 4.35e-3 * 9.80665, "suspected-weight", -4.35e-3 * 9.80665),
+        ("distance_m", lambda x: x - 3e-3, "suspected-zero", 3e-3),
+        ("distance_m", lambda x: x + 5e-3, "suspected-zero", -5e-3),
+    ],
+)
+def test_what_a_whole_column_is_wrong_by_is_said(levitation_model, table, column, change, code, size):
+    findings = suspect_units(levitation_model, with_columns(table, **{column: change(table.rows[column])}))
+    assert [(one.code, one.column) for one in findings] == [(code, column)]
+    assert findings[0].size == pytest.approx(size, rel=0.05)
+
+
+def test_a_sound_table_is_suspected_of_nothing(levitation_model, table):
+    assert suspect_units(levitation_model, table) == []
+
+
 def test_a_current_that_counts_the_other_way_is_told_from_turned_channels(levitation_model):
     box = levitation_model.validity
     both = replace(levitation_model, validity=replace(box, current_min_A=-1.4))

@@ -9,6 +9,7 @@ from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import Circuit
+from femfit.model.drive import Drive
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.open_loop.profile import Profile
@@ -136,3 +137,35 @@ def test_the_body_stops_and_goes_on_as_a_profile_tells_it():
     assert 0.07 < drop_out.started_s < drop_out.reached_s < 0.2
     assert pull_in.bounces == sum(e.name == "hits_near" for e in motion.events) - 1
     assert str(motion).startswith("Pull-in")
+
+
+def test_a_body_that_its_spring_holds_is_said_to_stay():
+    assert str(simulate(solenoid(), voltage_V=0.0)).startswith("The body stays at 4.00 mm")
+
+
+def test_a_start_that_rounding_keeps_from_the_stop_is_on_it():
+    given = simulate(solenoid(), voltage_V=12.0, start_m=4e-3 * (1.0 - 1e-15))
+    assert given.switchings == simulate(solenoid(), voltage_V=12.0).switchings
+
+
+def test_a_body_pressed_on_a_stop_that_gives_way_comes_to_rest_in_it():
+    stops = {"near_stop": Stop(0.2e-3, 0.2), "far_stop": Stop(4e-3, 0.2, 1e6)}
+    model = solenoid(Mechanics(0.025, 0.0, springs=(Spring(0.0, 5.0),), **stops))
+    motion = simulate(model, voltage_V=0.0, duration_s=0.02)
+    assert not motion.switchings
+    assert motion.table["distance_m"][-1] == pytest.approx(4e-3 + 5.0 / 1e6, abs=1e-9)
+
+
+def test_eddy_currents_delay_the_pull_in_and_take_energy_also_while_the_diode_blocks():
+    chosen = effect_by_name("eddy_current_lag")
+    usual = {p.name: p.null + 0.5 * (max(p.plausible, key=abs) - p.null) for p in chosen.amplitudes}
+    bare = solenoid(drive=Drive(diode_V=0.7))
+    lagging = with_effects(bare, [AddedEffect(chosen, chosen.null() | usual)])
+    command = Profile("voltage", np.array([0.0, 0.07]), np.array([12.0, 0.0]))
+    quick, slow = (simulate(one, drive=command, duration_s=0.12) for one in (bare, lagging))
+    assert slow.switchings[0].started_s > quick.switchings[0].started_s
+    assert slow.energy.remainder_J > 1e-4 * slow.energy.supplied_J
+    assert slow.table["current_A"].min() == 0.0
+    stops = next(event.time_s for event in slow.events if event.name == "current_stops")
+    assert np.all(slow.table["current_A"][slow.table["time_s"] > stops] == 0.0)
+    assert [one.kind for one in slow.switchings] == ["pull_in", "drop_out"]

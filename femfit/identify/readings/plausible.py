@@ -1,15 +1,22 @@
 """A bench table beside a model, before it is compared: clipped readings, lone outliers, units and signs suspected."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import rounded
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.conditions import Conditions
 from femfit.identify.constants import CLEARLY, DOMAIN_SLACK, WELL
+from femfit.identify.readings.suspected_scales import (
+    Predict,
+    ratio,
+    suspected_factor,
+    suspected_weight,
+    suspected_zero,
+)
 from femfit.model.actuator_model import ActuatorModel, HallSensor, ValidityBox
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
@@ -24,8 +31,6 @@ from femfit.tables.suspected_units import (
     suspected_by_range,
     suspicion,
 )
-
-Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 
 
 def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
@@ -47,7 +52,10 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
 
 
 def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
-    """Find units and signs of columns that would make the table fit the model far better, one finding a column."""
+    """Find units, signs, factors and a zero of the distance that make the table fit the model far better.
+
+    There is one finding a column, and each names what would be wrong by how much.
+    """
     rows = table.rows
     d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
     placed = np.isfinite(d) & np.isfinite(i)
@@ -63,13 +71,26 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     turning = [name for name in names if _changes(rows[name].to_numpy(), usual[name], turned[name])]
     if turning and all(_explains(rows[name].to_numpy(), usual[name], turned[name]) for name in turning):
         return [other_sign(f"{', '.join(turning)} would then fit the model")]
-    findings = []
-    for name in names:
-        for words, candidate in _candidates(name, usual[name], model.sensor).items():
-            if _explains(rows[name].to_numpy(), usual[name], candidate):
-                findings.append(_suspected(name, words, "it would then fit the model"))
-                break
-    return findings
+    reads = {name: rows[name].to_numpy() for name in names}
+    findings = [one for name in names if (one := _suspected_channel(model, name, reads[name], usual[name])) is not None]
+    if findings:
+        return findings
+    zero = suspected_zero(model, d, i, reads, predict)
+    return [] if zero is None else [zero]
+
+
+def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
+    """A unit, a sign, a weight or a factor by which all readings of a channel differ from the model's."""
+    for words, candidate in _candidates(name, usual, model.sensor).items():
+        if _explains(read, usual, candidate):
+            times = None if name == "hall_V" else ratio(read, usual)
+            why = "it would then fit the model"
+            if times:
+                why = f"it is {rounded(times)} times the model's, and would then fit"
+            return _suspected(name, words, why)
+    base = model.without_effects
+    weight = suspected_weight(base, name, read, usual)
+    return weight or suspected_factor(base, name, read, usual)
 
 
 def suspect_settings(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> list[Finding]:

@@ -1,0 +1,124 @@
+"""What a whole channel is wrong by: a factor, the weight of the moving part, or the zero of the distance."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy import optimize
+
+from femfit.core.amount import amount, rounded
+from femfit.core.arrays import FloatArray
+from femfit.core.finding import Finding
+from femfit.effects.catalogue import effect_by_name
+from femfit.identify.constants import (
+    BEYOND_MOUNTING,
+    EXACTLY,
+    KEPT_ROWS,
+    LARGEST_SHIFT,
+    NOTHING_LEFT,
+    SHIFTS,
+    WELL,
+    WRONG_FACTOR,
+)
+from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.suspected_units import LEAST_READINGS
+
+Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
+
+_CAUSES = {
+    "force_N": "a unit, a lever of the scale, or one half of a symmetric drawing",
+    "flux_linkage_Wb": "the number of turns, or the flux of one turn",
+    "hall_V": "the sensitivity of the Hall element, or its place",
+}
+
+
+def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
+    """Suspect a factor that no tolerance of a drawing makes."""
+    sensor, circuit = model.sensor, model.circuit
+    zero = sensor.quiescent_V if name == "hall_V" and sensor is not None else 0.0
+    factor = ratio(read - zero, usual - zero)
+    if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
+        return None
+    if not _exactly(read, usual, zero + factor * (usual - zero)):
+        return None
+    cause = _CAUSES.get(name, "")
+    if name == "voltage_V" and circuit is not None:
+        ohms = amount(factor * circuit.resistance_ohm, "ohm")
+        cause = f"a resistance of {ohms} instead of {amount(circuit.resistance_ohm, 'ohm')}, with leads or a resistor"
+    text = f"{name} is {rounded(factor)} times the model's at every setting: {cause or 'a unit'}."
+    return Finding("suspected-scale", "warning", text, "Correct the column or the drawing.", factor, name)
+
+
+def suspected_weight(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
+    """Suspect that a scale shows the moving part's weight beside the force, or had it taken off."""
+    if name != "force_N" or model.motion is None:
+        return None
+    weight = abs(model.motion.mass_kg * model.motion.gravity_m_s2)
+    for sign, words, remedy in ((1.0, "more", "Subtract it."), (-1.0, "less", "Add it.")):
+        if weight > 0.0 and _exactly(read, usual, usual + sign * weight):
+            text = (
+                f"force_N is {words} than the model's by the weight of the moving part, {amount(weight, 'N')}, at "
+                "every setting: it is the force of a scale, not that of the actuator."
+            )
+            return Finding("suspected-weight", "warning", text, remedy, sign * weight, name)
+    return None
+
+
+def suspected_zero(
+    model: ActuatorModel, d: FloatArray, i: FloatArray, reads: Mapping[str, FloatArray], predict: Predict
+) -> Finding | None:
+    """Suspect that the distance is counted from another place than the electromagnet's face."""
+    box = model.without_effects.validity
+    travel = box.distance_max_m - box.distance_min_m
+    reads = {name: read for name, read in reads.items() if name != "voltage_V"}  # R i, at any distance
+
+    def left(shift: float) -> float:
+        inside = (d + shift >= box.distance_min_m) & (d + shift <= box.distance_max_m)
+        if not reads or inside.mean() < KEPT_ROWS:
+            return NOTHING_LEFT
+        usual = predict(d[inside] + shift, i[inside])
+        parts = [_left(read[inside], usual[name]) for name, read in reads.items()]
+        return float(np.max(parts))
+
+    shifts = np.linspace(-LARGEST_SHIFT, LARGEST_SHIFT, SHIFTS) * travel
+    best = float(shifts[np.argmin([left(float(shift)) for shift in shifts])])
+    step = float(shifts[1] - shifts[0])
+    found = optimize.minimize_scalar(left, bounds=(best - step, best + step), method="bounded")
+    shift = float(found.x)
+    usual_range = max(abs(end) for end in effect_by_name("distance_offset").parameters[0].plausible)
+    if abs(shift) < BEYOND_MOUNTING * usual_range or not found.fun < min(
+        WELL, EXACTLY * _as_recorded(d, i, reads, predict)
+    ):
+        return None
+    text = (
+        f"distance_m seems to be counted from another place: with {amount(shift, 'distance_m')} added to each distance "
+        "the readings would fit the model."
+    )
+    remedy = "Count distances from the electromagnet's face to the nearest face of the moving part."
+    return Finding("suspected-zero", "warning", text, remedy, shift, "distance_m")
+
+
+def _exactly(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> bool:
+    here = np.isfinite(read)
+    if here.sum() < LEAST_READINGS:
+        return False
+    before, after = (float(np.sum((read - values)[here] ** 2)) for values in (usual, candidate))
+    return after < EXACTLY**2 * before
+
+
+def ratio(read: FloatArray, usual: FloatArray) -> float | None:
+    """How many times the prediction the readings are, by least squares; None where nothing is predicted."""
+    here = np.isfinite(read) & np.isfinite(usual)
+    square = float(usual[here] @ usual[here])
+    return float(read[here] @ usual[here]) / square if square > 0.0 else None
+
+
+def _left(read: FloatArray, usual: FloatArray) -> float:
+    """Root mean square of what a prediction leaves, over the spread of the readings."""
+    here = np.isfinite(read)
+    spread = float(np.std(read[here])) if here.any() else 0.0
+    return float(np.sqrt(np.mean((read - usual)[here] ** 2))) / spread if spread > 0.0 else 0.0
+
+
+def _as_recorded(d: FloatArray, i: FloatArray, reads: Mapping[str, FloatArray], predict: Predict) -> float:
+    usual = predict(d, i)
+    return float(np.max([_left(read, usual[name]) for name, read in reads.items()]))
