@@ -218,7 +218,7 @@ class Actuator(Printed):
         lines = [
             f"{self.name}{': ' * bool(self.description)}{self.description}",
             *(
-                f"{part}: {', '.join(f'{one.name} ({one.material.name})' for one in regions) or 'nothing'}"
+                f"{part}: {', '.join(f'{one.name} ({one.material.name})' for one in regions) or 'windings alone'}"
                 for part, regions in (("fixed", self.fixed), ("moving", self.moving.regions))
             ),
             f"moving mass {amount(self.mechanics.mass_kg, 'kg', 3)}",

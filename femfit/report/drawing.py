@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.device.parts import Actuator, NonlinearMaterial, Region
+from femfit.device.parts import Actuator, Coil, LinearMaterial, NonlinearMaterial, Region
 from femfit.report.numbers import plain, significant
 from femfit.report.parts import (
     COLOURS,
@@ -14,6 +14,7 @@ from femfit.report.parts import (
     half_sections,
     kind_of,
     moving_corners,
+    outline_of,
     standing_corners,
 )
 from femfit.report.rating import knee_T
@@ -53,7 +54,7 @@ def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> "Fi
 def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
     """Draw the parts' full section with a legend, in mm."""
     labels = [_region_label(region, moving=False) for region in actuator.fixed]
-    labels += [_coil_label(actuator)]
+    labels += [_coil_label(coil) for coil in actuator.coils]
     labels += [_region_label(region, moving=True) for region in actuator.moving.regions]
     drawn: set[str] = set()
     for (outline, kind), label in zip(outlines(actuator, distance), labels, strict=True):
@@ -101,24 +102,29 @@ def _region_label(region: Region, *, moving: bool) -> str:
     return f"{kind}: {region.material.name}\n({material_words(region)})"
 
 
-def _coil_label(actuator: Actuator) -> str:
-    label = words("drawing", "coil", turns=plain(actuator.coil.turns))
-    wire = actuator.coil.wire_diameter_m
+def _coil_label(coil: Coil) -> str:
+    label = words("drawing", "moving_coil" if coil.moves else "coil", turns=plain(coil.turns))
+    wire = coil.wire_diameter_m
     return label if wire is None else f"{label}\n{words('drawing', 'wire', diameter=plain(MM * wire))}"
 
 
 def _magnetisation(axes: "Axes", region: Region, shift: float) -> None:
-    if not region.material.remanence_T:
+    if not isinstance(region.material, LinearMaterial) or not region.material.remanence_T:
         return
-    for outline in full_section(region.vertices_m, shift):
+    radial, axial = np.sign(region.material.remanence_T) * np.asarray(region.material.direction)
+    for outline in full_section(outline_of(region), shift):
         low, high = outline.min(axis=0), outline.max(axis=0)
-        x, length = 0.5 * (low[0] + high[0]), 0.7 * (high[1] - low[1])
-        middle, sign = 0.5 * (low[1] + high[1]), np.sign(region.material.remanence_T)
-        ends = (middle - 0.5 * sign * length, middle + 0.5 * sign * length)
+        middle, size = 0.5 * (low + high), 0.7 * (high - low)
+        # On the left side of the section what points outwards points to the left; across the axis nothing is one way
+        side = 0.0 if low[0] < 0.0 < high[0] else np.sign(middle[0])
+        along = np.array([side * radial, axial])
+        reach = 0.5 * np.min(size[along != 0.0] / np.abs(along[along != 0.0]), initial=np.inf)
+        if not np.isfinite(reach):
+            continue
         axes.annotate(
             "",
-            xy=(MM * x, MM * ends[1]),
-            xytext=(MM * x, MM * ends[0]),
+            xy=MM * (middle + reach * along),
+            xytext=MM * (middle - reach * along),
             arrowprops={"arrowstyle": "-|>", "color": "white", "linewidth": 1.8, "mutation_scale": 13},
         )
 

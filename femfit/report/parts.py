@@ -4,6 +4,7 @@ import numpy as np
 import shapely
 
 from femfit.core.arrays import FloatArray
+from femfit.device.outlines import flattened
 from femfit.device.parts import Actuator, Material, NonlinearMaterial, Region
 
 Outline = tuple[tuple[float, float], ...]
@@ -48,10 +49,15 @@ def is_iron(material: Material) -> bool:
 
 
 def half_sections(actuator: Actuator, distance: float) -> list[tuple[Outline, float, str]]:
-    """Corners, shift along z and kind of each part: fixed ones, winding, moving ones."""
-    parts = [(r.vertices_m, 0.0, kind_of(r.material, moving=False)) for r in actuator.fixed]
-    parts.append((actuator.coil.vertices_m, 0.0, "winding"))
-    return parts + [(r.vertices_m, distance, kind_of(r.material, moving=True)) for r in actuator.moving.regions]
+    """Corners, shift along z and kind of each part: fixed ones, windings, moving ones."""
+    parts = [(outline_of(r), 0.0, kind_of(r.material, moving=False)) for r in actuator.fixed]
+    parts += [(coil.vertices_m, distance if coil.moves else 0.0, "winding") for coil in actuator.coils]
+    return parts + [(outline_of(r), distance, kind_of(r.material, moving=True)) for r in actuator.moving.regions]
+
+
+def outline_of(region: Region) -> Outline:
+    """Corners of a region in m, with chords for its arcs."""
+    return tuple(flattened(region.vertices_m, region.bulges))
 
 
 def full_section(vertices: Outline, shift: float = 0.0) -> tuple[FloatArray, ...]:
@@ -68,12 +74,13 @@ def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def standing_corners(actuator: Actuator) -> FloatArray:
-    """Corners (r, z) of core and winding in m, shape (n, 2)."""
-    outlines = [region.vertices_m for region in actuator.fixed]
-    return np.concatenate([np.asarray(vertices) for vertices in (*outlines, actuator.coil.vertices_m)])
+    """Corners (r, z) of what stands still in m, shape (n, 2)."""
+    outlines = [*map(outline_of, actuator.fixed), *(coil.vertices_m for coil in actuator.coils if not coil.moves)]
+    return np.concatenate([np.asarray(vertices) for vertices in outlines])
 
 
 def moving_corners(actuator: Actuator, distance: float) -> FloatArray:
     """Corners (r, z) of the moving part at a distance in m, shape (n, 2)."""
-    corners = np.concatenate([np.asarray(region.vertices_m) for region in actuator.moving.regions])
+    outlines = [*map(outline_of, actuator.moving.regions), *(coil.vertices_m for coil in actuator.coils if coil.moves)]
+    corners = np.concatenate([np.asarray(vertices) for vertices in outlines])
     return np.asarray(corners + np.array([0.0, distance]))

@@ -201,7 +201,7 @@ def _enclosing_surface(actuator: Actuator) -> float:
 
 
 def _wire_section_mm2(actuator: Actuator | None) -> float | None:
-    if actuator is None or actuator.coil.wire_diameter_m is None:
+    if actuator is None or len(actuator.coils) != 1 or actuator.coil.wire_diameter_m is None:
         return None
     return float(0.25e6 * np.pi * actuator.coil.wire_diameter_m**2)
 
