@@ -58,7 +58,7 @@ COIL_TEMPERATURE = Effect(
             nonlinear=True,
         ),
     ),
-    needs=("~current_A", "voltage_V"),
+    needs=("~current_A|resistance_ohm", "voltage_V|resistance_ohm"),
     experiment="Read voltage and current of the coil cold, and again after ten minutes at its largest current.",
     reference="IEC 60028 (1925): copper, 0.00393 per kelvin at 20 °C",
     circuit=_circuit,

@@ -72,7 +72,7 @@ RESISTANCE = Effect(
             words="the winding's resistance is {size} {larger|smaller} than drawn",
         ),
     ),
-    needs=("~current_A", "voltage_V"),
+    needs=("~current_A|resistance_ohm", "voltage_V|resistance_ohm"),
     experiment=_FOUR_WIRES,
     reference="IEC 60317-0-1 (2013), resistance of round wire",
     circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["resistance_error"]), voltage),

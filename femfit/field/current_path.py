@@ -5,7 +5,7 @@ w(i) = v(i) + w(i') - v(i'), i' the nearest point before it: wrong only in the m
 starts on the straight line through the two points before it, or from the parallelogram of three.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -23,16 +23,15 @@ States: TypeAlias = dict[tuple[float, ...], FloatArray]
 
 def along_currents(
     system: "NonlinearSystem", points: FloatArray, bases: States
-) -> dict[tuple[float, ...], NewtonResult]:
-    """Solve at currents in A of shape (points, circuits), from the weakest outwards."""
-    results: dict[tuple[float, ...], NewtonResult] = {}
+) -> Iterator[tuple[tuple[float, ...], NewtonResult]]:
+    """Solve at currents in A of shape (points, circuits), from the weakest outwards, each as it is asked for."""
     states: States = {}
     for point, before in outwards(points):
         key, start = tuple(point), _predicted(point, [i for i in before if tuple(i) in states], states, bases)
-        results[key] = minimise(system, point, np.zeros(system.space.ndof) if start is None else start)
-        if results[key].converged:
-            states[key] = results[key].state
-    return results
+        result = minimise(system, point, np.zeros(system.space.ndof) if start is None else start)
+        if result.converged:
+            states[key] = result.state
+        yield key, result
 
 
 def outwards(points: FloatArray) -> list[tuple[FloatArray, FloatArray]]:

@@ -1,9 +1,9 @@
 r"""All points of the currents of an actuator with saturating parts, at a distance.
 
 **Start of the iteration.** Along the currents a state changes much, along the distances little, so states at the
-group's reference distance are solved once, and a point starts from them (:mod:`femfit.field.current_path`). The higher
-polynomial order starts in the same way from the lower one. Nothing depends on which distances were solved before, so
-that a resumed sweep gives the same digits.
+group's reference distance are solved once at a low polynomial order, and a point starts from them
+(:mod:`femfit.field.current_path`). Each higher order starts in the same way from the one below. Nothing depends on
+which distances were solved before, so that a resumed sweep gives the same digits.
 
 **Force.** In a converged state H = nu_0 B - M holds at every point of the mesh with the magnetisation M = B / mu_0 - H
 (permanent, induced or both), so the discrete field is exactly u + v: u of the moving part's M, frozen, and of its
@@ -17,6 +17,7 @@ F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighte
 """
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,9 @@ from femfit.field.point_rows import NonlinearPoint, PointSolution, table_rows
 from femfit.field.settings import SolverSettings
 from femfit.field.weak_form import hall_field
 
+FIRST_ORDER = 2
+"""Polynomial order at which the way along the currents is found: a tenth of what an iteration costs at order 5."""
+
 
 class NonlinearActuator:
     """One mesh of an actuator with saturating parts, to be stretched over a group of ascending distances in m."""
@@ -47,16 +51,22 @@ class NonlinearActuator:
         self._circuits = tuple(circuit.name for circuit in actuator.circuits)
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
-        self.coarse = NonlinearSystem(self.mesh, actuator, layout, settings.order - 1)
-        self.fine = NonlinearSystem(self.mesh, actuator, layout, settings.order)
-        self._raise_order = csr(ConvertOperator(self.coarse.space, self.fine.space), self.coarse.space.ndof)
+        orders = [order for order in (FIRST_ORDER,) if order < settings.order - 1]
+        self._systems = [
+            NonlinearSystem(self.mesh, actuator, layout, order)
+            for order in (*orders, settings.order - 1, settings.order)
+        ]
+        self.coarse, self.fine = self._systems[-2:]
+        self._raise_order = [
+            csr(ConvertOperator(low.space, high.space), low.space.ndof) for low, high in pairwise(self._systems)
+        ]
         g = weight(self.mesh)
         self._fine_layer, self._coarse_layer = (LayerForce(system.space, g) for system in (self.fine, self.coarse))
         self._references: States = {}
         if len(group) > 1:
-            self.coarse.move()
+            self._systems[0].move()
             swept = current_points(swept_currents(actuator.sweep), len(self._circuits))
-            self._references = _states(along_currents(self.coarse, swept, {}))
+            self._references = _states(dict(along_currents(self._systems[0], swept, {})))
 
     @property
     def unknowns(self) -> int:
@@ -72,26 +82,25 @@ class NonlinearActuator:
         """Solve all points of the currents at a distance."""
         points = current_points(currents, len(self._circuits))
         with self._moving.at(distance):
-            self.coarse.move()
+            results, bases, left = [], self._references, points
+            for system, higher in zip(self._systems[:-1], self._raise_order, strict=True):
+                system.move()
+                results.append(dict(along_currents(system, left, bases)))
+                bases = {key: higher @ state for key, state in _states(results[-1]).items()}
+                left = np.array([point for point in points if tuple(point) in bases])
             self.fine.move()
-            coarse = along_currents(self.coarse, points, self._references)
-            bases = {key: self._raise_order @ state for key, state in _states(coarse).items()}
-            fine = along_currents(self.fine, np.array([p for p in points if tuple(p) in bases]), bases)
-            evaluate = self._evaluation()
-            start, solved = np.zeros_like(self.fine.circuits), []
-            for point in points:
-                key = tuple(point)
-                last = fine.get(key, coarse[key])
-                status, solution = _status(last), None
-                if key in fine and last.converged:
-                    response, found = self.fine.response(last.state, start)
+            coarse, evaluate = _states(results[-1]), self._evaluation()
+            start, solutions, statuses = np.zeros_like(self.fine.circuits), {}, {}
+            finest = {}
+            for key, result in along_currents(self.fine, left, bases):
+                finest[key], statuses[key] = result, _status(result)
+                if result.converged:  # the derivative that was kept for it serves its inductance, too
+                    start, found = self.fine.response(result.state, start)
                     if found:
-                        start, solution = response, evaluate(point, last.state, coarse[key].state, response)
+                        solutions[key] = evaluate(np.array(key), result.state, coarse[key], start)
                     else:
-                        status = _NO_INDUCTANCE
-                iterations = last.iterations + (coarse[key].iterations if key in fine else 0)
-                solved.append(NonlinearPoint(iterations, last.residual, status, solution))
-        return solved
+                        start, statuses[key] = np.zeros_like(self.fine.circuits), _NO_INDUCTANCE
+        return [_point(tuple(point), [*results, finest], statuses, solutions) for point in points]
 
     def field(self, distance: float, currents: CurrentsLike) -> PointField:
         """The field at a point, with the mesh left stretched to it."""
@@ -105,8 +114,10 @@ class NonlinearActuator:
 
     def _evaluation(self) -> Callable[[FloatArray, FloatArray, FloatArray, FloatArray], PointSolution]:
         """The evaluation of states at the distance that the mesh is stretched to."""
-        weights = self._moving.reaction_weight, self._moving.work_weight
-        reaction, work = (LayerForce(self.fine.space, g, AROUND_FIXED) for g in weights)
+        moving = self._moving
+        reaction = work = LayerForce(self.fine.space, moving.reaction_weight, AROUND_FIXED)
+        if moving.work_weight is not moving.reaction_weight:
+            work = LayerForce(self.fine.space, moving.work_weight, AROUND_FIXED)
 
         def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray, response: FloatArray) -> PointSolution:
             total, own = self.fine.function(fine), self.fine.function(self.fine.own_state(fine, currents))
@@ -131,6 +142,18 @@ class NonlinearActuator:
             )
 
         return evaluate
+
+
+def _point(
+    key: tuple[float, ...],
+    results: list[dict[tuple[float, ...], NewtonResult]],
+    statuses: Mapping[tuple[float, ...], str],
+    solutions: Mapping[tuple[float, ...], PointSolution],
+) -> NonlinearPoint:
+    """How a point was solved, from the lowest order to the one at which it ended."""
+    ended = [of_order[key] for of_order in results if key in of_order]
+    iterations = sum(result.iterations for result in ended)
+    return NonlinearPoint(iterations, ended[-1].residual, statuses.get(key, _status(ended[-1])), solutions.get(key))
 
 
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:

@@ -18,7 +18,15 @@ from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows
-from femfit.fit.model_parts import actuator_entry, kind_of, mechanics_of, model_parts, number, sample_time
+from femfit.fit.model_parts import (
+    actuator_entry,
+    kind_of,
+    mechanics_of,
+    model_parts,
+    number,
+    other_sensors_of,
+    sample_time,
+)
 from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
@@ -110,6 +118,7 @@ def fit_model(
     coenergy = _coenergy(rows, constraints, inductance_H, needed=law_fit is None)
     hall = None if rows.hall is None or len(rows.currents) < 2 else fit_hall(rows, rows.hall)
     circuit, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
+    others, not_held = other_sensors_of(entry)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
         magnetics=law_magnetics(law_fit, rows, inductance_H) if law_fit else coenergy.magnetics,  # type: ignore[union-attr]
@@ -122,12 +131,13 @@ def fit_model(
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         covariance=law_fit.interval.block_covariance if law_fit else None,
         kind=kind_of(entry),
+        other_sensors=others,
     )
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
     model = replace(model, sample_time_s=period)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, built, law_fit)
-    notes = (*lacks, *misfit_notes(model, rows))
+    notes = (*lacks, *not_held, *misfit_notes(model, rows))
     result = FitResult(model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table))
     provenance = {
         "fit": result.to_dict(),

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,14 +13,22 @@ from femfit.core.errors import TableError, UsageError
 from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import Drive as DrawnDrive
+from femfit.device.sensors import AnySensor, HallElement, PickupCoil
 from femfit.device.summary import sweep_manifest_entry
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor
 from femfit.model.drive import Drive
+from femfit.model.sensors import OtherSensor
 
 Part = TypeVar("Part")
+
+
+@dataclass(frozen=True)
+class _OneSensor:
+    sensor: AnySensor
+
 
 Parts = tuple[Circuit | None, Mechanics | None, HallSensor | None, tuple[str, ...]]
 """The parts of a model as far as they are known, and what is missing."""
@@ -95,6 +103,29 @@ def _drive(entry: Mapping[str, Any]) -> Drive:
     if drawn.kind == "voltage":
         return Drive(diode_V=drawn.diode_V)
     return Drive("current", None, drawn.minimum, drawn.maximum, drawn.bandwidth_Hz)
+
+
+def other_sensors_of(entry: Mapping[str, Any]) -> tuple[tuple[OtherSensor, ...], tuple[str, ...]]:
+    """Sensors beside the Hall element of a manifest's actuator entry, and why some of them are not in the model."""
+    kept: list[OtherSensor] = []
+    notes, halls = [], 0
+    for record in entry.get("sensors") or ():
+        sensor: AnySensor = _recorded(_OneSensor, "sensor", {"sensor": record}).sensor
+        if isinstance(sensor, PickupCoil):
+            notes.append(
+                f"Pickup coil {sensor.name!r} is not in the model: the sweep holds no flux linkage of it. Read the "
+                "winding's own current and voltage instead, or a position sensor."
+            )
+        elif isinstance(sensor, HallElement):
+            halls += 1
+            if halls > 1:
+                notes.append(
+                    f"Hall element {sensor.name!r} is not in the model: the sweep holds the field at the first one. "
+                    "Draw it first, or alone."
+                )
+        else:
+            kept.append(sensor)
+    return tuple(kept), tuple(notes)
 
 
 def _recorded(kind: type[Part], name: str, record: Mapping[str, Any]) -> Part:

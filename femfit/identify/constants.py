@@ -155,6 +155,12 @@ SAME_LINE = 1.0 / 50.0
 LEAST_NEIGHBOURS = 12
 """Conventional: pseudo-residuals from which smoothness is let guess a noise, as many as repeats must be."""
 
+NORMAL_MEDIAN = 0.6745
+"""Derived: median of the size of a standard normal number."""
+
+INDEPENDENT_DIFFERENCES = 0.37 / 2.0
+"""Derived: efficiency of a median, over pseudo-residuals that share two of three readings with the next."""
+
 GUESS_WIDER = 1.5
 """Calibrated (November 2026): clean single sweeps of a levitated magnet, a voice coil and a lifting magnet, 8 x 6
 settings, noise of successive readings independent and correlated by 0.5: something was missing in 0 of 240, at most

@@ -13,6 +13,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.printed import Printed
 from femfit.device.mechanics import Mechanics
+from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
@@ -152,6 +153,8 @@ class ActuatorModel(Printed):
         At which plant and filters run; matters only to effects that know temperatures.
     kind : ActuatorKind or None
         What the drawing is made of; None where the model was fitted to a table without a drawing.
+    other_sensors : tuple
+        All sensors but the Hall element; :func:`femfit.model.sensors.predict_sensors` says what they read.
 
     Examples
     --------
@@ -181,6 +184,7 @@ class ActuatorModel(Printed):
     coil_temperature_C: float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
     kind: ActuatorKind | None = None
+    other_sensors: tuple[CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor, ...] = ()
     provenance: Mapping[str, Any] = limited(default_factory=dict)
 
     def __str__(self) -> str:

@@ -14,6 +14,7 @@ from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import ModelFileError
 from femfit.core.outputs import MODEL, require_outputs
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
+from femfit.device.sensors import Sensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
@@ -25,6 +26,7 @@ from femfit.model.drive import BRIDGE, Drive
 from femfit.model.hall import HallSpline
 from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
 from femfit.model.json_section import Section
+from femfit.model.json_sensors import sensors_from
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
 from femfit.model.with_effects import with_effects
 
@@ -120,6 +122,8 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     base, changed = model.without_effects, ("magnetics", "circuit", "motion", "sensor")
     names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
     data = {name: _plain(getattr(base if name in changed else model, name)) for name in names}
+    if not model.other_sensors:  # as files were before there were others
+        del data["other_sensors"]
     return {"schema": SCHEMA_VERSION, **data}
 
 
@@ -148,7 +152,7 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
             "current_degree": spline.y_degree,
             "coefficients": spline.coefficients.tolist(),
         }
-    if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive):
+    if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
         return {name: _plain(one) for name, one in unusual(value).items()}
     data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, LawMagnetics):
@@ -193,6 +197,7 @@ def _build(top: Section) -> ActuatorModel:
         coil_temperature_C=top.number("coil_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         magnet_temperature_C=top.number("magnet_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         kind=kind.record(ActuatorKind) if kind else None,
+        other_sensors=sensors_from(top.sections("other_sensors")) if top.data.get("other_sensors") else (),
     )
     added = top.sections("effects") if top.data.get("effects") else ()
     return with_effects(base, [_effect_from(section) for section in added])

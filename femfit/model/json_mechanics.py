@@ -10,7 +10,7 @@ from femfit.model.json_section import Section
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-ALWAYS = ("mass_kg", "gravity_m_s2", "kind")
+ALWAYS = ("mass_kg", "gravity_m_s2", "kind", "unit")
 """Keys that are written even where they have their usual value."""
 
 

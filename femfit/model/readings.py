@@ -1,12 +1,12 @@
 """What a bench would read of an actuator model: the one prediction of compare, diagnose, add and suggest."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import AddedEffect
+from femfit.effects.effect import CHANNELS, AddedEffect
 from femfit.effects.stages import (
     changed_coenergy,
     circuit_of,
@@ -25,6 +25,7 @@ def predict_readings(
     current: FloatArray,
     conditions: Conditions,
     effects: Iterable[AddedEffect] | None = None,
+    channels: Collection[str] = CHANNELS,
 ) -> dict[str, FloatArray]:
     """Readings of a body held at rest.
 
@@ -37,6 +38,9 @@ def predict_readings(
         Its base and its effects count; it is evaluated outside of its validity domain as well.
     distance, current : array, shape (n,)
         As recorded, in m and A.
+    channels : collection of str
+        What is wanted beside the usual channels: inductance_H, d(flux linkage)/di at low frequency, and resistance_ohm,
+        that of the winding, as an LCR meter reads them.
 
     Returns
     -------
@@ -48,9 +52,12 @@ def predict_readings(
     d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
     d, i = true_setting(added, d, i, conditions)
     coenergy = base_coenergy(base)
-    series = changed_coenergy(coenergy, added, conditions)(d, i, 1, 1)
+    bridge = "inductance_H" in channels
+    series = changed_coenergy(coenergy, added, conditions)(d, i, 1, 2 if bridge else 1)
     force = with_further_force(added, -series.derivative(1, 0), d, i, conditions)
     values = {"force_N": force, "flux_linkage_Wb": series.derivative(0, 1)}
+    if bridge:
+        values["inductance_H"] = series.derivative(0, 2)
     if base.sensor is not None:
         field = hall_field(series, coenergy, added, d, i, conditions)
         values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
@@ -58,4 +65,6 @@ def predict_readings(
         # What the driver does to a commanded voltage does not show: a bench reads across the winding
         ohms, _ = circuit_of(added, like(base.circuit.resistance_ohm, i), np.zeros_like(i), i, conditions)
         values["voltage_V"] = ohms * i
+        if "resistance_ohm" in channels:
+            values["resistance_ohm"] = ohms
     return recorded(added, values, d, i, conditions)

@@ -57,6 +57,8 @@ inductance_H          es inductancia
 inductance_H          pt indutancia
 inductance_H          sl induktivnost
 inductance_H          no induktans
+resistance_ohm        en r resistance dcresistance coilresistance windingresistance rdc
+resistance_ohm        de widerstand wicklungswiderstand spulenwiderstand
 hall_T                en b bz hall hallfield bhall fluxdensity magneticfluxdensity magneticfield
 hall_T                de flussdichte hallfeld
 hall_T                nl fluxdichtheid

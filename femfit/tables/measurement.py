@@ -10,7 +10,7 @@ import pandas as pd
 from femfit.core.finding import Finding, listing
 from femfit.core.printed import Printed
 
-CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
+CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V", "inductance_H", "resistance_ohm")
 """Columns that a bench reads."""
 
 CHANNEL_WORDS = {
@@ -18,6 +18,8 @@ CHANNEL_WORDS = {
     "flux_linkage_Wb": "flux linkage",
     "hall_V": "Hall output",
     "voltage_V": "coil voltage",
+    "inductance_H": "inductance",
+    "resistance_ohm": "resistance",
     "force_balance_N": "force that the motion shows",
     "voltage_balance_V": "commanded voltage",
 }

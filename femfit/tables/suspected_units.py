@@ -46,6 +46,7 @@ LIMITS: dict[str, Limit] = {
     "hall_T": Limit(3.0, 3.0, "mT"),
     "hall_V": Limit(1e2, 1e3, "mV"),
     "voltage_V": Limit(1e3, 1e4, "mV"),
+    "resistance_ohm": Limit(1e5, 1e6, "mohm"),
 }
 
 COMMON_UNITS: dict[str, tuple[str, ...]] = {
@@ -55,6 +56,8 @@ COMMON_UNITS: dict[str, tuple[str, ...]] = {
     "flux_linkage_Wb": ("mWb", "uWb", "Mx"),
     "hall_V": ("mV",),
     "voltage_V": ("mV",),
+    "inductance_H": ("mH", "uH"),
+    "resistance_ohm": ("mohm", "kohm"),
 }
 """Units that columns are often in without saying so."""
 

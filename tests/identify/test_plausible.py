@@ -72,6 +72,11 @@ def test_a_sound_table_is_suspected_of_nothing(levitation_model, table):
     assert suspect_units(levitation_model, table) == []
 
 
+def test_a_table_of_voltages_alone_says_nothing_of_the_distance(levitation_model, table):
+    voltages = replace(table, given=("run", "current_A", "distance_m", "voltage_V"))
+    assert suspect_units(levitation_model, voltages) == []
+
+
 def test_a_current_that_counts_the_other_way_is_told_from_turned_channels(levitation_model):
     box = levitation_model.validity
     both = replace(levitation_model, validity=replace(box, current_min_A=-1.4))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from femfit.core.errors import DomainError, MissingPartError, ModelFileError, OutputError
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
+from femfit.device.sensors import ForceSensor
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel, ValidityBox
 from femfit.model.drive import Drive
@@ -293,6 +294,7 @@ def test_damaged_mechanics_are_refused_by_their_key(sprung_model, key, value, me
 
 def test_every_field_of_the_model_is_written(model):
     names = {field.name for field in fields(ActuatorModel)} - {"base", "dynamics"}  # the file holds the base itself
+    model = replace(model, other_sensors=(ForceSensor(name="cell"),))
     assert set(model_to_dict(model)) == {"schema", *names}
 
 

@@ -201,7 +201,7 @@ def test_the_package_holds_the_laws_and_effects_of_its_model_and_no_others(expor
 def test_the_package_holds_no_study_and_nothing_of_the_bench(exported):
     rooms = {file.name for file in (exported / RUNTIME).iterdir() if file.name != "__pycache__"}
     assert rooms == {"__init__.py", "core", "laws", "effects", "device", "model", "filters", "simulation"}
-    assert {file.stem for file in (exported / RUNTIME / "device").glob("*.py")} == {"__init__", "mechanics"}
+    assert {file.stem for file in (exported / RUNTIME / "device").glob("*.py")} == {"__init__", "mechanics", "sensors"}
     names = {file.stem for file in exported.rglob("*.py")}
     assert names.isdisjoint({"study", "table6", "journal", "readings", "field_of_current", "consistency"})
     assert len(names) < 80

@@ -104,7 +104,7 @@ def _curves(
         coil_temperature_C=_mean(observations, "coil_temperature_C"),
         magnet_temperature_C=_mean(observations, "magnet_temperature_C"),
     )
-    readings = predict_readings(model, d, i, conditions, (*model.effects, *effects))
+    readings = predict_readings(model, d, i, conditions, (*model.effects, *effects), observations.channels)
     if channel not in readings:
         return np.zeros((0, len(along[1])))
     return np.asarray(readings[channel]).reshape(len(over[1]), len(along[1]))

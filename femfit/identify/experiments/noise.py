@@ -53,5 +53,7 @@ def assumed_noise(channel: str, nominal: Nominal) -> float:
         "flux_linkage_Wb": nominal.flux_linkage_Wb,
         "hall_V": nominal.hall_swing_V,
         "voltage_V": nominal.resistance_ohm * nominal.peak_current_A,
+        "inductance_H": nominal.inductance_H,
+        "resistance_ohm": nominal.resistance_ohm,
     }
     return GUESSED_NOISE * largest[channel]

@@ -13,16 +13,11 @@ P. J. Rousseeuw and C. Croux, J. American Statistical Association 88 (1993) 1273
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from femfit.core.arrays import FloatArray
-from femfit.identify.constants import GUESS_WIDER, LEAST_NEIGHBOURS, SAME_LINE
+from femfit.identify.constants import GUESS_WIDER, INDEPENDENT_DIFFERENCES, LEAST_NEIGHBOURS, NORMAL_MEDIAN, SAME_LINE
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.repeats import levels
-
-_NORMAL_MEDIAN = float(stats.norm.ppf(0.75))  # of the size of a standard normal number
-_INDEPENDENT = 0.37 / 2.0
-"""Derived: efficiency of a median, over pseudo-residuals that share two of three readings with the next."""
 
 
 def guessed_noise(observations: Observations, channel: str) -> tuple[float, float]:
@@ -36,8 +31,8 @@ def guessed_noise(observations: Observations, channel: str) -> tuple[float, floa
         lines = np.stack([*beside, levels(at[fixed], SAME_LINE)])
         differences = _pseudo_residuals(residual, at[along], lines)
         if len(differences) >= LEAST_NEIGHBOURS:
-            sigma = float(np.median(np.abs(differences))) / _NORMAL_MEDIAN
-            guesses.append((GUESS_WIDER * sigma, _INDEPENDENT * len(differences)))
+            sigma = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
+            guesses.append((GUESS_WIDER * sigma, INDEPENDENT_DIFFERENCES * len(differences)))
     return max(guesses, default=(0.0, 0.0))
 
 

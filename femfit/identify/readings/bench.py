@@ -51,7 +51,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     covariates, nominal = _covariates(measured), nominal_of(model)
     conditions = conditions_of(covariates, nominal)
     d, i = covariates["distance_m"].to_numpy(), covariates["current_A"].to_numpy()
-    reading = predict_readings(model, d, i, conditions)
+    reading = predict_readings(model, d, i, conditions, channels=table.channels)
     channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
     pieces = [np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels]
     if not channels:
@@ -110,7 +110,7 @@ class _BenchPrediction:
         return self._predicted(self.distance_m + distance_m, self.current_A + current_A, self.model.effects)
 
     def _predicted(self, d: FloatArray, i: FloatArray, effects: tuple[AddedEffect, ...]) -> FloatArray:
-        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects))
+        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects, tuple(self.rows)))
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the rows as one vector, channel after channel."""

@@ -44,7 +44,9 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
     if suspected or known:
         return table
     placed = (rows["distance_m"].notna() & rows["current_A"].notna()).to_numpy()
-    predicted = _predictor(model)(rows["distance_m"].to_numpy()[placed], rows["current_A"].to_numpy()[placed])
+    predicted = _predictor(model, table.channels)(
+        rows["distance_m"].to_numpy()[placed], rows["current_A"].to_numpy()[placed]
+    )
     full = {name: np.full(len(rows), np.nan) for name in predicted}
     for name, values in predicted.items():
         full[name][placed] = values
@@ -65,7 +67,7 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     settings = suspect_settings(model, d, i)
     if settings:
         return settings
-    predict = _predictor(model)
+    predict = _predictor(model, table.channels)
     usual, turned = predict(d, i), predict(d, -i)
     names = [name for name in table.channels if name in usual]
     turning = [name for name in names if _changes(rows[name].to_numpy(), usual[name], turned[name])]
@@ -110,9 +112,9 @@ def _suspected(name: str, words: str, why: str) -> Finding:
     return Finding("suspected-unit", "warning", text, remedy, column=name)
 
 
-def _predictor(model: ActuatorModel) -> Predict:
+def _predictor(model: ActuatorModel, channels: tuple[str, ...]) -> Predict:
     at = Conditions(nominal_of(model))
-    return lambda d, i: predict_readings(model, d, i, at)
+    return lambda d, i: predict_readings(model, d, i, at, channels=channels)
 
 
 def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> dict[str, FloatArray]:

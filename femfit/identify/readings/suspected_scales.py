@@ -26,6 +26,7 @@ Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 
 _CAUSES = {
     "force_N": "a unit, a lever of the scale, or one half of a symmetric drawing",
+    "inductance_H": "the number of turns, a unit, or a bridge's frequency at which eddy currents lower it",
     "flux_linkage_Wb": "the number of turns, or the flux of one turn",
     "hall_V": "the sensitivity of the Hall element, or its place",
 }
@@ -41,7 +42,7 @@ def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: F
     if not _exactly(read, usual, zero + factor * (usual - zero)):
         return None
     cause = _CAUSES.get(name, "")
-    if name == "voltage_V" and circuit is not None:
+    if name in {"voltage_V", "resistance_ohm"} and circuit is not None:
         ohms = amount(factor * circuit.resistance_ohm, "ohm")
         cause = f"a resistance of {ohms} instead of {amount(circuit.resistance_ohm, 'ohm')}, with leads or a resistor"
     text = f"{name} is {rounded(factor)} times the model's at every setting: {cause or 'a unit'}."
@@ -69,11 +70,14 @@ def suspected_zero(
     """Suspect that the distance is counted from another place than the electromagnet's face."""
     box = model.without_effects.validity
     travel = box.distance_max_m - box.distance_min_m
-    reads = {name: read for name, read in reads.items() if name != "voltage_V"}  # R i, at any distance
+    of_the_circuit = {"voltage_V", "resistance_ohm"}
+    reads = {name: read for name, read in reads.items() if name not in of_the_circuit}
+    if not reads:
+        return None
 
     def left(shift: float) -> float:
         inside = (d + shift >= box.distance_min_m) & (d + shift <= box.distance_max_m)
-        if not reads or inside.mean() < KEPT_ROWS:
+        if inside.mean() < KEPT_ROWS:
             return NOTHING_LEFT
         usual = predict(d[inside] + shift, i[inside])
         parts = [_left(read[inside], usual[name]) for name, read in reads.items()]

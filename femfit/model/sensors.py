@@ -1,0 +1,129 @@
+"""What the sensors of a model read in a state, beside the Hall element's voltage: one prediction for all of them.
+
+A position sensor reads its characteristic of the distance, a current sensor gain i + offset, an acceleration sensor
+d'' (zero at rest, gravity's share being taken off), and a force sensor the magnetic force. A reading that is
+late by tau belongs to the distance d - tau v. What current and velocity change within the delay is left out: it is of
+second order in the distance, and a current sensor's delay is better undone in the record.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import MissingPartError
+from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.dynamics import hall_voltage, state_derivative
+
+OtherSensor: TypeAlias = CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor
+"""A sensor that reads the state of a model without a field of its own."""
+
+AnySensor: TypeAlias = HallSensor | OtherSensor
+
+HALL = "hall"
+"""Name of the Hall element of a model."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a sensor's samples are."""
+
+    name: str
+    unit: str
+    column: str | None  # Of a record; None where records have no column of this kind
+    white: float  # Standard deviation of one sample, the converter's rounding LSB / sqrt(12) included
+    low: float  # Ends of the range; infinite where there are none
+    high: float
+    delay_s: float
+    sample_time_s: float | None
+
+
+def sensors_of(model: ActuatorModel) -> dict[str, AnySensor]:
+    """All sensors by name, the Hall element first."""
+    hall = {} if model.sensor is None else {HALL: model.sensor}
+    return hall | {sensor.name: sensor for sensor in model.other_sensors}
+
+
+def sensor_named(model: ActuatorModel, name: str) -> AnySensor:
+    """One sensor, or :class:`MissingPartError` with what there is."""
+    known = sensors_of(model)
+    if name not in known:
+        has = f"it has {', '.join(known)}" if known else "it has none"
+        raise MissingPartError(
+            f"Model {model.name!r} must have a sensor named {name!r}; {has}. Name one of them, or add [sensors.{name}] "
+            "to the actuator file and fit again."
+        )
+    return known[name]
+
+
+def reading_of(name: str, sensor: AnySensor) -> Reading:
+    """Unit, column, noise, range and timing of a sensor."""
+    if isinstance(sensor, HallSensor):
+        white = float(np.hypot(sensor.noise_V, sensor.quantisation_step / np.sqrt(12.0)))
+        return Reading(name, "V", "hall_V", white, sensor.output_min_V, sensor.output_max_V, 0.0, None)
+    low = -np.inf if sensor.minimum is None else sensor.minimum
+    high = np.inf if sensor.maximum is None else sensor.maximum
+    step = (high - low) / 2.0**sensor.bits if sensor.bits and np.isfinite(high - low) else 0.0
+    units = {"current": "A", "acceleration": "m/s^2", "force": "N"}
+    unit = sensor.unit if isinstance(sensor, PositionSensor) else units[sensor.kind]
+    columns = {"A": "current_A", "m": "distance_m", "N": "force_N"}
+    white = float(np.hypot(sensor.noise, step / np.sqrt(12.0)))
+    return Reading(name, unit, columns.get(unit), white, low, high, sensor.delay_s, sensor.sample_time_s)
+
+
+def predict_sensors(
+    model: ActuatorModel, state: FloatArray, names: Sequence[str] | None = None, time: FloatArray | float = 0.0
+) -> FloatArray:
+    """Readings without noise, clipping and rounding, in the units of :func:`reading_of`.
+
+    Parameters
+    ----------
+    state : array, shape (..., n)
+        Distance, velocity, current and the states of effects, as in :mod:`femfit.model.dynamics`.
+    names : sequence of str or None
+        Which sensors, in which order; all where None.
+    time : array or float
+        Since the start in s; matters to drifts alone.
+
+    Returns
+    -------
+    array, shape (..., sensors)
+    """
+    chosen = tuple(sensors_of(model)) if names is None else tuple(names)
+    readings = [predict_sensor(model, sensor_named(model, name), state, time) for name in chosen]
+    return np.stack(readings, axis=-1) if readings else np.empty((*state.shape[:-1], 0))
+
+
+def predict_sensor(
+    model: ActuatorModel, sensor: AnySensor, state: FloatArray, time: FloatArray | float = 0.0
+) -> FloatArray:
+    """Reading of one sensor, of shape (...); arguments as of :func:`predict_sensors`."""
+    if isinstance(sensor, HallSensor):
+        return hall_voltage(model, state, time)
+    if isinstance(sensor, CurrentSensor):
+        return np.asarray(sensor.gain * state[..., 2] + sensor.offset)
+    if sensor.delay_s:
+        state = state.copy()
+        state[..., 0] -= sensor.delay_s * state[..., 1]
+    if isinstance(sensor, PositionSensor):
+        return characteristic(sensor, state[..., 0])
+    if isinstance(sensor, ForceSensor):
+        return model.magnetics.force(state[..., 0], state[..., 2])
+    rates = state_derivative(model, state, np.zeros(state.shape[:-1]))  # the voltage does not reach the acceleration
+    motion, found = model.require_motion(), rates[..., 1]
+    if motion.near_stop is not None:  # which carries what presses the body to it
+        found = np.where(state[..., 0] <= motion.near_stop.distance_m, np.maximum(found, 0.0), found)
+    if motion.far_stop is not None:
+        found = np.where(state[..., 0] >= motion.far_stop.distance_m, np.minimum(found, 0.0), found)
+    return np.asarray(found)
+
+
+def characteristic(sensor: PositionSensor, distance: FloatArray) -> FloatArray:
+    """Reading at distances in m, continued with the slope of the last piece, so that an estimate is led back."""
+    at, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
+    piece = np.clip(np.searchsorted(at, distance, side="right") - 1, 0, len(at) - 2)
+    slope = (read[1:] - read[:-1]) / (at[1:] - at[:-1])
+    return np.asarray(read[piece] + slope[piece] * (distance - at[piece]))

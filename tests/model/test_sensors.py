@@ -1,0 +1,90 @@
+"""Every sensor of a model reads what its physics says, and the model file keeps it."""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import MissingPartError, ModelFileError
+from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PickupCoil, PositionSensor
+from femfit.fit.model_parts import other_sensors_of
+from femfit.model.dynamics import state_derivative
+from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
+from femfit.model.sensors import predict_sensor, predict_sensors, reading_of, sensors_of
+from tests.support.solenoids import inductance, solenoid
+
+LASER = PositionSensor(name="laser", noise=1e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", delay_s=1e-3)
+SHUNT = CurrentSensor(name="shunt", noise=1e-3, minimum=-2.0, maximum=2.0, bits=8, circuit="coil", gain=0.99)
+GATE = PositionSensor(name="gate", distances_m=(1e-3, 2e-3, 4e-3), readings=(5.0, 3.0, 1.0))
+ALL = (SHUNT, LASER, GATE, AccelerationSensor(name="mems"), ForceSensor(name="cell"))
+
+
+@pytest.fixture
+def model():
+    return replace(solenoid(), other_sensors=ALL)
+
+
+def test_readings_are_those_of_the_closed_forms(model):
+    states = np.array([[2e-3, 0.1, 0.5], [3e-3, -0.2, 1.0]])
+    d, v, i = states.T
+    read = predict_sensors(model, states)
+    assert list(sensors_of(model)) == ["shunt", "laser", "gate", "mems", "cell"]
+    np.testing.assert_allclose(read[:, 0], 0.99 * i, rtol=1e-12)
+    np.testing.assert_allclose(read[:, 1], d - 1e-3 * v, rtol=1e-12)  # a millisecond late
+    np.testing.assert_allclose(read[:, 2], [3.0, 2.0], rtol=1e-12)
+    slope = (inductance(d + 1e-7) - inductance(d - 1e-7)) / 2e-7
+    force = -0.5 * slope * i**2
+    np.testing.assert_allclose(read[:, 4], force, rtol=1e-5)  # the spline holds W' to rounding, its slope to 1e-6
+    np.testing.assert_allclose(read[:, 3], (0.1 - 200.0 * (d - 4e-3) - force) / 0.025, rtol=1e-5)
+    np.testing.assert_allclose(read[:, 3], state_derivative(model, states, np.zeros(2))[:, 1], rtol=1e-12)
+
+
+def test_a_body_that_a_stop_carries_does_not_accelerate(model):
+    resting = np.array([[4e-3, 0.0, 0.0]])  # the spring presses it to the far stop
+    assert predict_sensors(model, resting, ("mems",)) == 0.0
+
+
+def test_a_characteristic_goes_on_with_its_last_slope():
+    state = np.array([[0.5e-3, 0.0, 0.0], [5e-3, 0.0, 0.0]])
+    np.testing.assert_allclose(predict_sensor(solenoid(), GATE, state), [6.0, 0.0], atol=1e-12)
+
+
+def test_rounding_adds_to_the_noise_of_a_sample():
+    step = 4.0 / 256
+    assert reading_of("shunt", SHUNT).white == pytest.approx(np.hypot(1e-3, step / np.sqrt(12.0)), rel=1e-12)
+
+
+def test_the_file_keeps_the_sensors(model, tmp_path):
+    write_model(model, tmp_path / "model.json")
+    assert read_model(tmp_path / "model.json").other_sensors == ALL
+
+
+def test_a_file_without_other_sensors_is_written_as_before(levitation_model):
+    data = model_to_dict(levitation_model)
+    assert "other_sensors" not in data
+    assert model_from_dict(data).other_sensors == ()
+
+
+@pytest.mark.parametrize(
+    ("index", "key", "value"),
+    [(0, "kind", "pickup_coil"), (0, "name", "laser"), (1, "delay_s", -1.0), (2, "readings", [1.0, 3.0, 2.0])],
+)
+def test_a_damaged_sensor_is_named_by_its_key(model, index, key, value):
+    data = json.loads(json.dumps(model_to_dict(model)))
+    data["other_sensors"][index][key] = value
+    with pytest.raises(ModelFileError, match=rf"other_sensors\[\d\]\.{'name' if key == 'name' else key}"):
+        model_from_dict(data)
+
+
+def test_an_unknown_sensor_is_refused_with_those_there_are(model):
+    with pytest.raises(MissingPartError, match="shunt"):
+        predict_sensors(model, np.zeros((1, 3)), ("hall",))
+
+
+def test_a_drawing_s_sensors_reach_the_model_and_a_pickup_coil_is_refused_with_the_reason():
+    coil = PickupCoil(name="search", vertices_m=((1e-3, 0.0), (2e-3, 0.0), (2e-3, 1e-3)), turns=10.0)
+    kept, notes = other_sensors_of({"sensors": [asdict(one) for one in (*ALL, coil)]})
+    assert kept == ALL
+    assert len(notes) == 1
+    assert "search" in notes[0]

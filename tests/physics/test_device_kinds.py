@@ -1,0 +1,194 @@
+"""Bearings, balls, plungers and magnets of any direction against closed forms, limits and each other."""
+
+import math
+from itertools import pairwise
+
+import ngsolve as ng
+import numpy as np
+import pytest
+from scipy import special
+
+from femfit.core.constants import MU_0
+from femfit.device.outlines import circle
+from femfit.device.parts import Coil, LinearMaterial, Region
+from femfit.device.sensors import HallElement
+from femfit.field.drawing import build_mesh
+from femfit.field.layout import layout_of
+from femfit.field.settings import SolverSettings
+from support.actuators import magnet, rectangle
+from support.devices import ball, bearing, device, linear, millimetres, push_solenoid
+from support.field import prepared
+from support.saturating import rows_at
+
+RADIAL = LinearMaterial("radial", 1.0, 1.2, direction=(1.0, 0.0))
+
+
+def axis_field_of_radial_ring(remanence, inner, outer, low, high, z):
+    """B_z on the axis of a ring magnetised radially: its surfaces' charge +-B_r and its volume's -B_r / r."""
+
+    def ends(primitive):
+        return 0.5 * remanence * (primitive(z - high) - primitive(z - low))
+
+    mantles = ends(lambda h: outer / math.hypot(outer, h) - inner / math.hypot(inner, h))
+    return mantles - ends(lambda h: math.asinh(outer / abs(h)) - math.asinh(inner / abs(h)))
+
+
+@pytest.mark.parametrize("height", [0.002, 0.012, -0.01])
+def test_axis_field_of_a_radial_ring_is_exact(height):
+    ring = Region("ring", rectangle(0.008, 0.015, 0.0, 0.006), RADIAL)
+    actuator = device("ring", fixed=[ring], moving=[magnet(1e-9, 0.002, 0.002)], distances=(0.05,))
+    sensor = HallElement(0.0, height)
+    field = prepared(device_with(actuator, sensor), 0.05).solve(0.05).hall[0]
+    assert field == pytest.approx(axis_field_of_radial_ring(1.2, 0.008, 0.015, 0.0, 0.006, height), rel=3e-4)
+
+
+def device_with(actuator, *sensors):
+    return device(
+        actuator.name,
+        fixed=actuator.fixed,
+        coils=actuator.coils,
+        moving=actuator.moving.regions,
+        distances=actuator.sweep.distances_m,
+        sensors=sensors,
+    )
+
+
+def test_a_hall_element_reads_the_component_along_its_direction():
+    actuator = device("magnet", moving=[magnet(1.2, 0.005, 0.004)], distances=(0.02,))
+    axial, radial, slanting = (
+        prepared(device_with(actuator, HallElement(0.006, 0.01, direction=direction)), 0.02).solve(0.02).hall[0]
+        for direction in ((0.0, 1.0), (1.0, 0.0), (0.6, 0.8))
+    )
+    assert radial != 0.0
+    assert slanting == pytest.approx(0.6 * radial + 0.8 * axial, rel=1e-9)
+
+
+def test_a_magnet_that_passes_through_a_ring_is_pushed_evenly_on_both_sides():
+    # The force is odd about the middle of the ring, where the body's face stands at its lower face, -6 mm.
+    ring = Region("ring", rectangle(0.008, 0.012, -0.006, 0.0), LinearMaterial("ring", 1.05, -1.2))
+    distances = (-0.01, -0.006, -0.002)
+    actuator = device("pass", fixed=[ring], moving=[magnet(1.2, 0.006, 0.006)], distances=distances)
+    low, middle, high = (prepared(actuator, d).rows(d, (0.0,))["force_N"][0] for d in distances)
+    assert high == pytest.approx(-low, rel=1e-4)
+    assert abs(middle) < 1e-4 * abs(high)
+    assert abs(high) > 1.0
+
+
+def force_of_two_cylinders(remanence, radius, height, gap):
+    """Force in N between two equal coaxial cylinders of uniform magnetisation: four charged discs, one integral."""
+    x, w = np.polynomial.legendre.leggauss(40)
+    panel, total = 1.0 / radius, 0.0
+    for start in np.arange(0.0, 4000.0 * panel, 2.0 * panel):
+        k = start + panel * (x + 1.0)
+        discs = np.exp(-k * gap) * np.expm1(-k * height) ** 2
+        total += panel * np.sum(w * special.j1(k * radius) ** 2 / k * discs)
+    return math.pi * (remanence * radius) ** 2 / MU_0 * total
+
+
+@pytest.mark.parametrize("gap", [1e-4, 0.01, 0.04])
+def test_pull_of_a_magnet_pair_without_any_circuit_is_exact(gap):
+    lower = magnet(1.32, 0.0225, 0.03, z_min=-0.03, name="lower")
+    pair = device("pair", fixed=[lower], moving=[magnet(1.32, 0.0225, 0.03)], distances=(gap,))
+    rows = prepared(pair, gap).rows(gap, (0.0,))
+    assert rows["force_N"][0] == pytest.approx(force_of_two_cylinders(1.32, 0.0225, 0.03, gap), rel=1e-5)
+
+
+def test_a_small_permeable_ball_feels_the_force_on_its_dipole():
+    # m = 4 pi a^3 (mu_r - 1) / (mu_r + 2) B / mu_0 and F = m dB/dz; the coil is fifty times larger than the ball.
+    radius, coil_radius, turns, height, permeability = 0.002, 0.1, 1000.0, 0.05, 500.0
+    side = 0.01 * coil_radius
+    section = rectangle(coil_radius - side / 2, coil_radius + side / 2, -side / 2, side / 2)
+    corners, bulges = circle((0.0, radius), radius)
+    body = Region("ball", tuple(corners), LinearMaterial("iron", permeability), tuple(bulges))
+    low = height - radius
+    actuator = device(
+        "ball", coils=[Coil(section, turns, 1.0)], moving=[body], currents=((0.0, 1.0),), distances=(low,)
+    )
+    force = prepared(actuator, low).solve(low).force[1, 1]
+    square = coil_radius**2 + height**2
+    field = 0.5 * MU_0 * turns * coil_radius**2 / square**1.5
+    slope = -3.0 * height / square * field
+    moment = 4.0 * math.pi * radius**3 * (permeability - 1.0) / (permeability + 2.0) * field / MU_0
+    assert force == pytest.approx(-moment * slope, rel=2e-3)
+
+
+def test_a_ball_is_meshed_round_and_refined_at_no_corner():
+    actuator, settings = ball(), SolverSettings()
+    mesh = build_mesh(actuator, 8e-3, layout_of(actuator, settings), settings)
+    body = mesh.Materials("moving:ball")
+    volume = ng.Integrate(2.0 * math.pi * ng.x, mesh, order=8, definedon=body)
+    assert volume == pytest.approx(4.0 / 3.0 * math.pi * 0.0125**3, rel=1e-6)
+    assert sum(element.mat == "moving:ball" for element in mesh.Elements()) < 100
+
+
+def test_force_on_a_ball_lies_between_those_on_the_cylinders_in_and_round_it():
+    # A body within another of the same steel is pulled less: the co-energy grows with every part that is added.
+    sphere = linear(ball())
+    inner = Region(
+        "in", millimetres(0, 12.5 / math.sqrt(2.0), 12.5 - 12.5 / math.sqrt(2.0), 12.5), sphere.fixed[0].material
+    )
+    shift = 8e-3
+    box = Region("box", millimetres(0, 12.5, 0, 25), sphere.fixed[0].material)
+    inscribed = Region("inscribed", tuple((r, z - inner.vertices_m[0][1]) for r, z in inner.vertices_m), inner.material)
+    forces = []
+    for body, distance in (
+        (inscribed, shift + inner.vertices_m[0][1]),
+        (sphere.moving.regions[0], shift),
+        (box, shift),
+    ):
+        one = device(
+            "one", fixed=sphere.fixed, coils=sphere.coils, moving=[body], currents=((0.0, 1.0),), distances=(distance,)
+        )
+        forces.append(prepared(one, distance).solve(distance).force[1, 1])
+    assert all(less < more for less, more in pairwise(forces))
+
+
+def test_a_bearings_stiffness_and_force_per_current_are_those_of_its_gaps():
+    # Two gaps in series without fringing: F = N^2 i^2 mu_0 A / (2 g^2) a side, 1 / A = 1 / A_1 + 1 / A_2; fringing of
+    # 0.5 mm at poles of 8 mm adds up to a tenth. Bias i_0 in both: k_i = dF/di, k_s = -dF/dd, k_s / k_i = i_0 / g.
+    turns, gap, bias, step = 150.0, 0.5e-3, 1.0, 2e-5
+    inner, outer = math.pi * (0.018**2 - 0.01**2), math.pi * (0.04**2 - 0.032**2)
+    area = inner * outer / (inner + outer)
+    force_per_current = 2.0 * turns**2 * MU_0 * area * bias / gap**2
+    distances = (gap - step, gap, gap + step)
+    actuator = linear(bearing(distances=distances), LinearMaterial("iron", 1e5))
+    sources = np.array([1.0, bias, bias])
+    low, middle, high = (prepared(actuator, d).solve(d).force for d in distances)
+    control = np.array([0.0, 1.0, -1.0])
+    by_current = 2.0 * control @ middle @ sources
+    stiffness = (sources @ low @ sources - sources @ high @ sources) / (2.0 * step)
+    assert 1.0 < by_current / force_per_current < 1.1
+    assert 1.0 < stiffness / (force_per_current * bias / gap) < 1.1
+    assert abs(sources @ middle @ sources) < 1e-3 * by_current  # in the middle the sides are even
+
+
+def test_a_saturating_bearings_circuits_are_reciprocal():
+    # dF/di_k = -d(flux linkage_k)/dd and dlambda_1/di_2 = dlambda_2/di_1, by differences between meshes of their own.
+    step, change = 2e-5, 0.2
+    currents, distances = (4.0 - change, 4.0, 4.0 + change), (0.45e-3 - step, 0.45e-3, 0.45e-3 + step)
+    actuator = bearing(currents=currents, distances=distances)
+    points = np.array([(4.0, 4.0), (4.0 - change, 4.0), (4.0 + change, 4.0)])
+    low, middle, high = (rows_at_points(actuator, d, points) for d in distances)
+    slope = -(high["flux_linkage_lower_Wb"][0] - low["flux_linkage_lower_Wb"][0]) / (2.0 * step)
+    by_current = (middle["force_N"][2] - middle["force_N"][1]) / (2.0 * change)
+    assert by_current == pytest.approx(slope, rel=1e-2)
+    for column, of in (("inductance_lower_H", "lower"), ("inductance_lower_upper_H", "upper")):
+        flux = middle[f"flux_linkage_{of}_Wb"]
+        assert (flux[2] - flux[1]) / (2.0 * change) == pytest.approx(middle[column][0], rel=1e-2)
+
+
+def rows_at_points(actuator, distance, points):
+    from femfit.field.problem import prepare
+
+    settings = SolverSettings(order=4)
+    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings)
+    return {name: np.array(values) for name, values in problem.rows(distance, points).items()}
+
+
+def test_a_plunger_in_its_bore_is_pulled_with_the_slope_of_its_coenergy():
+    step = 1e-4
+    distances = (2e-3 - step, 2e-3, 2e-3 + step)
+    actuator = push_solenoid(currents=(0.5, 1.5), distances=distances)
+    low, middle, high = (rows_at(actuator, d, SolverSettings(order=4)) for d in distances)
+    slope = -(high["coenergy_J"] - low["coenergy_J"]) / (2.0 * step)
+    np.testing.assert_allclose(middle["force_N"], slope, rtol=5e-3)
