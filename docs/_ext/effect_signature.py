@@ -145,7 +145,7 @@ def _moving_readings(
         dynamics, motion = changed.dynamics, changed.motion
         if dynamics is not None and motion is not None:
             state = np.stack([d, velocity, i, *(states[name] for name in dynamics.names)], axis=-1)
-            slope = dynamics.derivative(state, voltage, 0.0, motion.mass_kg, motion.gravity_m_s2)
+            slope = dynamics.derivative(state, voltage, 0.0, motion, base.sample_time_s)
             result |= {"acceleration_m_s2": slope[:, 1], "current_rate_A_s": slope[:, 2]}
     return result | {name: read[name] for name in ("hall_V",) if name in read}
 

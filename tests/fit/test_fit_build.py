@@ -1,17 +1,19 @@
 """From a table to a model: parts, misfits, notes, and every refusal."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from femfit.core.errors import FitError, TableError, UsageError
+from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.fit.law_fit import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.model.actuator_model import Misfit
+from femfit.model.drive import Drive
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics
 from femfit.model.model_text import misfit_lines
@@ -70,6 +72,24 @@ def test_what_the_import_warned_of_is_passed_on():
     assert all(f"note: {sentence}" in str(fit) for sentence in fit.of_data)
     assert fit.to_dict()["notes"] == list(fit.of_data)
     assert "smooth" not in str(fit)
+
+
+def test_the_mechanics_and_the_drive_of_the_drawing_are_the_models():
+    mechanics = Mechanics(MASS, 0.0, springs=(Spring(200.0, 0.8, 4e-3),), coulomb_N=0.05, far_stop=Stop(4e-3, 0.2))
+    drive = {"kind": "voltage", "minimum": 0.0, "maximum": 12.0, "diode_V": 0.7, "bandwidth_Hz": None}
+    entry = ACTUATOR | {"mechanics": asdict(mechanics), "circuits": [{"drive": drive}]}
+    model = fit_model(SweepTable(full_table().rows, {"actuator": json.loads(json.dumps(entry))})).model
+    assert model.motion == mechanics
+    assert model.circuit.drive == Drive(diode_V=0.7)
+    amplifier = drive | {"kind": "current", "minimum": -1.0, "maximum": 2.0, "diode_V": None, "bandwidth_Hz": 500.0}
+    other = fit_model(full_table(), actuator=entry | {"circuits": [{"drive": amplifier}]}).model
+    assert other.circuit.drive == Drive("current", None, -1.0, 2.0, 500.0)
+
+
+def test_a_damaged_entry_of_the_mechanics_is_refused_by_its_key():
+    entry = ACTUATOR | {"mechanics": {"coulomb_N": "much"}}
+    with pytest.raises(TableError, match="coulomb_N"):
+        fit_model(SweepTable(full_table().rows, {"actuator": entry}))
 
 
 def test_the_coenergy_is_within_a_tenth_of_a_percent_of_its_sweep(coenergy):
