@@ -12,6 +12,7 @@ import pytest
 from femfit.device.mechanics import Mechanics
 from femfit.field.sweep import run_sweep
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ValidityBox
+from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 from support.actuators import GEOMETRY
@@ -52,12 +53,12 @@ def levitation_model() -> ActuatorModel:
     currents = np.linspace(0.0, 1.4, 8)
     return ActuatorModel(
         name="test-rig",
-        magnetics=CoenergySpline(REFERENCE_DISTANCE, fitted_spline(_coenergy, currents, 2)),
+        magnetics=CoenergySpline(DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(_coenergy, currents, 2)),
         validity=ValidityBox(0.015, 0.045, 0.0, 1.4),
         circuit=Circuit(2.69, 0.5, 3.0),
         motion=Mechanics(4.35e-3),
         sensor=HallSensor(
-            field=HallSpline(REFERENCE_DISTANCE, fitted_spline(_hall_field, currents, 1)),
+            field=HallSpline(DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(_hall_field, currents, 1)),
             sensitivity_V_per_T=50.0,
             quiescent_V=2.5,
             output_min_V=0.0,

@@ -116,7 +116,8 @@ def fit_model(
         chosen = law_by_name(law)
         law_fit = fit_law(chosen, rows, default_bounds(chosen).with_single(chosen, bounds or {}), functions)
     coenergy = _coenergy(rows, constraints, inductance_H, needed=law_fit is None)
-    hall = None if rows.hall is None or len(rows.currents) < 2 else fit_hall(rows, rows.hall)
+    one_current = len(rows.currents) < 2 and not rows.without_current
+    hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
     circuit, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
     others, not_held = other_sensors_of(entry)
     model = ActuatorModel(

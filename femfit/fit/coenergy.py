@@ -1,6 +1,6 @@
 """One co-energy W'(d, i) fitted to force, flux linkage and inductance together.
 
-W' is a tensor B-spline in u = d_0 / (d + s) and i; F = -dW'/dd, flux linkage = dW'/di and inductance = d^2W'/di^2 are
+W' is a tensor B-spline in a coordinate u(d) and i; F = -dW'/dd, flux linkage = dW'/di and inductance = d^2W'/di^2 are
 linear in its coefficients, so all columns of the sweep enter one bounded QP, and reciprocity holds exactly.
 """
 
@@ -111,7 +111,8 @@ def obeyed_shapes(rows: FitRows) -> list[str]:
     names = ["inductance"] if rows.flux_linkage is not None else []
     if all(np.all(np.diff(_along(rows, rows.current == i, rows.distance)) <= 0) for i in rows.currents):
         names.append("decreasing")
-    if all(np.all(np.diff(_along(rows, rows.distance == d, rows.current)) >= 0) for d in rows.distances):
+    attracting = all(np.all(np.diff(_along(rows, rows.distance == d, rows.current)) >= 0) for d in rows.distances)
+    if attracting and not rows.without_current:
         names.append("attracting")
     return names
 
@@ -127,10 +128,10 @@ def _shape_inequalities(
     cells_u, cells_i = basis.cells
     fraction = np.linspace(0.0, cells_u, max(SHAPE_POINTS, 6 * cells_u) + 1)
     u = np.interp(fraction, np.arange(cells_u + 1), np.unique(basis.u_knots))
-    points = 2 if basis.current_degree == 2 else 4 * cells_i
+    points = {0: 0, 2: 2}.get(basis.current_degree, 4 * cells_i)
     i = np.linspace(basis.current_knots[0], basis.current_knots[-1], points + 1)
     grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(u, i, indexing="ij"))
-    d = basis.reference_distance_m / grid_u - basis.distance_shift_m
+    d = basis.coordinate.distance(grid_u)
     orders = {"inductance": (0, 2), "decreasing": (2, 0), "attracting": (1, 1)}
     signs = {"inductance": 1.0, "decreasing": 1.0, "attracting": -1.0}
     blocks, right, labels = [np.zeros((0, basis.shape[0] * basis.shape[1]))], [np.zeros(0)], []
@@ -152,7 +153,7 @@ def _square_of_current(basis: CoenergyBasis) -> FloatArray:
 def _gauged(basis: CoenergyBasis, table: FloatArray, rows: FitRows) -> CoenergySpline:
     def spline(coefficients: FloatArray) -> CoenergySpline:
         inner = TensorSpline(basis.u_knots, basis.current_knots, U_DEGREE, basis.current_degree, coefficients)
-        return CoenergySpline(basis.reference_distance_m, inner, basis.distance_shift_m)
+        return CoenergySpline(basis.coordinate, inner)
 
     origin = np.clip(0.0, rows.currents[0], rows.currents[-1])
     return spline(table - spline(table).coenergy(rows.distances[-1:], np.array([origin])))

@@ -16,6 +16,7 @@ from femfit.fit.coenergy_system import CoenergyBasis, CoenergySystem
 from femfit.fit.constants import (
     BENT_CELLS,
     CELLS_IN_CURRENT,
+    CLOSEST,
     DISTANCES_PER_FUNCTION,
     FEWEST_CURRENTS,
     HELD_OUT_TARGET,
@@ -29,6 +30,7 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows
+from femfit.model.coordinate import DistanceCoordinate
 
 
 def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
@@ -38,7 +40,8 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     :class:`femfit.fit.coenergy.CoenergyFit`; FitError if there are too few currents or distances.
     """
     rows = system.rows
-    check_grid(len(rows.currents), len(rows.distances), _fewest_distances(rows))
+    currents = FEWEST_CURRENTS if rows.without_current else len(rows.currents)
+    check_grid(currents, len(rows.distances), _fewest_distances(rows))
     in_distance, in_current = _distance_trials(rows), _current_trials(rows)
     start = in_current[
         0 if rows.inductance is None else -1
@@ -106,7 +109,12 @@ def _fewest_distances(rows: FitRows, cells: int = 1) -> int:
 
 
 def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
-    """Knots and degree in the current: a held-out fold must leave more data than functions."""
+    """Knots and degree in the current: a held-out fold must leave more data than functions.
+
+    Without any current W' depends on the distance alone: one function of degree zero.
+    """
+    if rows.without_current:
+        return [{"current_knots": np.array([0.0, 1.0]), "current_degree": 0}]
     count = len(rows.currents)
     forms = [(2, 1)] if count >= FEWEST_CURRENTS else []
     forms += [(degree, n) for degree in (3, 4) for n in CELLS_IN_CURRENT if degree + n + 2 <= count]
@@ -158,21 +166,30 @@ def _bending(currents: FloatArray, distance: FloatArray, current: FloatArray, in
 
 
 def _distance_trials(rows: FitRows) -> list[dict[str, Any]]:
-    """d_0, s and knots in u."""
+    """Coordinates of the distance, and knots in them."""
     trials = []
-    for part in SHIFTS:
-        shift = part * float(np.ptp(rows.distances))
-        d = rows.distances + shift
+    for coordinate in distance_coordinates(rows.distances):
+        d = rows.distances
         for n in (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20):
             if _fewest_distances(rows, n) > len(d) or (rows.inductance is not None and n > MOST_CELLS):
                 break
             # Breaks that follow the rows leave data in every cell, where uniform ones would not.
-            even, following = np.linspace(d[0] / d[-1], 1.0, n + 1), d[0] / np.quantile(d, np.linspace(1.0, 0.0, n + 1))
+            following = np.sort(coordinate.of(np.quantile(d, np.linspace(0.0, 1.0, n + 1))))
+            even = np.linspace(following[0], following[-1], n + 1)
             trials += [
-                {"reference_distance_m": float(d[0]), "distance_shift_m": shift, "u_knots": _clamped(u, U_DEGREE)}
+                {"coordinate": coordinate, "u_knots": _clamped(u, U_DEGREE)}
                 for u in ((even,) if n == 1 else (even, following))
             ]
     return trials
+
+
+def distance_coordinates(distances: FloatArray) -> list[DistanceCoordinate]:
+    """The coordinates that are tried for ascending distances in m: inverse ones with several shifts, and the plain."""
+    stroke = float(np.ptp(distances))
+    nearest = float(distances[0])
+    shifts = [part * stroke for part in SHIFTS]
+    inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= CLOSEST * stroke]
+    return [*(DistanceCoordinate(nearest + s, s) for s in inverse), DistanceCoordinate(stroke, inverse=False)]
 
 
 def _clamped(breaks: FloatArray, degree: int) -> FloatArray:

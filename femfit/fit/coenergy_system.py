@@ -23,15 +23,14 @@ from femfit.fit.constants import (
 )
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import basis_matrix
+from femfit.model.coordinate import DistanceCoordinate
 
 
 @dataclass(frozen=True, eq=False)
 class CoenergyBasis:
     """Degrees and knots of the spline."""
 
-    # d_0 and s of u = d_0 / (d + s)
-    reference_distance_m: float
-    distance_shift_m: float
+    coordinate: DistanceCoordinate
     u_knots: FloatArray
     current_knots: FloatArray
     current_degree: int
@@ -49,20 +48,19 @@ class CoenergyBasis:
     def columns(self, distance: FloatArray, current: FloatArray, order: tuple[int, int]) -> FloatArray:
         """d^(a+b) W' / dd^a di^b of each basis function, shape (n, functions); a up to 2."""
         a, b = order
-        shifted = distance + self.distance_shift_m
-        u = self.reference_distance_m / shifted
+        u, first, second = self.coordinate.with_slopes(distance)
         in_i = basis_matrix(current, self.current_knots, self.current_degree, b)
 
         def in_u(k: int) -> FloatArray:
             return basis_matrix(u, self.u_knots, U_DEGREE, k)
 
-        slope = (-u / shifted)[:, None]
+        slope = first[:, None]
         if a == 0:
             part = in_u(0)
         elif a == 1:
             part = slope * in_u(1)
         else:
-            part = slope**2 * in_u(2) + (2.0 * u / shifted**2)[:, None] * in_u(1)
+            part = slope**2 * in_u(2) + second[:, None] * in_u(1)
         return (part[:, :, None] * in_i[:, None, :]).reshape(len(u), -1)
 
     def cell_points(self) -> tuple[FloatArray, FloatArray]:
@@ -70,7 +68,7 @@ class CoenergyBasis:
         u, i = np.unique(self.u_knots), np.unique(self.current_knots)
         in_u = u[:-1, None] + np.diff(u)[:, None] * np.array([1.0, 3.0, 5.0]) / 6.0
         grid_u, grid_i = np.meshgrid(in_u.ravel(), 0.5 * (i[1:] + i[:-1]), indexing="ij")
-        return self.reference_distance_m / grid_u.ravel() - self.distance_shift_m, grid_i.ravel()
+        return self.coordinate.distance(grid_u.ravel()), grid_i.ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,10 +196,12 @@ def determined(basis: CoenergyBasis, rows: FitRows) -> IntArray:
     """Indices of the coefficients that the data determine: the others are the gauge and stay zero.
 
     Force and flux leave a constant open (one coefficient); force alone leaves any function of the current open (the
-    whole first row, which is W' at the largest distance).
+    whole row that is W' at the largest distance: the first of an inverse distance, the last of the distance itself).
     """
     indices = np.arange(basis.shape[0] * basis.shape[1])
-    return indices[1:] if rows.flux_linkage is not None else indices[basis.shape[1] :]
+    if rows.flux_linkage is not None:
+        return indices[1:]
+    return indices[basis.shape[1] :] if basis.coordinate.inverse else indices[: -basis.shape[1]]
 
 
 def held_out_masks(rows: FitRows) -> list[BoolArray]:

@@ -66,6 +66,10 @@ SHIFTS = (0.0, 0.1, 0.3, 1.0, 3.0)
 from its electromagnet, large ones a plunger or a pole with a long gap of its own, where d_0 / d would crowd the
 distances."""
 
+CLOSEST = 0.05
+"""Numerical: least distance plus shift, as a part of the range of distances, for a sweep that reaches the face or
+passes it: closer to its pole, an inverse distance puts all distances but one into a corner."""
+
 CELLS_IN_CURRENT, BENT_CELLS = (1, 2, 3, 4, 6), (3, 4, 6, 8, 12, 16)
 """Assumed: cells in the current that are tried; and where the inductance shows a bend, with knots denser at it."""
 

@@ -1,6 +1,6 @@
 """The Hall characteristic: magnet part and coil part of the field at the Hall element, fitted like the force.
 
-B(d, i) = MH(d) + CH(d) i (+ CH_2(d) i^2 where a held-out current asks for it), each a spline in u = d_0 / (d + s).
+B(d, i) = MH(d) + CH(d) i (+ CH_2(d) i^2 where a held-out current asks for it), each a spline in a coordinate u(d).
 
 References
 ----------
@@ -15,9 +15,11 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.core.ties import first_best
 from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
-from femfit.fit.constants import HALL_TARGET, SHIFTS, U_DEGREE
+from femfit.fit.coenergy_choice import distance_coordinates
+from femfit.fit.constants import HALL_TARGET, U_DEGREE
 from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
 
 
@@ -42,9 +44,8 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     qp = solve_bounded_qp(basis.columns(rows.distance, rows.current), hall, np.full_like(hall, 1e-4 * scale))
     shape = (len(basis.knots_u) - basis.u_degree - 1, basis.degree + 1)
     field = HallSpline(
-        basis.reference_distance,
+        basis.coordinate,
         TensorSpline(basis.knots_u, basis.knots_i, basis.u_degree, basis.degree, qp.x.reshape(shape)),
-        basis.shift,
     )
     _, _, slope = field.derivatives(rows.distance, rows.current)
     ends = np.array([rows.distances[-1], rows.distances[0]])
@@ -62,10 +63,9 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
 
 @dataclass(frozen=True, eq=False)
 class _Basis:
-    """Splines in u = d_0 / (d + s), times powers of the current up to a degree."""
+    """Splines in u(d), times powers of the current up to a degree."""
 
-    reference_distance: float
-    shift: float
+    coordinate: DistanceCoordinate
     knots_u: FloatArray
     knots_i: FloatArray
     degree: int
@@ -76,24 +76,25 @@ class _Basis:
 
     def columns(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """Value of each basis function, shape (n, functions)."""
-        in_u = basis_matrix(self.reference_distance / (distance + self.shift), self.knots_u, self.u_degree)
+        in_u = basis_matrix(self.coordinate.of(distance), self.knots_u, self.u_degree)
         in_i = basis_matrix(current, self.knots_i, self.degree)
         return np.asarray((in_u[:, :, None] * in_i[:, None, :]).reshape(len(distance), -1))
 
 
 def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, float]:
-    if len(rows.currents) < 2:
+    if len(rows.currents) < 2 and not rows.without_current:
         raise FitError(
             "The Hall field needs at least two currents, to separate its two parts, coil and magnet; instead "
             f"received {len(rows.currents)}. Sweep more currents."
         )
-    ends = [float(rows.currents[0]), float(rows.currents[-1])]
-    chosen, least = _basis(rows, 0.0, 1, np.repeat(ends, 2)), np.inf
-    for degree in range(1, min(3, len(rows.currents) - 1) + 1):
+    ends = [0.0, 1.0] if rows.without_current else [float(rows.currents[0]), float(rows.currents[-1])]
+    coordinates = distance_coordinates(rows.distances)
+    chosen, least = _basis(rows, coordinates[0], 1, np.repeat(ends, 1 if rows.without_current else 2)), np.inf
+    for degree in (0,) if rows.without_current else range(1, min(3, len(rows.currents) - 1) + 1):
         for cells in (1, 2, 3, 4, 6, 8, 12):
             if cells > 1 and U_DEGREE + cells + 2 > len(rows.distances):
                 break
-            alike = [_basis(rows, part, cells, np.repeat(ends, degree + 1)) for part in SHIFTS]
+            alike = [_basis(rows, one, cells, np.repeat(ends, degree + 1)) for one in coordinates]
             errors = [_held_out(basis, rows, hall) / scale for basis in alike]
             best = first_best([-error for error in errors])
             basis, error = alike[best], errors[best]
@@ -104,13 +105,13 @@ def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, floa
     return chosen, least
 
 
-def _basis(rows: FitRows, shift_part: float, cells: int, knots_i: FloatArray) -> _Basis:
-    shift = shift_part * float(np.ptp(rows.distances))
-    d = rows.distances + shift
-    breaks = np.geomspace(d[0] / d[-1], 1.0, cells + 1)
+def _basis(rows: FitRows, coordinate: DistanceCoordinate, cells: int, knots_i: FloatArray) -> _Basis:
+    d = rows.distances
+    ends = np.sort(coordinate.of(d[[0, -1]]))
+    breaks = (np.geomspace if coordinate.inverse else np.linspace)(ends[0], ends[1], cells + 1)
     u_degree = min(U_DEGREE, len(d) - 2)  # one distance left out must leave as many as there are functions
     knots_u = np.concatenate([np.repeat(breaks[0], u_degree), breaks, np.repeat(breaks[-1], u_degree)])
-    return _Basis(float(d[0]), shift, knots_u, knots_i, len(knots_i) // 2 - 1)
+    return _Basis(coordinate, knots_u, knots_i, len(knots_i) // 2 - 1)
 
 
 def _held_out(basis: _Basis, rows: FitRows, hall: FloatArray) -> float:

@@ -24,6 +24,7 @@ from femfit.fit.law_columns import (
 )
 from femfit.fit.rows import FitRows
 from femfit.fit.two_stage import CoefficientFunction, StageOne, fit_each_current, fit_functions
+from femfit.laws.catalogue import all_laws
 from femfit.laws.law import ForceLaw
 from femfit.model.magnetics import Coefficient, LawMagnetics
 
@@ -128,6 +129,14 @@ def fit_law(
             f"{counted(len(law.basis), 'column')} "
             f"({', '.join(law.basis)}); instead received {', '.join(functions)}."
         )
+    if rows.distances[0] <= 0.0 and not law.passes_face:
+        raise FitError(
+            f"Law {law.name} must have distances > 0, because it is infinite near the face; instead the least is "
+            f"{1e3 * rows.distances[0]:g} mm. Take the co-energy, or one of the laws "
+            f"{', '.join(name for name, one in all_laws().items() if one.passes_face)}."
+        )
+    if rows.without_current:
+        functions = ("constant",) * len(law.basis)
     bounds = default_bounds(law) if bounds is None else bounds
     sigma = law_sigma(rows)
     shape = fit_shape(law, rows, sigma)

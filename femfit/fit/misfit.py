@@ -142,7 +142,8 @@ def _middles(axis: FloatArray, at: float) -> FloatArray:
 def to_be_added(finer: Mapping[str, Sequence[float]]) -> str:
     """What to do with finer settings, in a sentence."""
     distances, currents = 1e3 * np.array(finer["distance_m"]), finer["current_A"]
+    beside = f" and the currents {' and '.join(f'{x:.4g}' for x in currents)} A" if currents else ""
     return (
-        f"Add to [sweep] the distances {' and '.join(f'{x:.4g}' for x in distances)} mm and the currents "
-        f"{' and '.join(f'{x:.4g}' for x in currents)} A, then sweep and fit again."
+        f"Add to [sweep] the distances {' and '.join(f'{x:.4g}' for x in distances)} mm{beside}, then sweep and fit "
+        "again."
     )

@@ -53,7 +53,8 @@ def actuator_entry(
 
 def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> Parts:
     """What a manifest's actuator entry makes of a model beside its magnetics, and how to give each part missing."""
-    circuit, motion, notes = circuit_and_motion(entry, rows.flux_linkage is not None, inductance_given)
+    has_coil = not rows.without_current or entry.get("resistance_ohm") is not None
+    circuit, motion, notes = circuit_and_motion(entry, rows.flux_linkage is not None, inductance_given, has_coil)
     element = entry.get("hall")
     if hall is None or not element:
         note = "No sensor in the model: it needs hall_T in the table and [hall] in the actuator file."
@@ -65,17 +66,17 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
 
 
 def circuit_and_motion(
-    entry: Mapping[str, Any], flux_linkage: bool = True, inductance_given: bool = True
+    entry: Mapping[str, Any], flux_linkage: bool = True, inductance_given: bool = True, has_coil: bool = True
 ) -> tuple[Circuit | None, Mechanics | None, tuple[str, ...]]:
     """Circuit and motion of an actuator entry, and how to give what is missing.
 
-    A circuit needs an inductance: from the table's flux linkage, or given.
+    A circuit needs an inductance: from the table's flux linkage, or given. A pair of magnets lacks no circuit.
     """
     keys, notes = ("resistance_ohm", "voltage_min_V", "voltage_max_V"), []
     missing = [key for key in keys if entry.get(key) is None]
     if not (flux_linkage or inductance_given):
         missing.append("flux_linkage_Wb or an inductance")
-    if missing:
+    if missing and has_coil:
         notes.append(
             f"No circuit in the model: {', '.join(missing)} unknown. Give --actuator ACTUATOR.toml, or "
             "--resistance-ohm and --supply-V"

@@ -89,8 +89,9 @@ def _lines(result: FitResult) -> list[str]:
     lines = [
         *fit_lines(result.model),
         *(f"note: {note}" for note in (*result.of_data, *result.notes)),
-        _derived_line(result),
     ]
+    if not result.rows.without_current:
+        lines.append(_derived_line(result))
     if result.ranking is not None:
         lines += result.ranking.lines()
     elif result.law is not None:

@@ -37,6 +37,11 @@ class FitRows:
         return np.unique(self.distance)
 
     @property
+    def without_current(self) -> bool:
+        """Whether no row carries a current, as of a pair of magnets."""
+        return not self.current.any()
+
+    @property
     def hanging_weight(self) -> float | None:
         """The weight, where the moving part can hang within the sweep and its forces are of that order.
 

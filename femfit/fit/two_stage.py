@@ -55,7 +55,7 @@ def fit_each_current(
 ) -> StageOne:
     """Stage one, with the law's shape the same at all currents; FitError if there are fewer than three."""
     currents = rows.currents
-    if len(currents) < FEWEST_CURRENTS:
+    if len(currents) < FEWEST_CURRENTS and not rows.without_current:
         given = ", ".join(f"{i:g} A" for i in currents)
         raise FitError(
             f"Two stages need at least {FEWEST_CURRENTS} currents, to leave one out and still distinguish a line "

@@ -10,6 +10,7 @@ from femfit.laws.f1e import F1E
 from femfit.laws.f2e import F2E
 from femfit.laws.inverse_powers import INVERSE_POWERS
 from femfit.laws.law import ForceLaw
+from femfit.laws.moving_coil import MOVING_COIL
 from femfit.laws.rational import RATIONAL
 from femfit.laws.shifted_f1e import SHIFTED_F1E
 from femfit.laws.shifted_multipoles import SHIFTED_MULTIPOLES
@@ -30,6 +31,7 @@ BUILT_IN: tuple[ForceLaw, ...] = (
     RATIONAL,
     TWO_EXPONENTIALS,
     EXPONENTIAL_HARMONICS,
+    MOVING_COIL,
 )
 
 GROUP = "femfit.laws"

@@ -34,5 +34,6 @@ EXPONENTIAL_HARMONICS = ForceLaw(
     potential_columns=_potential,
     column_operations=23,
     reference="H. A. Haus and J. R. Melcher, Electromagnetic Fields and Energy (Prentice Hall, 1989), 5.4",
+    passes_face=True,
     shape=(ShapeParameter("length_m", "m", 1e-4, 0.3, 16e-3, "decay length of the first harmonic"),),
 )

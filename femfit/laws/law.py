@@ -2,8 +2,8 @@
 
 A law is a dictionary of columns phi_k(d; shape). With polynomial coefficient functions c_k(i) the force is
 F(d, i) = sum_k c_k(i) phi_k(d), which belongs to the co-energy W'(d, i) = sum_k c_k(i) Phi_k(d) with
-Phi_k(d) = integral of phi_k from d to infinity, so that F = -dW'/dd. A law therefore gives flux linkage,
-motional constant and inductance as well, and cannot contradict reciprocity.
+Phi_k(d) = integral of phi_k from d to infinity, so that F = -dW'/dd; of columns that do not decay, from d to zero. A
+law therefore gives flux linkage, motional constant and inductance as well, and cannot contradict reciprocity.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -38,13 +38,15 @@ class ForceLaw:
     coefficient_units: tuple[str, ...]
     columns: Columns  # (d of shape (n,), shape parameters) -> phi of shape (n, k), in 1/coefficient unit times N
     gradient_columns: Columns
-    potential_columns: Columns  # The same for Phi(d), the integral of phi from d to infinity
+    potential_columns: Columns  # The same for Phi(d), the integral of phi from d to infinity or zero
     # Floating-point operations of the columns at one distance: each addition, multiplication, division and square
     # root counts one (division and square root take the same time on common microcontrollers), exp counts 20
     column_operations: int
     reference: str
     shape: tuple[ShapeParameter, ...] = ()  # Parameters that enter nonlinearly; empty for most laws
     nonnegative: tuple[bool, ...] = field(default=())  # Which coefficients are bounded below by zero at each current
+    passes_face: bool = False  # Whether the columns are finite at all distances, zero and below included
+    decays: bool = True  # Whether the columns are positive and vanish at infinity
 
     @property
     def operations(self) -> int:

@@ -33,6 +33,7 @@ TWO_EXPONENTIALS = ForceLaw(
     potential_columns=_potential,
     column_operations=42,
     reference="H. A. Haus and J. R. Melcher, Electromagnetic Fields and Energy (Prentice Hall, 1989), 5.4",
+    passes_face=True,
     shape=(
         ShapeParameter("length1_m", "m", 1e-4, 0.3, 4e-3, "decay length of the near part"),
         ShapeParameter("length2_m", "m", 1e-4, 0.3, 16e-3, "decay length of the far part"),

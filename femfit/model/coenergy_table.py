@@ -91,7 +91,9 @@ class CoenergyTable:
         at = self.nominal
         farther = _BEYOND * (at.distance_max_m - at.distance_min_m)
         more = _BEYOND * (at.current_max_A - at.current_min_A)
-        d = np.geomspace(at.distance_min_m / (1.0 + _BEYOND), at.distance_max_m + farther, _GRID[0] + 1)
+        d = np.linspace(at.distance_min_m - farther, at.distance_max_m + farther, _GRID[0] + 1)
+        if at.distance_min_m > 0.0:  # it does not pass the face: denser towards it
+            d = np.geomspace(at.distance_min_m / (1.0 + _BEYOND), at.distance_max_m + farther, _GRID[0] + 1)
         i = np.linspace(at.current_min_A - more, at.current_max_A + more, _GRID[1] + 1)
         points = [axis.ravel() for axis in np.meshgrid(d, i, indexing="ij")]
         series = self.exact(points[0], points[1], _ORDER, _ORDER).coefficients[: 1 + self.hall]

@@ -21,13 +21,12 @@ def point_magnetics(magnetics: Magnetics) -> PointMagnetics:
 
         return by_arrays
 
-    reference, shift = magnetics.reference_distance_m, magnetics.distance_shift_m
+    place = magnetics.coordinate.in_floats()
     derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
 
     def in_floats(distance: float, currents: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        shifted = distance + shift
-        u = reference / shifted
-        ((slope, mixed, inductance),) = derivatives([u], [float(currents[0])])
-        return u / shifted * slope, np.array([u / shifted * mixed]), np.array([[inductance]])
+        u, (per_metre,) = place([distance])
+        ((slope, mixed, inductance),) = derivatives(u, [float(currents[0])])
+        return per_metre * slope, np.array([per_metre * mixed]), np.array([[inductance]])
 
     return in_floats

@@ -11,6 +11,7 @@ from operator import add
 
 from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.bspline import FloatFunction
+from femfit.model.coordinate import FloatPlaces
 from femfit.model.hall import HallSpline
 from femfit.model.magnetics import CoenergySpline
 
@@ -27,28 +28,27 @@ class FloatEulerStep:
         return FloatEulerStep, (self.model,)
 
     @cached_property
-    def _numbers(self) -> tuple[float, float, float, float, float, float, FloatFunction, tuple[float, float, float]]:
+    def _numbers(self) -> tuple[float, float, float, float, FloatPlaces, FloatFunction, tuple[float, float, float]]:
         model, magnetics = self.model, self.model.magnetics
         assert isinstance(magnetics, CoenergySpline)  # noqa: S101  float_euler_step asks
         circuit, motion = model.require_circuit(), model.require_motion()
         derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
-        place = (magnetics.reference_distance_m, magnetics.distance_shift_m)
         electrical = circuit.resistance_ohm, motion.mass_kg, motion.gravity_m_s2
         linear = motion.linear_terms
         assert linear is not None  # noqa: S101  float_euler_step asks
-        return (*electrical, model.sample_time_s, *place, derivatives, linear)
+        return (*electrical, model.sample_time_s, magnetics.coordinate.in_floats(), derivatives, linear)
 
     def __call__(self, columns: Columns, voltage: float) -> Columns:
         """Columns one step later."""
-        resistance, mass, gravity, step, reference, shift, derivatives, linear = self._numbers
+        resistance, mass, gravity, step, place, derivatives, linear = self._numbers
         constant, per_distance, per_velocity = linear
         distance, velocity, current, *others = columns
-        u = [reference / (d + shift) for d in distance]
+        u, approach = place(distance)
         values = derivatives(u, current)
         moved_d, moved_v, moved_i = [], [], []
         for k, (slope, mixed, inductance) in enumerate(values):
             d, v, i = distance[k], velocity[k], current[k]
-            per_metre = u[k] / (d + shift)
+            per_metre = approach[k]
             moved_d.append(d + step * v)
             further = constant + per_distance * d + per_velocity * v
             moved_v.append(v + step * (gravity + (further - per_metre * slope) / mass))
@@ -73,17 +73,16 @@ class FloatHallVoltage:
         return FloatHallVoltage, (self.sensor,)
 
     @cached_property
-    def _numbers(self) -> tuple[float, float, float, float, FloatFunction]:
+    def _numbers(self) -> tuple[float, float, FloatPlaces, FloatFunction]:
         sensor, field = self.sensor, self.sensor.field
         assert isinstance(field, HallSpline)  # noqa: S101  float_hall_voltage asks
         scale = (sensor.quiescent_V, sensor.sensitivity_V_per_T)
-        return (*scale, field.reference_distance_m, field.distance_shift_m, field.spline.in_floats(((0, 0),)))
+        return (*scale, field.coordinate.in_floats(), field.spline.in_floats(((0, 0),)))
 
     def __call__(self, columns: Columns) -> list[float]:
         """Output in V of each point."""
-        quiescent, sensitivity, reference, shift, field_of = self._numbers
-        u = [reference / (d + shift) for d in columns[0]]
-        volts = [quiescent + sensitivity * value for (value,) in field_of(u, columns[2])]
+        quiescent, sensitivity, place, field_of = self._numbers
+        volts = [quiescent + sensitivity * value for (value,) in field_of(place(columns[0])[0], columns[2])]
         return volts if len(columns) == 3 else list(map(add, volts, columns[3]))
 
 

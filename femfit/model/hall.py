@@ -1,7 +1,7 @@
 """The field at the Hall element: coil part and magnet part, from the sweep.
 
-B(d, i) = sum_n i^n S_n(d_0 / (d + s)): S_0 is the magnet's part, the higher powers the coil's part, whose slight
-dependence on distance is the magnet's own permeability. In a linear actuator n <= 1.
+B(d, i) = sum_n i^n S_n(u(d)) in a coordinate of the distance: S_0 is the magnet's part, the higher powers the coil's
+part, whose slight dependence on distance is the magnet's own permeability. In a linear actuator n <= 1.
 """
 
 from abc import ABC, abstractmethod
@@ -11,7 +11,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.bspline import TensorSpline
-from femfit.model.magnetics import partial_derivatives
+from femfit.model.coordinate import DistanceCoordinate
 
 
 class HallField(ABC):
@@ -48,12 +48,10 @@ class HallField(ABC):
 class HallSpline(HallField):
     """B_z(d, i) at the Hall element as a tensor B-spline."""
 
-    reference_distance_m: float
-    spline: TensorSpline  # In (d_0 / (d + s), i), in T; a polynomial in the current is a spline with one cell
-    distance_shift_m: float = 0.0  # s >= 0, as in :class:`femfit.model.magnetics.CoenergySpline`
+    coordinate: DistanceCoordinate
+    spline: TensorSpline  # In (u, i), in T; a polynomial in the current is a spline with one cell
 
     def _partials(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        shifted = distance + self.distance_shift_m
-        return partial_derivatives(self.spline, self.reference_distance_m, shifted, current, orders)
+        return self.coordinate.partial_derivatives(self.spline, distance, current, orders)

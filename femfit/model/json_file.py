@@ -18,16 +18,15 @@ from femfit.device.sensors import Sensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
-from femfit.laws.catalogue import law_by_name
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ValidityBox
-from femfit.model.bspline import TensorSpline, is_clamped
 from femfit.model.drive import BRIDGE, Drive
 from femfit.model.hall import HallSpline
+from femfit.model.json_magnetics import magnetics_from, spline_from, spline_to
 from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
 from femfit.model.json_section import Section
 from femfit.model.json_sensors import sensors_from
-from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
+from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.with_effects import with_effects
 
 
@@ -105,7 +104,7 @@ def model_of(model: ActuatorModel | str | Path) -> ActuatorModel:
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 _WORKED_OUT = {"base", "dynamics"}
 """Fields of a model that follow from its base and its effects: the file holds the base itself."""
@@ -142,16 +141,8 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
     if isinstance(value, AddedEffect):
         return {"name": value.effect.name, "parameters": dict(value.parameters), "ci95": _plain(value.ci95)}
     if isinstance(value, CoenergySpline | HallSpline):
-        spline, kind = value.spline, {} if isinstance(value, HallSpline) else {"kind": "coenergy_spline"}
-        return kind | {
-            "reference_distance_m": value.reference_distance_m,
-            "distance_shift_m": value.distance_shift_m,
-            "u_knots": spline.x_knots.tolist(),
-            "current_knots_A": spline.y_knots.tolist(),
-            "u_degree": spline.x_degree,
-            "current_degree": spline.y_degree,
-            "coefficients": spline.coefficients.tolist(),
-        }
+        kind = {} if isinstance(value, HallSpline) else {"kind": "coenergy_spline"}
+        return kind | spline_to(value.coordinate, value.spline)
     if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
         return {name: _plain(one) for name, one in unusual(value).items()}
     data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
@@ -184,11 +175,11 @@ def _build(top: Section) -> ActuatorModel:
     kind = top.optional_section("kind")
     base = ActuatorModel(
         name=top.text("name"),
-        magnetics=_magnetics_from(top.section("magnetics")),
+        magnetics=magnetics_from(top.section("magnetics")),
         validity=top.section("validity").record(ValidityBox),
         circuit=_circuit_from(circuit) if circuit else None,
         motion=mechanics_from(motion) if motion else None,
-        sensor=sensor.record(HallSensor, field=HallSpline(*_spline_from(sensor.section("field")))) if sensor else None,
+        sensor=sensor.record(HallSensor, field=HallSpline(*spline_from(sensor.section("field")))) if sensor else None,
         misfit=misfit.record(Misfit) if misfit else None,
         sample_time_s=top.number("sample_time_s", positive=True),
         reference_distances_m=tuple(top.array("reference_distances_m", 1).tolist()),
@@ -229,11 +220,18 @@ def _effect_from(section: Section) -> AddedEffect:
 def _check_values(model: ActuatorModel, source: str) -> None:
     """Refuse a domain that is none, and fields that are not finite in it (in 25 points)."""
     domain = model.validity
-    if not (0 < domain.distance_min_m < domain.distance_max_m and domain.current_min_A <= domain.current_max_A):
+    if not (domain.distance_min_m < domain.distance_max_m and domain.current_min_A <= domain.current_max_A):
         raise ModelFileError(
-            f"{source} is damaged: validity must span distances > 0 and currents in ascending order; instead received "
+            f"{source} is damaged: validity must span distances and currents in ascending order; instead received "
             f"{domain}. Write it again with femfit fit."
         )
+    for name, held in (("magnetics", model.without_effects.magnetics), ("field", getattr(model.sensor, "field", None))):
+        coordinate = getattr(held, "coordinate", None)
+        if coordinate is not None and not coordinate.finite_between(domain.distance_min_m, domain.distance_max_m):
+            raise ModelFileError(
+                f"{source} is damaged: d_0 / (d + s) of its {name} must be finite in the validity domain; with a "
+                f"distance_shift_m of {coordinate.distance_shift_m:g} it is not. Write it again with femfit fit."
+            )
     d, i = np.meshgrid(
         np.linspace(domain.distance_min_m, domain.distance_max_m, 5),
         np.linspace(domain.current_min_A, domain.current_max_A, 5),
@@ -249,63 +247,3 @@ def _check_values(model: ActuatorModel, source: str) -> None:
             f"{source} is damaged: force, inductance or Hall voltage is not finite everywhere in the validity domain. "
             "Write it again with femfit fit."
         )
-
-
-def _magnetics_from(section: Section) -> Magnetics:
-    kind = section.text("kind")
-    if kind == "coenergy_spline":
-        return CoenergySpline(*_spline_from(section))
-    if kind != "law":
-        raise section.refusal("kind", "coenergy_spline or law")
-    law = section.item("law", law_by_name)
-    section.section("shape").refuse_others(tuple(p.name for p in law.shape))
-    return LawMagnetics(
-        law_name=law.name,
-        coefficients=tuple(_coefficient_from(item, law.basis) for item in section.sections("coefficients")),
-        shape={p.name: section.section("shape").number(p.name) for p in law.shape},
-        constant_inductance_H=section.number("constant_inductance_H"),
-        constant_flux_linkage_Wb=section.number("constant_flux_linkage_Wb"),
-        reference_distance_m=section.optional_number("reference_distance_m"),
-    )
-
-
-def _coefficient_from(section: Section, basis: tuple[str, ...]) -> Coefficient:
-    if section.text("basis") not in basis:
-        raise section.refusal("basis", f"a column of the law ({', '.join(basis)})")
-    interval = None if section.data.get("ci95") is None else section.array("ci95", 1)
-    bounds = section.data.get("bounds")
-    if not isinstance(bounds, list) or len(bounds) != 2 or (interval is not None and len(interval) != 2):
-        raise section.refusal("bounds", "a pair, as ci95, with null for a bound that is none")
-    ends = Section(section.source, section.where("bounds"), dict(zip(("lower", "upper"), bounds, strict=True)))
-    lower, upper = ends.optional_number("lower"), ends.optional_number("upper")
-    return Coefficient(
-        basis=section.text("basis"),
-        current_power=section.integer("current_power", 0, 16),
-        value=section.number("value"),
-        unit=section.text("unit"),
-        ci95=None if interval is None else (float(interval[0]), float(interval[1])),
-        bounds=(-math.inf if lower is None else lower, math.inf if upper is None else upper),
-        active=section.text("active"),
-    )
-
-
-def _spline_from(section: Section) -> tuple[float, TensorSpline, float]:
-    """d_0, spline and shift of a co-energy or a Hall field."""
-    spline = TensorSpline(
-        x_knots=section.array("u_knots", 1),
-        y_knots=section.array("current_knots_A", 1),
-        x_degree=section.integer("u_degree", 1, 9),
-        y_degree=section.integer("current_degree", 1, 9),
-        coefficients=section.array("coefficients", 2),
-    )
-    for key, knots, degree in (
-        ("u_knots", spline.x_knots, spline.x_degree),
-        ("current_knots_A", spline.y_knots, spline.y_degree),
-    ):
-        if not is_clamped(knots, degree):
-            raise section.refusal(key, f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
-    needed = (len(spline.x_knots) - spline.x_degree - 1, len(spline.y_knots) - spline.y_degree - 1)
-    if spline.coefficients.shape != needed:
-        raise section.refusal("coefficients", f"{needed[0]} lists of {needed[1]} numbers, as the knots ask for")
-    shift = section.number("distance_shift_m", lower=0.0, absent=0.0)
-    return section.number("reference_distance_m", positive=True), spline, shift

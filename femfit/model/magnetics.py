@@ -4,7 +4,8 @@ F = -dW'/dd (on the moving part, positive towards the electromagnet), flux linka
 k_m = dF/di = -d(flux linkage)/dd, inductance L = d(flux linkage)/di. Deriving all of them from one function
 makes reciprocity hold to rounding, whatever was fitted.
 
-Stored is a spline in d_0 / (d + s) and i (``bspline``), or a law; ``Magnetics`` gives any derivative in d and i.
+Stored is a spline in i and a coordinate of the distance (``bspline``, ``coordinate``), or a law; ``Magnetics`` gives
+any derivative in d and i.
 Effects change W' as a function, so they take and give Taylor series about each point (``effects.taylor_series``), which
 ``coenergy_table`` keeps on a grid, because filters ask for the same changed W' millions of times.
 
@@ -16,8 +17,7 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
-from math import comb, factorial
+from functools import cached_property
 
 import numpy as np
 
@@ -25,47 +25,7 @@ from femfit.core.arrays import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.bspline import TensorSpline
-
-
-def partial_derivatives(
-    spline: TensorSpline,
-    reference_distance: float,
-    shifted_distance: FloatArray,
-    current: FloatArray,
-    orders: tuple[tuple[int, int], ...],
-) -> list[FloatArray]:
-    """Partial derivatives, of orders (in d, in i), of a spline in (d_0 / (d + s), i) at flat arrays of d + s and i.
-
-    du/dd = -u^2 / d_0, so that d^n/dd^n = (-1 / d_0)^n sum_k L(n, k) u^(n + k) d^k/du^k with the Lah numbers
-    L(n, k) = C(n - 1, k - 1) n! / k!.
-
-    References
-    ----------
-    L. Comtet, Advanced Combinatorics (Reidel, 1974), section 3.3, for the Lah numbers.
-    """
-    u = reference_distance / shifted_distance
-    wanted = _inner_orders(orders)
-    inner = dict(zip(wanted, spline.derivatives(u, current, wanted), strict=True))
-    return [_in_distance(inner, u, shifted_distance, a, b) for a, b in orders]
-
-
-@cache
-def _inner_orders(orders: tuple[tuple[int, int], ...]) -> tuple[tuple[int, int], ...]:
-    """Orders (in u, in i) that the chain rule needs."""
-    return tuple(dict.fromkeys((k, b) for a, b in orders for k in range(min(a, 1), a + 1)))
-
-
-def _in_distance(
-    inner: dict[tuple[int, int], FloatArray], u: FloatArray, shifted: FloatArray, a: int, b: int
-) -> FloatArray:
-    if a == 0:
-        return inner[0, b]
-    if a == 1:
-        return (-1.0 / shifted) * (u * inner[1, b])
-    total = np.zeros_like(u)
-    for k in range(1, a + 1):
-        total += comb(a - 1, k - 1) * (factorial(a) // factorial(k)) * u**k * inner[k, b]
-    return np.asarray((-1.0 / shifted) ** a * total)
+from femfit.model.coordinate import DistanceCoordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,28 +90,23 @@ class Magnetics(ABC):
 
 @dataclass(frozen=True, eq=False)
 class CoenergySpline(Magnetics):
-    """W'(d, i) as a tensor B-spline in u = d_0 / (d + s) and i."""
+    """W'(d, i) as a tensor B-spline in a coordinate u(d) and i."""
 
-    reference_distance_m: float
+    coordinate: DistanceCoordinate
     spline: TensorSpline  # In (u, i), in J
-    # s >= 0: the part of the magnetic path that the distance does not close, so that a small one leaves W' finite
-    distance_shift_m: float = 0.0
 
     def _derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
     ) -> list[FloatArray]:
-        shifted = distance + self.distance_shift_m
-        return partial_derivatives(self.spline, self.reference_distance_m, shifted, current, orders)
+        return self.coordinate.partial_derivatives(self.spline, distance, current, orders)
 
     def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
-        """Force, motional constant and inductance; du/dd = -u / (d + s) once, where points come as one array."""
+        """Force, motional constant and inductance; du/dd is worked out once, where points come as one array."""
         if np.ndim(distance) != 1 or np.shape(distance) != np.shape(current):
             return super().state(distance, current)
-        shifted = distance + self.distance_shift_m
-        u = self.reference_distance_m / shifted
+        u, per_metre, _ = self.coordinate.with_slopes(distance)
         slope, mixed, inductance = self.spline.derivatives(u, current, ((1, 0), (1, 1), (0, 2)))
-        per_metre = 1.0 / shifted
-        return MagneticState(per_metre * (u * slope), per_metre * (u * mixed), inductance)
+        return MagneticState(-per_metre * slope, -per_metre * mixed, inductance)
 
 
 @dataclass(frozen=True)
@@ -227,11 +182,12 @@ class LawMagnetics(Magnetics):
     def _higher_columns(self, distance: FloatArray, order: int) -> FloatArray:
         """Derivative of order - 1 >= 1 of the columns in d; from 2 on by differences of the law's own gradient.
 
-        Central differences over steps of 0.2 % of the distance: relative error about 1e-5 for powers of d.
+        Central differences over steps of 0.2 % of the distance: relative error about 1e-5 for powers of d. Of laws that
+        pass the face, whose lengths are millimetres and more, over 10 um.
         """
         if order == 2:
             return self.law.gradient_columns(distance, self.shape)
-        step = 2e-3 * distance
+        step = np.full_like(distance, 1e-5) if self.law.passes_face else 2e-3 * distance
         rise = self._higher_columns(distance + step, order - 1) - self._higher_columns(distance - step, order - 1)
         return rise / (2.0 * step[:, None])
 

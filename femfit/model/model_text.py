@@ -33,11 +33,10 @@ def fit_lines(model: "ActuatorModel") -> list[str]:
     lines = [f"{model.name}: {kind}"]
     if base.misfit is not None:
         lines += [f"it misses its table of {counted(base.misfit.rows, 'point')} by", *misfit_lines(base.misfit)]
-    valid = (
-        f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm and "
-        f"{domain.current_min_A:.4g} to {domain.current_max_A:.4g} A"
-    )
-    return [*lines, valid]
+    valid = f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm"
+    if domain.current_min_A == domain.current_max_A == 0.0:  # a pair of magnets
+        return [*lines, valid]
+    return [*lines, f"{valid} and {domain.current_min_A:.4g} to {domain.current_max_A:.4g} A"]
 
 
 def misfit_lines(misfit: "Misfit") -> list[str]:

@@ -171,7 +171,7 @@ def test_a_plunger_with_a_gap_of_its_own_is_met_from_nine_distances():
     d, i = np.meshgrid(np.linspace(1.1e-3, 8.9e-3, 31), [0.3, 0.8, 1.4])
     assert relative_rms(fit.magnetics.force(d, i), force(d, i)) < 1e-3
     assert fit.held_out < 1e-3
-    assert fit.basis.distance_shift_m > 0
+    assert fit.basis.coordinate.distance_shift_m > 0
 
 
 def test_flux_linkage_beside_the_force_makes_six_distances_enough():

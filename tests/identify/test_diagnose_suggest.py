@@ -16,6 +16,7 @@ from femfit.identify.experiments.suggest import joined, suggest, suggest_measure
 from femfit.identify.readings.bench import bench_observations, conditions_of
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_kind import ActuatorKind
+from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
@@ -99,7 +100,9 @@ def solenoid(levitation_model):
     """A coil that pulls soft iron: on force alone a wrong force scale is a wrong current scale, for F goes with i^2."""
     currents = np.linspace(0.0, 1.4, 8)
     spline = fitted_spline(lambda d, i: 0.5 * (0.016 + 0.05 * np.exp(-d / 0.01)) * i**2, currents, 2)
-    return replace(levitation_model, magnetics=CoenergySpline(REFERENCE_DISTANCE, spline), sensor=None)
+    return replace(
+        levitation_model, magnetics=CoenergySpline(DistanceCoordinate(REFERENCE_DISTANCE), spline), sensor=None
+    )
 
 
 @pytest.fixture(scope="module")

@@ -75,6 +75,9 @@ def test_potential_is_the_integral_of_the_columns_to_infinity(law):
         difference = law.potential_columns(np.array([near]), shape) - law.potential_columns(np.array([far]), shape)
         # Tolerance: the quadrature's.
         assert difference[0, k] == pytest.approx(integral, rel=1e-9)
+    if not law.decays:
+        assert np.all(law.potential_columns(np.array([0.0]), shape) == 0.0)
+        return
     at_infinity = law.potential_columns(np.array([1e6]), shape)
     assert np.all(np.abs(at_infinity) < 1e-6 * law.potential_columns(np.array([near]), shape))
 
@@ -83,7 +86,15 @@ def test_potential_is_the_integral_of_the_columns_to_infinity(law):
 def test_columns_attract_and_decay(law):
     columns = law.columns(DISTANCES, shape_of(law))
     assert np.all(columns > 0)
-    assert np.all(columns[-1] < columns[0])
+    assert np.all(columns[-1] < columns[0]) == law.decays
+
+
+@every_law
+def test_laws_that_pass_the_face_are_smooth_there_and_no_others(law):
+    with np.errstate(divide="ignore", invalid="ignore"):
+        columns = law.columns(np.linspace(-0.02, 0.02, 81), shape_of(law))
+        jumps = np.abs(np.diff(columns, axis=0)).max(axis=0) / np.abs(columns).max(axis=0)
+    assert bool(np.all(jumps < 0.5)) == law.passes_face  # of steps of 0.5 mm; NaN counts as a jump
 
 
 @every_law

@@ -8,6 +8,7 @@ import pytest
 from femfit.device.mechanics import Mechanics
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import Circuit
+from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.dynamics import (
     euler_jacobian,
     euler_step,
@@ -32,14 +33,17 @@ def law_magnetics(law):
     return LawMagnetics(law.name, coefficients, shape, 0.016, 1e-3)
 
 
-@pytest.fixture(params=["spline", "shifted spline", *(law.name for law in BUILT_IN)])
+@pytest.fixture(params=["spline", "shifted spline", "plain spline", *(law.name for law in BUILT_IN)])
 def magnetics(request, levitation_model):
     if request.param == "spline":
         return levitation_model.magnetics
     if request.param == "shifted spline":
         spline = levitation_model.magnetics.spline
         # d_0 / (d + s) spans 1/3 .. 1 over 15 .. 45 mm for no other s than zero; here over 10 .. 50 mm.
-        return CoenergySpline(0.02, spline, 0.01)
+        return CoenergySpline(DistanceCoordinate(0.02, 0.01), spline)
+    if request.param == "plain spline":
+        spline = levitation_model.magnetics.spline
+        return CoenergySpline(DistanceCoordinate(0.045, inverse=False), spline)
     return law_magnetics(next(law for law in BUILT_IN if law.name == request.param))
 
 

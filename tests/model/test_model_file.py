@@ -14,6 +14,7 @@ from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.sensors import ForceSensor
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel, ValidityBox
+from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drive import Drive
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
@@ -82,7 +83,7 @@ def test_every_law_with_its_shape_parameters_survives_the_file(law, levitation_m
 
 def test_a_newer_schema_is_refused_with_both_numbers(model):
     data = model_to_dict(model) | {"schema": 99}
-    with pytest.raises(ModelFileError, match=r"schema 99.*up to schema 1.*Update femfit"):
+    with pytest.raises(ModelFileError, match=r"schema 99.*up to schema 2.*Update femfit"):
         model_from_dict(data, "m.json")
 
 
@@ -106,8 +107,10 @@ def test_effects_that_are_not_known_are_refused(model):
         (("sensor", "noise_V"), -1e-3, r"sensor\.noise_V must be a finite number >= 0"),
         (("sensor", "field", "coefficients"), [[1, 2], [3]], r"sensor\.field\.coefficients must be an array"),
         (("validity", "distance_max_m"), float("nan"), r"validity\.distance_max_m must be a finite number"),
-        (("validity", "distance_min_m"), -0.01, r"validity must span distances > 0"),
-        (("validity", "distance_min_m"), 0.05, r"validity must span distances > 0"),
+        (("validity", "distance_min_m"), -0.01, r"d_0 / \(d \+ s\) of its magnetics must be finite"),
+        (("validity", "distance_min_m"), 0.05, r"validity must span distances"),
+        (("magnetics", "coordinate"), "angle", r"magnetics\.coordinate must be inverse_distance or distance"),
+        (("magnetics", "colour"), "red", r"unknown key magnetics\.colour"),
         (("sample_time_s",), 0.0, r"sample_time_s must be a finite number > 0"),
         (("sample_time_s",), 10**400, r"sample_time_s must be a finite number > 0"),
         (("magnetics", "kind"), "neural", r"magnetics\.kind must be coenergy_spline or law; instead received 'neural'"),
@@ -348,14 +351,15 @@ def test_a_shifted_coordinate_survives_its_file_and_old_files_have_none(levitati
     sensor = levitation_model.sensor
     shifted = replace(
         levitation_model,
-        magnetics=replace(levitation_model.magnetics, distance_shift_m=2e-3),
-        sensor=replace(sensor, field=replace(sensor.field, distance_shift_m=3e-3)),
+        magnetics=replace(levitation_model.magnetics, coordinate=DistanceCoordinate(0.015, 2e-3)),
+        sensor=replace(sensor, field=replace(sensor.field, coordinate=DistanceCoordinate(0.015, 3e-3))),
     )
     data = model_to_dict(shifted)
     again = model_from_dict(data, "m.json")
-    assert (again.magnetics.distance_shift_m, again.sensor.field.distance_shift_m) == (2e-3, 3e-3)
-    del data["magnetics"]["distance_shift_m"]
-    assert model_from_dict(data, "m.json").magnetics.distance_shift_m == 0.0
+    assert again.magnetics.coordinate == DistanceCoordinate(0.015, 2e-3)
+    assert again.sensor.field.coordinate == DistanceCoordinate(0.015, 3e-3)
+    del data["magnetics"]["distance_shift_m"], data["magnetics"]["coordinate"]
+    assert model_from_dict(data | {"schema": 1}, "m.json").magnetics.coordinate == DistanceCoordinate(0.015)
 
 
 def test_a_model_replaces_a_model_but_no_other_file(levitation_model, tmp_path):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.simulation.design import design_loop
 from femfit.simulation.study import amplitude_spectrum, closed_loop_study
@@ -121,7 +122,7 @@ def test_loops_that_are_all_lost_have_no_spectrum_and_no_warning(levitation_mode
 def turning(levitation_model):
     """A Hall voltage that turns at 36.8 mm, beyond the reference distances: no inversion, but enough for a filter."""
     field = HallSpline(
-        REFERENCE_DISTANCE,
+        DistanceCoordinate(REFERENCE_DISTANCE),
         fitted_spline(lambda d, i: 8.6e-8 / (d + 0.0015) ** 3 + 0.12 * d + 0.005 * i, np.linspace(0.0, 1.4, 8), 1),
     )
     return replace(levitation_model, sensor=replace(levitation_model.sensor, field=field))

@@ -1,0 +1,111 @@
+"""Co-energy splines and laws in a model file."""
+
+import math
+from typing import Any
+
+from femfit.laws.catalogue import law_by_name
+from femfit.model.bspline import TensorSpline, is_clamped
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.json_section import Section
+from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
+
+INVERSE, PLAIN = "inverse_distance", "distance"
+"""What u may be: d_0 / (d + s), or d / d_0."""
+
+_SPLINE_KEYS = (
+    "kind",
+    "coordinate",
+    "reference_distance_m",
+    "distance_shift_m",
+    "u_knots",
+    "current_knots_A",
+    "u_degree",
+    "current_degree",
+    "coefficients",
+)
+
+
+def magnetics_from(section: Section) -> Magnetics:
+    """A co-energy spline or a law."""
+    kind = section.text("kind")
+    if kind == "coenergy_spline":
+        return CoenergySpline(*spline_from(section))
+    if kind != "law":
+        raise section.refusal("kind", "coenergy_spline or law")
+    law = section.item("law", law_by_name)
+    section.section("shape").refuse_others(tuple(p.name for p in law.shape))
+    return LawMagnetics(
+        law_name=law.name,
+        coefficients=tuple(_coefficient_from(item, law.basis) for item in section.sections("coefficients")),
+        shape={p.name: section.section("shape").number(p.name) for p in law.shape},
+        constant_inductance_H=section.number("constant_inductance_H"),
+        constant_flux_linkage_Wb=section.number("constant_flux_linkage_Wb"),
+        reference_distance_m=section.optional_number("reference_distance_m"),
+    )
+
+
+def _coefficient_from(section: Section, basis: tuple[str, ...]) -> Coefficient:
+    if section.text("basis") not in basis:
+        raise section.refusal("basis", f"a column of the law ({', '.join(basis)})")
+    interval = None if section.data.get("ci95") is None else section.array("ci95", 1)
+    bounds = section.data.get("bounds")
+    if not isinstance(bounds, list) or len(bounds) != 2 or (interval is not None and len(interval) != 2):
+        raise section.refusal("bounds", "a pair, as ci95, with null for a bound that is none")
+    ends = Section(section.source, section.where("bounds"), dict(zip(("lower", "upper"), bounds, strict=True)))
+    lower, upper = ends.optional_number("lower"), ends.optional_number("upper")
+    return Coefficient(
+        basis=section.text("basis"),
+        current_power=section.integer("current_power", 0, 16),
+        value=section.number("value"),
+        unit=section.text("unit"),
+        ci95=None if interval is None else (float(interval[0]), float(interval[1])),
+        bounds=(-math.inf if lower is None else lower, math.inf if upper is None else upper),
+        active=section.text("active"),
+    )
+
+
+def spline_to(coordinate: DistanceCoordinate, spline: TensorSpline) -> dict[str, Any]:
+    """Coordinate, knots and coefficients of a co-energy or a Hall field as JSON-ready data."""
+    return {
+        "coordinate": INVERSE if coordinate.inverse else PLAIN,
+        "reference_distance_m": coordinate.reference_distance_m,
+        **({"distance_shift_m": coordinate.distance_shift_m} if coordinate.inverse else {}),
+        "u_knots": spline.x_knots.tolist(),
+        "current_knots_A": spline.y_knots.tolist(),
+        "u_degree": spline.x_degree,
+        "current_degree": spline.y_degree,
+        "coefficients": spline.coefficients.tolist(),
+    }
+
+
+def spline_from(section: Section) -> tuple[DistanceCoordinate, TensorSpline]:
+    """Coordinate and spline of a co-energy or a Hall field."""
+    section.refuse_others(_SPLINE_KEYS)
+    spline = TensorSpline(
+        x_knots=section.array("u_knots", 1),
+        y_knots=section.array("current_knots_A", 1),
+        x_degree=section.integer("u_degree", 1, 9),
+        y_degree=section.integer("current_degree", 0, 9),
+        coefficients=section.array("coefficients", 2),
+    )
+    for key, knots, degree in (
+        ("u_knots", spline.x_knots, spline.x_degree),
+        ("current_knots_A", spline.y_knots, spline.y_degree),
+    ):
+        if not is_clamped(knots, degree):
+            raise section.refusal(key, f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
+    needed = (len(spline.x_knots) - spline.x_degree - 1, len(spline.y_knots) - spline.y_degree - 1)
+    if spline.coefficients.shape != needed:
+        raise section.refusal("coefficients", f"{needed[0]} lists of {needed[1]} numbers, as the knots ask for")
+    return _coordinate_from(section), spline
+
+
+def _coordinate_from(section: Section) -> DistanceCoordinate:
+    """The coordinate; an inverse distance in files of schema 1, which do not name it."""
+    kind = section.text("coordinate") if "coordinate" in section.data else INVERSE
+    if kind not in {INVERSE, PLAIN}:
+        raise section.refusal("coordinate", f"{INVERSE} or {PLAIN}")
+    shift = section.number("distance_shift_m", lower=0.0, absent=0.0)
+    if shift and kind == PLAIN:
+        raise section.refusal("distance_shift_m", f"absent beside coordinate {PLAIN}")
+    return DistanceCoordinate(section.number("reference_distance_m", positive=True), shift, kind == INVERSE)
