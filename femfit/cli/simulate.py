@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from femfit.core.errors import DomainError
+from femfit.core.errors import UsageError
 
 ControllerOption = Literal["backstepping", "pid"]
 FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -106,7 +106,7 @@ def simulate(
     open_loop = (voltage, current, drive, duration_ms, start_mm, picture)
     if any(choice is not None for choice in open_loop) or extrapolate:
         if any(choice is not None for choice in (*chosen[:5], stuck_after_s, noise_mV)) or any(faults):
-            raise DomainError(
+            raise UsageError(
                 "--voltage, --current and --drive simulate in open loop, without controller, filter, noise and faults. "
                 "Leave out the options of one of the two."
             )

@@ -7,8 +7,10 @@ from typing import Literal
 
 import numpy as np
 
+from femfit.core.amount import amount, amount_range, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
+from femfit.core.printed import Printed
 from femfit.tables.columns import UsedColumn, column_values, match_column
 from femfit.tables.measurement_file import read_raw_table
 
@@ -17,8 +19,8 @@ Interpolation = Literal["held", "linear"]
 COLUMNS = ("time_s", "voltage_V", "current_A")
 
 
-@dataclass(frozen=True, eq=False)
-class Profile:
+@dataclass(frozen=True, eq=False, repr=False)
+class Profile(Printed):
     """A command over time.
 
     Parameters
@@ -60,6 +62,12 @@ class Profile:
             raise TableError("A profile's times must ascend, and its times and values must be finite. Sort its rows.")
         object.__setattr__(self, "time_s", time)
         object.__setattr__(self, "value", value)
+
+    def __str__(self) -> str:
+        unit = "V" if self.kind == "voltage" else "A"
+        values = amount_range(float(self.value.min()), float(self.value.max()), unit, 3)
+        points = counted(len(self.time_s), "point")
+        return f"{self.kind} of {values} at {points} up to {amount(self.time_s[-1], 's', 3)}, {self.interpolation}"
 
     @cached_property
     def turns_s(self) -> FloatArray:

@@ -2,16 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from femfit.core import atomic
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.outputs import OPEN_LOOP, require_outputs
+from femfit.core.printed import Printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.open_loop.energy import EnergyBalance
 from femfit.open_loop.profile import Profile
@@ -24,8 +24,8 @@ _LEAST_SHARE = 1e-3
 """Conventional: part of the energy supplied below which a share of it is not printed."""
 
 
-@dataclass(frozen=True, eq=False)
-class OpenLoop:
+@dataclass(frozen=True, eq=False, repr=False)
+class OpenLoop(Printed):
     """A motion in open loop; printed, it says how the actuator switched and where the energy went.
 
     Parameters
@@ -72,9 +72,6 @@ class OpenLoop:
     def __str__(self) -> str:
         return "\n".join([*self._domain_lines(), *self._switching_lines(), *self.notes, *self._energy_lines()])
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
-
     def _domain_lines(self) -> list[str]:
         lines = []
         for name, time in self.left_domain:
@@ -96,7 +93,7 @@ class OpenLoop:
             return [f"The body reaches no stop in {amount(self.end_s, 's', 3)}; {end}, {where}."]
         lines = []
         for one in self.switchings:
-            bounces = {0: "no bounce", 1: "1 bounce"}.get(one.bounces, f"{one.bounces} bounces")
+            bounces = counted(one.bounces, "bounce") if one.bounces else "no bounce"
             rest = ""
             if one.rested_s is not None and one.bounces:
                 rest = f", at rest after {amount(one.rested_s - one.command_s, 's', 3)}"

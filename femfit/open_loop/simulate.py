@@ -8,7 +8,7 @@ import numpy as np
 
 from femfit.core.amount import amount_range
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import DomainError, SimulationError
+from femfit.core.errors import DomainError, UsageError
 from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
@@ -72,7 +72,9 @@ def simulate(
     MissingPartError
         If the model has no circuit or no motion.
     DomainError
-        If the start lies outside of the validity domain, or a value is none that can be simulated.
+        If the start lies outside of the validity domain or the stops, or volts command a current amplifier.
+    UsageError
+        If there is not one command, or the duration or the table's step is none.
     SimulationError
         If the motion cannot be followed.
 
@@ -92,7 +94,7 @@ def simulate(
     notes = _limits(system.feed, profile)
     start = _start(model, system) if start_m is None else _on_stop(system, start_m)
     if outside not in {"stop", "extrapolate"}:
-        raise DomainError(f"outside must be stop or extrapolate; instead received {outside!r}.")
+        raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
     if outside == "stop":
         model.validity.require(np.asarray(start), np.asarray(0.0))
     _require_between_stops(system.mechanics, start)
@@ -122,7 +124,7 @@ def _profile(
 ) -> Profile:
     given = [one for one in (drive, voltage, current) if one is not None]
     if len(given) != 1:
-        raise DomainError(
+        raise UsageError(
             "A simulation needs one of drive, voltage_V and current_A (--drive, --voltage, --current); "
             f"instead received {len(given)} of them."
         )
@@ -139,7 +141,7 @@ def _duration(given: float | None, profile: Profile) -> float:
     last = float(profile.time_s[-1])
     duration = given if given is not None else last if last > 0.0 else DURATION_S
     if not 0.0 < duration < np.inf:
-        raise DomainError(f"A simulation must last a time > 0 s; instead received {duration:g} s. Give 0.1, say.")
+        raise UsageError(f"A simulation must last a time > 0 s; instead received {duration:g} s. Give 0.1, say.")
     return duration
 
 
@@ -215,7 +217,7 @@ def _side(mechanics: Mechanics, distance: float) -> Side | None:
 def _table(model: ActuatorModel, system: System, found: Run, step: float) -> dict[str, FloatArray]:
     """The motion at equal steps, up to where it ended."""
     if not step > 0.0 or found.end_s / step > 1e7:
-        raise SimulationError(
+        raise UsageError(
             f"The table's step must be > 0 s and give at most ten million rows; instead received {step:g} s."
         )
     time: FloatArray = step * np.arange(1.0 + np.floor(found.end_s / step * (1.0 + 1e-12)))

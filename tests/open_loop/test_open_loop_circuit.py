@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import DomainError, TableError
+from femfit.core.errors import DomainError, TableError, UsageError
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.actuator_model import ValidityBox
 from femfit.model.drive import Drive
@@ -160,7 +160,7 @@ def test_a_start_outside_of_domain_or_stops_is_refused():
         simulate(solenoid(), voltage_V=12.0, start_m=0.02)
     with pytest.raises(DomainError, match="between its stops"):
         simulate(solenoid(), voltage_V=12.0, start_m=5e-3)
-    with pytest.raises(DomainError, match="one of drive, voltage_V and current_A"):
+    with pytest.raises(UsageError, match="one of drive, voltage_V and current_A"):
         simulate(solenoid(), voltage_V=12.0, current_A=1.0)
 
 
