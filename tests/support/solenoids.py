@@ -5,6 +5,7 @@ import numpy as np
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.actuator_model import ActuatorModel, Circuit, ValidityBox
 from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drive import Drive
 from femfit.model.magnetics import CoenergySpline, Magnetics
 
@@ -28,7 +29,9 @@ def solenoid(mechanics: Mechanics | None = None, drive: Drive | None = None, cel
     coefficients = np.linalg.lstsq(rows, values @ np.linalg.pinv(columns).T, rcond=None)[0]
     return ActuatorModel(
         name="solenoid",
-        magnetics=CoenergySpline(REFERENCE_M, TensorSpline(u_knots, i_knots, 4, 2, coefficients), SHIFT_M),
+        magnetics=CoenergySpline(
+            DistanceCoordinate(REFERENCE_M, SHIFT_M), TensorSpline(u_knots, i_knots, 4, 2, coefficients)
+        ),
         validity=ValidityBox(0.1e-3, 6e-3, -2.0, 2.0),
         circuit=Circuit(20.0, 0.0 if drive else -12.0, 12.0, drive or Drive()),
         motion=mechanics
