@@ -95,7 +95,7 @@ def test_numbers_that_touch_follow_one_parameter_together():
 @pytest.mark.parametrize(
     ("path", "column"),
     [
-        ("moving.mass_g", "mechanics.mass_kg"),
+        ("moving.mass_g", "moving.mass_kg"),
         ("moving.regions.magnet.r_mm[1]", "moving.regions.magnet.r[1]_m"),
         ("supply.sample_time_ms", "supply.sample_time_s"),
         ("hall.z_mm", "hall.z_m"),

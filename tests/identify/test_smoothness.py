@@ -11,6 +11,7 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.smoothness import guessed_noise
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.actuator_model import ValidityBox
+from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline
 from support.campaign import NOISE, campaign
 from support.splines import REFERENCE_DISTANCE, fitted_spline
@@ -37,7 +38,9 @@ def devices(levitation_model):
         return replace(
             levitation_model,
             name=name,
-            magnetics=CoenergySpline(REFERENCE_DISTANCE, fitted_spline(coenergy, np.linspace(low, high, 8), 2)),
+            magnetics=CoenergySpline(
+                DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(coenergy, np.linspace(low, high, 8), 2)
+            ),
             sensor=None,
             validity=ValidityBox(0.015, 0.045, low, high),
         )
