@@ -100,6 +100,12 @@ class Mechanics:
         return inertia + (self.beside_weight(distance) - self.viscous_N_s_per_m * np.asarray(velocity))
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """Distances of the stops in m; infinite where there is none."""
+        near, far = self.near_stop, self.far_stop
+        return -np.inf if near is None else near.distance_m, np.inf if far is None else far.distance_m
+
+    @property
     def linear_terms(self) -> tuple[float, float, float] | None:
         """Force beside the weight as constant in N, slope in N/m and slope in N s/m; None where it is not linear."""
         springs = [spring for spring in self.springs if isinstance(spring, Spring)]

@@ -24,6 +24,10 @@ BIAS_DEVIATION_V = 0.02
 """Conventional: first standard deviation of the Hall offset; the data sheet of a ratiometric linear element allows at
 most +-75 mV (Allegro A1321: quiescent output 2.425 to 2.575 V)."""
 
+BIAS_SHARE, BIAS_SHARE_PER_ROOT_S = 0.01, 5e-4
+"""Conventional: first standard deviation of another sensor's bias over the span of its readings in the validity domain,
+and the random walk of the bias in a second; the ratio of the two is that of the Hall element's."""
+
 FIRST_DEVIATION_M = 1e-3
 """Conventional: first standard deviation of the distance of a body that is put on a support by hand."""
 

@@ -16,6 +16,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.filters.filter import Correction, Filter, Moments
 from femfit.filters.filter_state import FilterState
+from femfit.filters.process import Output
 
 
 @final
@@ -32,10 +33,10 @@ class ExtendedFilter(Filter):
         covariance = jacobian @ state.covariance @ jacobian.swapaxes(1, 2)
         return Moments(mean, covariance + self.process.process_covariance.astype(dtype, copy=False))
 
-    def _corrected(self, state: FilterState, measurement: FloatArray) -> Correction:
-        dtype, noise = state.mean.dtype, self.process.measurement_variance
-        predicted = self.process.measure(state.mean).astype(dtype, copy=False)
-        slope = self.process.output_jacobian(state.mean).astype(dtype, copy=False)
+    def _corrected(self, state: FilterState, measurement: FloatArray, output: Output) -> Correction:
+        dtype, noise = state.mean.dtype, output.variance
+        predicted = output.measure(state.mean).astype(dtype, copy=False)
+        slope = self.process.output_jacobian(state.mean, output).astype(dtype, copy=False)
         cross = np.einsum("rij,rj->ri", state.covariance, slope)
         variance = np.einsum("ri,ri->r", slope, cross) + noise
         gain = cross / variance[:, None]

@@ -5,8 +5,9 @@ innovations is here, once.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
+from math import isnan
 from typing import ClassVar, NamedTuple, final
 
 import numpy as np
@@ -19,7 +20,7 @@ from femfit.core.printed import Printed
 from femfit.filters.cholesky import cholesky
 from femfit.filters.constants import BAND_99_9, DIVERGENCE_STEPS
 from femfit.filters.filter_state import FilterOutcome, FilterState
-from femfit.filters.process import FilterProcess
+from femfit.filters.process import FilterProcess, Output
 from femfit.filters.single_step import SingleStep
 
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to look up
@@ -74,7 +75,11 @@ class Filter(Printed, ABC):
                     f"  {name}, process noise {deviation:.2g} a step"
                     for name, deviation in zip(process.names, noise, strict=True)
                 ),
-                f"noise of one reading {amount(process.measurement_variance**0.5, 'V')}",
+                *(
+                    f"noise of one reading {amount(output.variance**0.5, output.unit)}"
+                    + (f" ({output.name})" if process.further else "")
+                    for output in process.outputs
+                ),
             ]
         )
 
@@ -83,8 +88,8 @@ class Filter(Printed, ABC):
         """Moments one step later."""
 
     @abstractmethod
-    def _corrected(self, state: FilterState, measurement: FloatArray) -> Correction:
-        """Moments given the measurement."""
+    def _corrected(self, state: FilterState, measurement: FloatArray, output: Output) -> Correction:
+        """Moments given one sensor's reading."""
 
     @final
     def start(self, mean: ArrayLike, covariance: ArrayLike | None = None, runs: int = 1) -> FilterState:
@@ -154,34 +159,54 @@ class Filter(Printed, ABC):
             return self._next(moments, known, state.outcome)
 
     @final
-    def update(self, state: FilterState, measurement: FloatArray | float) -> FilterState:
-        """The state given this sample's measurement.
+    def update(self, state: FilterState, measurement: ArrayLike) -> FilterState:
+        """The state given this sample's readings; one that is NaN is missing, and passed over.
+
+        The readings of several sensors are taken one after the other, which their independent noises allow. For linear
+        sensors that is exactly the update with all of them at once; for others each update is taken about the estimate
+        that the one before has improved.
 
         Parameters
         ----------
         measurement : array, shape (runs,), or float
-            z.
+            z; with several sensors of shape (runs, sensors) or (sensors,), in the order of ``process.outputs``.
         """
+        outputs = self.process.outputs
+        if len(outputs) == 1:
+            return self._update_one(state, _per_run(state, measurement), outputs[0])
+        readings, seen = _readings(state, measurement, len(outputs)), []
+        for k, output in enumerate(outputs):
+            state = self._update_one(state, readings[:, k], output)
+            seen.append((state.innovation, state.innovation_variance))
+        innovation, variance = (np.stack(values, axis=1) for values in zip(*seen, strict=True))
+        return replace(state, innovation=innovation, innovation_variance=variance)
+
+    def _update_one(self, state: FilterState, measurement: FloatArray, output: Output) -> FilterState:
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
-            moments, innovation, variance = self._corrected(state, _per_run(state, measurement))
+            (mean, covariance), innovation, variance = self._corrected(state, measurement, output)
             outside = innovation**2 > BAND_99_9 * variance
             fraction = state.out_of_band + (outside - state.out_of_band) / self.divergence_steps
+            if (missing := np.isnan(measurement)).any():
+                mean = np.where(missing[:, None], state.mean, mean)
+                covariance = np.where(missing[:, None, None], state.covariance, covariance)
+                innovation, variance = (np.where(missing, np.nan, values) for values in (innovation, variance))
+                fraction = np.where(missing, state.out_of_band, fraction)
             outcome = state.outcome
             if (out := (fraction > 0.5) & (outcome == RUNNING)).any():
                 outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
             fraction = fraction.astype(state.mean.dtype, copy=False)
-            return self._next(moments, (innovation, variance, fraction), outcome)
+            return self._next(Moments(mean, covariance), (innovation, variance, fraction), outcome)
 
     @final
-    def step(self, state: FilterState, voltage: FloatArray | float, measurement: FloatArray | float) -> FilterState:
-        """Predict with the voltage held since the last sample, then update with this sample's measurement."""
+    def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
+        """Predict with the voltage held since the last sample, then update with this sample's readings."""
         if len(state.mean) == 1 and not state.outcome.item():
-            alone = self._step_alone(state, _number(voltage), _number(measurement))
+            alone = self._step_alone(state, _number(voltage), _numbers(measurement, len(self.process.outputs)))
             if alone is not None:
                 return alone
         return self.update(self.predict(state, voltage), measurement)
 
-    def _step_alone(self, state: FilterState, voltage: float, measurement: float) -> FilterState | None:  # noqa: ARG002
+    def _step_alone(self, state: FilterState, voltage: float, measurement: list[float]) -> FilterState | None:  # noqa: ARG002
         """A quicker step of one healthy run; None where there is none, or where something must be named."""
         return None
 
@@ -189,19 +214,23 @@ class Filter(Printed, ABC):
     def _next_alone(self, state: FilterState, step: SingleStep) -> FilterState | None:
         """The state of one run that stays healthy; None where its innovations left their band for too long."""
         fraction = state.out_of_band.item()
-        fraction += ((step.innovation**2 > BAND_99_9 * step.variance) - fraction) / self.divergence_steps
+        for innovation, variance in zip(step.innovations, step.variances, strict=True):
+            if not isnan(innovation):  # as of a missing sample
+                fraction += ((innovation**2 > BAND_99_9 * variance) - fraction) / self.divergence_steps
         if fraction > 0.5:
             return None
-        order, entries = len(step.mean), len(step.mean) ** 2
-        flat = [*chain(*step.covariance, *step.factor), *step.mean, step.innovation, step.variance, fraction]
+        order, entries, sensors = len(step.mean), len(step.mean) ** 2, len(step.innovations)
+        flat = [*chain(*step.covariance, *step.factor), *step.mean, fraction, *step.innovations, *step.variances]
         numbers = np.array(flat)
+        end = 2 * entries + order
+        seen = numbers[end + 1 :].reshape((2, 1) if sensors == 1 else (2, 1, sensors))
         return FilterState(
-            mean=numbers[2 * entries : -3].reshape(1, order),
+            mean=numbers[2 * entries : end].reshape(1, order),
             covariance=numbers[:entries].reshape(1, order, order),
             factor=numbers[entries : 2 * entries].reshape(1, order, order),
-            innovation=numbers[-3:-2],
-            innovation_variance=numbers[-2:-1],
-            out_of_band=numbers[-1:],
+            innovation=seen[0],
+            innovation_variance=seen[1],
+            out_of_band=numbers[end : end + 1],
             outcome=state.outcome,
         )
 
@@ -224,13 +253,34 @@ class Filter(Printed, ABC):
         return FilterState(mean, covariance, factor, *known, outcome)
 
 
-def _per_run(state: FilterState, value: FloatArray | float) -> FloatArray:
+def _per_run(state: FilterState, value: ArrayLike) -> FloatArray:
     """A number for each run, in the state's precision."""
     result = np.empty(state.runs, state.mean.dtype)
     result[:] = value
     return result
 
 
+def _readings(state: FilterState, value: ArrayLike, sensors: int) -> FloatArray:
+    """Readings of shape (runs, sensors), in the state's precision."""
+    given = np.asarray(value, state.mean.dtype)
+    if given.shape not in {(sensors,), (state.runs, sensors), (1, sensors)}:
+        raise FilterError(
+            f"A measurement must hold {sensors} readings for each of {state.runs} runs, one a sensor; instead received "
+            f"the shape {given.shape}."
+        )
+    return np.broadcast_to(given, (state.runs, sensors))
+
+
 def _number(value: FloatArray | float) -> float:
     """The number of one run, given alone or as an array of one."""
     return float(value.item() if isinstance(value, np.ndarray) else value)
+
+
+def _numbers(value: ArrayLike, sensors: int) -> list[float]:
+    """The readings of one run."""
+    if sensors == 1 and isinstance(value, float):
+        return [value]
+    found: list[float] = np.asarray(value, np.float64).ravel().tolist()
+    if len(found) != sensors:
+        raise FilterError(f"A measurement must hold {sensors} readings, one a sensor; instead received {len(found)}.")
+    return found

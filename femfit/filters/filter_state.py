@@ -30,7 +30,8 @@ _SENTENCES = {
         "positive definite."
     ),
     FilterOutcome.NOT_FINITE: (
-        "A measurement, input or estimate is not a finite number. Check the sensor's samples and the initial state."
+        "A measurement, input or estimate is not a finite number. Check the sensor's samples and the initial state; a "
+        "sample that is missing may be NaN."
     ),
     FilterOutcome.LEFT_MODEL: (
         "The estimate went far outside of the distances and currents for which the model was fitted: the moving part "
@@ -52,7 +53,7 @@ class FilterState:
     covariance: FloatArray
     factor: FloatArray
     # Measurement minus its prediction at the last update, and its expected square; NaN before the first
-    # shape (runs,)
+    # shape (runs,), and (runs, sensors) where there are several; NaN for a sample that is missing
     innovation: FloatArray
     innovation_variance: FloatArray
     out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)
@@ -70,8 +71,16 @@ class FilterState:
 
     @property
     def normalised_innovation_squared(self) -> FloatArray:
-        """Innovation^2 over its variance, shape (runs,): chi-square with one degree of freedom in a true filter."""
-        return np.asarray(self.innovation**2 / self.innovation_variance)
+        """Innovation^2 over its variance, shape (runs,).
+
+        In a true filter it is chi-square with one degree of freedom for each sensor that was read; NaN where all
+        samples are missing.
+        """
+        ratio = self.innovation**2 / self.innovation_variance
+        if ratio.ndim == 1:
+            return np.asarray(ratio)
+        read = np.isfinite(ratio)
+        return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
 
     def outcomes(self) -> tuple[FilterOutcome, ...]:
         """The outcome of every run."""

@@ -1,15 +1,16 @@
 """A Kalman filter for a model, ready to start."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from femfit.core.errors import FilterError
-from femfit.filters.constants import BIAS_DEVIATION_V, FIRST_DEVIATION_M
+from femfit.filters.constants import FIRST_DEVIATION_M
 from femfit.filters.extended import ExtendedFilter
 from femfit.filters.filter import Filter
 from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import FilterNoise, initial_covariance, with_memory
+from femfit.filters.noise import FilterNoise
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -23,6 +24,8 @@ def kalman_filter(
     model: ActuatorModel | str | Path,
     kind: FilterKind = "ukf",
     *,
+    sensors: Sequence[str] | None = None,
+    biases: Sequence[str] | None = None,
     hall_bias: bool = True,
     noise: FilterNoise | None = None,
     distance: float | None = None,
@@ -34,8 +37,13 @@ def kalman_filter(
     ----------
     kind : {'ukf', 'ekf'}
         Unscented or extended.
+    sensors : sequence of str or None
+        Names of the sensors that it reads, as ``("current", "laser")``, in the order of a measurement's entries; the
+        Hall element where None, or all sensors where there is none.
+    biases : sequence of str or None
+        Sensors whose bias is estimated, each as a state after the others.
     hall_bias : bool
-        Estimate the Hall element's offset as the last state.
+        Estimate the Hall element's offset where ``biases`` is None and it is read.
     noise : FilterNoise or None
         Derived by :func:`femfit.filters.noise.default_noise` where None.
     distance : float or None
@@ -46,7 +54,8 @@ def kalman_filter(
     Returns
     -------
     Filter
-        ``start([distance_m, velocity_m_s, current_A])``, then ``step(state, voltage, hall_voltage)`` every sample.
+        ``start([distance_m, velocity_m_s, current_A])``, then ``step(state, voltage, readings)`` every sample; a
+        reading that is missing is NaN.
 
     Raises
     ------
@@ -69,6 +78,9 @@ def kalman_filter(
     if kind not in _KINDS:
         raise FilterError(f"The kind of a filter must be one of {', '.join(_KINDS)}; instead received {kind!r}.")
     model = model_of(model)
-    process = levitation_process(model, hall_bias=hall_bias, noise=noise, distance=distance)
-    covariance = initial_covariance(first_deviation_m, hall_bias_V=BIAS_DEVIATION_V if hall_bias else None)
-    return _KINDS[kind](replace(process, start_covariance=with_memory(model, covariance)))
+    process = levitation_process(
+        model, hall_bias=hall_bias, noise=noise, distance=distance, sensors=sensors, biases=biases
+    )
+    covariance = process.require_start_covariance().copy()
+    covariance[0, 0] = first_deviation_m**2
+    return _KINDS[kind](replace(process, start_covariance=covariance))

@@ -1,22 +1,23 @@
-"""The filter's view of a levitating magnet, built from the actuator model.
+"""The filter's view of an actuator's moving part, built from its model.
 
 States are distance (m), velocity (m/s) and current (A), those that the model's effects add (lag, hysteresis), and, for
-a Hall element whose quiescent voltage drifts, its bias (V) as a random walk. A step is one of Euler's, as in (33). The
-measurement is the Hall voltage through the fitted field, which lets the filter itself tell the coil's part from the
-magnet's.
+sensors that drift, their biases as random walks. A step is one of Euler's, as in (33); at a stop the body comes to
+rest. The measurement is the vector of the readings: a Hall voltage through the fitted field, which lets the filter
+itself tell the coil's part from the magnet's, a current, a distance, an acceleration, a force.
 
 References
 ----------
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (32) and (33), as corrected in femfit.model.dynamics.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
-from femfit.filters.constants import BIAS_DEVIATION_V, FARTHEST, NEAREST
+from femfit.filters.constants import FARTHEST, NEAREST
 from femfit.filters.noise import (
     FilterNoise,
     default_noise,
@@ -25,16 +26,18 @@ from femfit.filters.noise import (
     process_covariance,
     with_memory,
 )
+from femfit.filters.outputs import bias_deviations, bias_names, outputs_of
 from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import euler_jacobian, euler_step, hall_voltage
-from femfit.model.float_steps import float_euler_step, float_hall_voltage
+from femfit.model.dynamics import euler_jacobian, euler_step
+from femfit.model.float_steps import float_euler_step
+from femfit.model.sensors import HALL, sensors_of
 
 LARGEST_STEP = 2.0
 """Largest stable step of Euler's method times R/L of a decaying current (E. Hairer and G. Wanner, Solving Ordinary
 Differential Equations II (Springer, 1996), section IV.2)."""
 
-STATE_NAMES = ("distance_m", "velocity_m_s", "current_A", "hall_bias_V")
+STATE_NAMES = ("distance_m", "velocity_m_s", "current_A")
 
 
 def levitation_process(
@@ -43,42 +46,83 @@ def levitation_process(
     hall_bias: bool = False,
     noise: FilterNoise | None = None,
     distance: float | None = None,
+    sensors: Sequence[str] | None = None,
+    biases: Sequence[str] | None = None,
 ) -> FilterProcess:
-    """Process and measurement of a hanging magnet with a Hall element.
+    """Process and measurement of a moving part with any sensors.
 
-    The Jacobians are analytic, and central differences where effects have states.
+    The Jacobians are analytic, and central differences where effects have states and of accelerations and forces.
 
     Parameters
     ----------
     hall_bias : bool
-        Add the Hall bias in V as the last state.
+        Add the Hall bias in V as the last state; short for ``biases=("hall",)``.
     noise : FilterNoise or None
         Derived by :func:`default_noise` where None.
     distance : float or None
         Operating point in m where noise and inductance are taken; from the model's reference where None.
+    sensors : sequence of str or None
+        Names of the sensors, in the order of a measurement's entries; the Hall element, or all where there is none.
+    biases : sequence of str or None
+        Which of them have a bias that is estimated.
     """
     model.require_dynamics()
+    sensors = chosen_sensors(model, sensors)
+    biases = chosen_biases(sensors, biases, hall_bias)
     distance = operating_distance(model) if distance is None else distance
     require_slow_coil(model, distance)
     noise = default_noise(model, distance) if noise is None else noise
-    by_differences = model.memory_names or (model.dynamics is not None and model.dynamics.late)
-    names = (*STATE_NAMES[:3], *model.memory_names, *(STATE_NAMES[3:] if hall_bias else ()))
+    names = (*STATE_NAMES, *model.memory_names, *bias_names(model, biases))
     lower, upper = _plausible_range(model, len(names))
+    first, walks = bias_deviations(model, biases)
+    walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
+    own, *further = outputs_of(model, sensors, biases, noise)
     return FilterProcess(
         names=names,
         step_s=model.sample_time_s,
         transition=partial(_transition, model),
-        measure=partial(_hall_voltage, model),
-        process_covariance=process_covariance(model, noise, distance, hall_bias),
-        measurement_variance=noise.hall_V**2,
+        measure=own.measure,
+        process_covariance=process_covariance(model, noise, distance, walks),
+        measurement_variance=own.variance,
         transition_jacobian=partial(_transition_jacobian, model),
-        measurement_jacobian=None if by_differences else partial(_hall_slope, model),
+        measurement_jacobian=own.jacobian,
         transition_columns=float_euler_step(model),
-        measure_columns=float_hall_voltage(model),
+        measure_columns=own.columns,
         lower=lower,
         upper=upper,
-        start_covariance=with_memory(model, initial_covariance(hall_bias_V=BIAS_DEVIATION_V if hall_bias else None)),
+        start_covariance=with_memory(model, initial_covariance(biases=first)),
+        sensor=own.name,
+        unit=own.unit,
+        further=tuple(further),
     )
+
+
+def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:
+    """Names as given, or the Hall element's, or those of all sensors where there is none."""
+    if sensors is None:
+        found = (HALL,) if model.sensor is not None else tuple(sensors_of(model))
+        if not found:
+            model.require_sensor()
+        return found
+    if isinstance(sensors, str) or not sensors or len(set(sensors)) < len(sensors):
+        raise FilterError(
+            f"sensors must be a sequence of one or more different names; instead received {sensors!r}. "
+            f"The model has {', '.join(sensors_of(model)) or 'none'}."
+        )
+    return tuple(sensors)
+
+
+def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bias: bool) -> tuple[str, ...]:
+    """Names as given, each of them a sensor that is read."""
+    if biases is None:
+        return (HALL,) if hall_bias and HALL in sensors else ()
+    unread = [name for name in biases if name not in sensors]
+    if isinstance(biases, str) or unread or len(set(biases)) < len(biases):
+        raise FilterError(
+            f"biases must be different names out of the sensors that the filter reads ({', '.join(sensors)}); instead "
+            f"received {biases!r}. A bias of a sensor that is not read cannot be estimated."
+        )
+    return tuple(biases)
 
 
 def require_slow_coil(model: ActuatorModel, distance: float) -> None:
@@ -104,11 +148,15 @@ def require_slow_coil(model: ActuatorModel, distance: float) -> None:
 
 def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
     order = 3 + len(model.memory_names)
-    if states.shape[1] == order:
-        return euler_step(model, states, voltage, model.sample_time_s)
     result = np.empty(states.shape[::-1]).T
     result[:, :order] = euler_step(model, states[:, :order], voltage, model.sample_time_s)
     result[:, order:] = states[:, order:]
+    near, far = model.require_motion().ends
+    if (near, far) != (-np.inf, np.inf):
+        at_near, at_far = result[:, 0] <= near, result[:, 0] >= far
+        result[:, 0] = np.clip(result[:, 0], near, far)
+        result[at_near, 1] = np.maximum(result[at_near, 1], 0.0)
+        result[at_far, 1] = np.minimum(result[at_far, 1], 0.0)
     return result
 
 
@@ -116,23 +164,14 @@ def _transition_jacobian(model: ActuatorModel, states: FloatArray, voltage: Floa
     order, moving = states.shape[1], 3 + len(model.memory_names)
     result = np.zeros((len(states), order, order))
     result[:, :moving, :moving] = euler_jacobian(model, states[:, :moving], voltage, model.sample_time_s)
-    result[:, moving:, moving:] = 1.0
-    return result
-
-
-def _hall_voltage(model: ActuatorModel, states: FloatArray) -> FloatArray:
-    order = 3 + len(model.memory_names)
-    volts = hall_voltage(model, states[:, :order])
-    return volts if states.shape[1] == order else volts + states[:, order]
-
-
-def _hall_slope(model: ActuatorModel, states: FloatArray) -> FloatArray:
-    sensor = model.require_sensor()
-    _, in_distance, in_current = sensor.field.derivatives(states[:, 0], states[:, 2])
-    result = np.zeros_like(states)
-    result[:, 0] = sensor.sensitivity_V_per_T * in_distance
-    result[:, 2] = sensor.sensitivity_V_per_T * in_current
-    result[:, 3:] = 1.0
+    biases = range(moving, order)
+    result[:, biases, biases] = 1.0
+    ends = model.require_motion().ends
+    if ends != (-np.inf, np.inf):  # where a stop holds the body, nothing of its motion goes on
+        moved = _transition(model, states, voltage)
+        stopped = (moved[:, 0] <= ends[0]) | (moved[:, 0] >= ends[1])
+        result[stopped, 0] = 0.0
+        result[stopped & (moved[:, 1] == 0.0), 1] = 0.0
     return result
 
 
@@ -141,6 +180,9 @@ def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, Floa
     domain = model.validity
     width = domain.current_max_A - domain.current_min_A
     lower, upper = np.full(order, -np.inf), np.full(order, np.inf)
-    lower[0], upper[0] = NEAREST * domain.distance_min_m, FARTHEST * domain.distance_max_m
+    stroke = domain.distance_max_m - domain.distance_min_m
+    # Beyond a face that the body passes there are distances of both signs
+    lower[0] = NEAREST * domain.distance_min_m if domain.distance_min_m > 0.0 else domain.distance_min_m - stroke
+    upper[0] = FARTHEST * domain.distance_max_m if domain.distance_min_m > 0.0 else domain.distance_max_m + stroke
     lower[2], upper[2] = domain.current_min_A - width, domain.current_max_A + width
     return lower, upper

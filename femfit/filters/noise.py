@@ -13,11 +13,13 @@ section 6.2.2 (white acceleration) and 8.2.1 (correlation time).
 B. Widrow and I. Kollar, Quantization Noise (Cambridge, 2008), section 3.5 (LSB^2 / 12).
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import DomainError
 from femfit.filters.constants import (
     BIAS_DENSITY,
     DRIVER_ERROR,
@@ -41,6 +43,8 @@ class FilterNoise:
     voltage_V: float
     hall_V: float
     bias_density: float = BIAS_DENSITY  # Random walk of the Hall bias, V / sqrt(s)
+    # White noise of one sample by the name of a sensor, in its own unit; the model's own for one that is not here
+    sensors: Mapping[str, float] = field(default_factory=dict)
 
 
 def hall_noise(sensor: HallSensor, noise_V: float | None = None) -> float:
@@ -50,7 +54,7 @@ def hall_noise(sensor: HallSensor, noise_V: float | None = None) -> float:
 
 
 def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: float | None = None) -> FilterNoise:
-    """Noise of a levitating model at a distance in m, derived as the module says.
+    """Noise of a model at a distance in m, derived as the module says; what a record told of it counts before.
 
     Parameters
     ----------
@@ -59,18 +63,40 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
     """
     circuit, motion = model.require_circuit(), model.require_motion()
     distance = operating_distance(model) if distance is None else distance
-    pole = unstable_pole(model, distance)
+    rate = motion_rate(model, distance)
     weight = motion.mass_kg * abs(motion.gravity_m_s2)
     if model.misfit is None:
         error = UNKNOWN_FORCE_ERROR * max(weight, abs(float(motion.static_force(np.asarray(distance)))))
     else:  # a share of the weight is not stated where the forces are far above it
         share = model.misfit.force_rms_of_weight
         error = model.misfit.force_rms_N if share is None or not weight else share * weight
+    known = model.process_noise
+    density = known and known.acceleration_density
+    volts = known and known.voltage_V
     return FilterNoise(
-        acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / pole,
-        voltage_V=DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V)),
-        hall_V=hall_noise(model.require_sensor(), noise_V),
+        acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
+        voltage_V=DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V))
+        if volts is None
+        else volts,
+        hall_V=hall_noise(model.sensor, noise_V) if model.sensor is not None else float("nan"),
     )
+
+
+def motion_rate(model: ActuatorModel, distance: float) -> float:
+    """How fast the body moves on from an error of its force, in 1/s.
+
+    The unstable pole where the body can be held; elsewhere, as on a stop or where springs make its rest stable,
+    sqrt(F / (m s)) with the largest net force F at this distance and the stroke s of the validity domain.
+    """
+    box, motion = model.validity, model.require_motion()
+    box.require(np.asarray(distance), np.asarray(box.current_min_A))
+    try:
+        return unstable_pole(model, distance)
+    except DomainError:
+        currents = np.linspace(box.current_min_A, box.current_max_A, 21)
+        force = model.magnetics.force(np.full(21, distance), currents) - motion.static_force(np.asarray(distance))
+        stroke = box.distance_max_m - box.distance_min_m
+        return float(np.sqrt(np.abs(force).max() / (motion.mass_kg * stroke)))
 
 
 def operating_distance(model: ActuatorModel) -> float:
@@ -80,20 +106,29 @@ def operating_distance(model: ActuatorModel) -> float:
     return 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m)
 
 
-def process_covariance(model: ActuatorModel, noise: FilterNoise, distance: float, hall_bias: bool) -> FloatArray:
-    """Q of one sample in m, m/s, A, pure numbers for the states of effects, and V, with L at a distance."""
+def process_covariance(
+    model: ActuatorModel, noise: FilterNoise, distance: float, bias_densities: Sequence[float] = ()
+) -> FloatArray:
+    """Q of one sample in m, m/s, A, pure numbers for the states of effects, and the units of biases, L at a distance.
+
+    Parameters
+    ----------
+    bias_densities : sequence of float
+        Random walks of the biases, in their units over sqrt(s).
+    """
     t, q = model.sample_time_s, noise.acceleration_density
     box = model.validity
     middle = np.asarray(0.5 * (box.current_min_A + box.current_max_A))
     inductance = float(model.magnetics.inductance(np.asarray(distance), middle))
-    added = len(model.memory_names)
-    result = np.zeros((4 + added, 4 + added))
+    moving = 3 + len(model.memory_names)
+    result = np.zeros((moving + len(bias_densities),) * 2)
     result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
     result[2, 2] = (noise.voltage_V * t / inductance) ** 2
-    if added:
+    if moving > 3:
         _add_memory(result, model, distance, float(middle))
-    result[-1, -1] = noise.bias_density**2 * t
-    return result if hall_bias else result[:-1, :-1].copy()
+    biases = range(moving, len(result))
+    result[biases, biases] = np.square(bias_densities) * t
+    return result
 
 
 def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, current: float) -> None:
@@ -125,9 +160,8 @@ def initial_covariance(
     velocity_m_s: float = FIRST_VELOCITY_M_S,
     current_A: float = FIRST_CURRENT_A,
     hall_bias_V: float | None = None,
+    biases: Sequence[float] = (),
 ) -> FloatArray:
-    """Covariance of a first estimate from its standard deviations; without a fourth state where there is no bias."""
-    deviations = [distance_m, velocity_m_s, current_A]
-    if hall_bias_V is not None:
-        deviations.append(hall_bias_V)
+    """Covariance of a first estimate from its standard deviations; the Hall bias, and further ones, where given."""
+    deviations = [distance_m, velocity_m_s, current_A, *(() if hall_bias_V is None else (hall_bias_V,)), *biases]
     return np.diag(np.square(np.asarray(deviations, dtype=np.float64)))

@@ -1,4 +1,4 @@
-"""What a filter is told of the world: x+ = f(x, u) + w, z = h(x) + n, with cov w = Q and var n = R."""
+"""What a filter is told of the world: x+ = f(x, u) + w, z_k = h_k(x) + n_k, with cov w = Q and var n_k = R_k."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,8 +17,27 @@ Columns = list[list[float]]
 
 
 @dataclass(frozen=True, eq=False)
+class Output:
+    """One sensor of a process, whose noise is independent of the others'; functions as in :class:`FilterProcess`."""
+
+    name: str
+    unit: str
+    measure: Measure
+    variance: float
+    jacobian: Measure | None = None
+    columns: Callable[[Columns], list[float]] | None = None
+
+    def look(self, columns: Columns) -> list[float]:
+        """The reading of a handful of states, given as one list a state."""
+        if self.columns is not None:
+            return self.columns(columns)
+        result: list[float] = self.measure(np.array(columns).T).tolist()
+        return result
+
+
+@dataclass(frozen=True, eq=False)
 class FilterProcess:
-    """A discrete process with one input and one measurement, batched over N states.
+    """A discrete process with one input and the readings of one or more sensors, batched over N states.
 
     The input does not reach the measurement directly: z of a sample is taken before its u is applied.
     """
@@ -38,6 +57,17 @@ class FilterProcess:
     lower: FloatArray | None = None
     upper: FloatArray | None = None
     start_covariance: FloatArray | None = None  # Covariance of a first estimate's error by default; shape (n, n)
+    # What ``measure`` above is the reading of, and the sensors read beside it in the same sample
+    sensor: str = "hall"
+    unit: str = "V"
+    further: tuple[Output, ...] = ()
+
+    @cached_property
+    def outputs(self) -> tuple[Output, ...]:
+        """All sensors, in the order of a measurement's entries."""
+        slope = self.measurement_jacobian
+        own = Output(self.sensor, self.unit, self.measure, self.measurement_variance, slope, self.measure_columns)
+        return own, *self.further
 
     def plausible(self, states: FloatArray) -> BoolArray:
         """Which states of shape (N, n) the model can still say something about; NaN is not."""
@@ -52,13 +82,6 @@ class FilterProcess:
             return self.transition_columns(columns, voltage)
         inputs = np.full(len(columns[0]), voltage)
         result: Columns = self.transition(np.array(columns).T, inputs).T.tolist()
-        return result
-
-    def look(self, columns: Columns) -> list[float]:
-        """The measurement of a handful of states, given as one list a state."""
-        if self.measure_columns is not None:
-            return self.measure_columns(columns)
-        result: list[float] = self.measure(np.array(columns).T).tolist()
         return result
 
     def is_plausible(self, state: list[float]) -> bool:
@@ -109,8 +132,10 @@ class FilterProcess:
             lambda points: self.transition(points, np.tile(inputs, 2 * self.order)), states, self._deviations
         )
 
-    def output_jacobian(self, states: FloatArray) -> FloatArray:
-        """dh/dx of shape (N, n), analytic where the process has it."""
-        if self.measurement_jacobian is not None:
-            return self.measurement_jacobian(states)
-        return central_differences(lambda points: self.measure(points)[:, None], states, self._deviations)[:, 0, :]
+    def output_jacobian(self, states: FloatArray, output: Output | None = None) -> FloatArray:
+        """dh/dx of shape (N, n) of one sensor, the first where None; analytic where the process has it."""
+        output = self.outputs[0] if output is None else output
+        if output.jacobian is not None:
+            return output.jacobian(states)
+        measure = output.measure
+        return central_differences(lambda points: measure(points)[:, None], states, self._deviations)[:, 0, :]

@@ -6,6 +6,7 @@ runs one filter. A step in which anything must be named (a lost covariance, a nu
 of the model) is left to the general path, which names it.
 """
 
+from math import isnan
 from operator import mul
 from typing import NamedTuple
 
@@ -19,8 +20,8 @@ class SingleStep(NamedTuple):
     mean: list[float]
     covariance: list[list[float]]
     factor: list[list[float]]
-    innovation: float
-    variance: float
+    innovations: list[float]  # NaN for a sample that is missing
+    variances: list[float]
 
 
 def single_step(
@@ -28,13 +29,15 @@ def single_step(
     mean: list[float],
     factor: list[list[float]],
     voltage: float,
-    measurement: float,
+    measurement: list[float],
     scaling: tuple[float, float, float],
 ) -> SingleStep | None:
     """Predict and update; None where a run is not healthy.
 
     Parameters
     ----------
+    measurement : list of float
+        A reading of each sensor.
     scaling : (float, float, float)
         Spread of the points, weight of each, and weight of the squared shift.
     """
@@ -57,28 +60,37 @@ def single_step(
     predicted = cholesky_rows(covariance)
     if predicted is None or not process.is_plausible(mean):
         return None
-    values = process.look(_points(mean, predicted, spread))
-    centre = values[0]
-    delta = [value - centre for value in values[1:]]
-    shift = weight * sum(delta)
-    variance = weight * sum(map(mul, delta, delta)) + shift_weight * shift * shift + process.measurement_variance
-    innovation = measurement - (centre + shift)
-    # Redrawn points lie in pairs about the mean: mean +- spread L_k, of which only the difference in z remains.
-    pairs = [weight * spread * (up - down) for up, down in zip(delta[:order], delta[order:], strict=True)]
-    cross, correction = [], innovation / variance
-    for k, row in enumerate(covariance):
-        own = sum(map(mul, predicted[k], pairs))
-        cross.append(own)
-        mean[k] += own * correction
-        for j, other_cross in enumerate(cross):
-            row[j] -= own * other_cross / variance
-    updated = cholesky_rows(covariance)
-    if updated is None or not process.is_plausible(mean):
-        return None
+    innovations, variances = [], []
+    for output, reading in zip(process.outputs, measurement, strict=True):
+        if isnan(reading):
+            innovations.append(reading)
+            variances.append(reading)
+            continue
+        values = output.look(_points(mean, predicted, spread))
+        centre = values[0]
+        delta = [value - centre for value in values[1:]]
+        shift = weight * sum(delta)
+        variance = weight * sum(map(mul, delta, delta)) + shift_weight * shift * shift + output.variance
+        innovation = reading - (centre + shift)
+        # Redrawn points lie in pairs about the mean: mean +- spread L_k, of which only the difference in z remains.
+        pairs = [weight * spread * (up - down) for up, down in zip(delta[:order], delta[order:], strict=True)]
+        cross, correction = [], innovation / variance
+        for k, row in enumerate(covariance):
+            own = sum(map(mul, predicted[k], pairs))
+            cross.append(own)
+            mean[k] += own * correction
+            for j, other_cross in enumerate(cross):
+                row[j] -= own * other_cross / variance
+        updated = cholesky_rows(covariance)
+        if updated is None or not process.is_plausible(mean):
+            return None
+        predicted = updated
+        innovations.append(innovation)
+        variances.append(variance)
     for i, row in enumerate(covariance):
         for below in covariance[i + 1 :]:
             row.append(below[i])
-    return SingleStep(mean, covariance, updated, innovation, variance)
+    return SingleStep(mean, covariance, predicted, innovations, variances)
 
 
 def _points(mean: list[float], factor: list[list[float]], spread: float) -> Columns:

@@ -25,6 +25,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
 from femfit.filters.filter import Correction, Filter, Moments
 from femfit.filters.filter_state import FilterState
+from femfit.filters.process import Output
 from femfit.filters.single_step import single_step
 
 DOUBLE = np.dtype(np.float64)
@@ -64,15 +65,15 @@ class UnscentedFilter(Filter):
         covariance += self.process.process_covariance.astype(moved.dtype, copy=False)[:, :, None]
         return Moments((moved[:, 0] + shift).T, covariance.transpose(2, 0, 1))
 
-    def _corrected(self, state: FilterState, measurement: FloatArray) -> Correction:
+    def _corrected(self, state: FilterState, measurement: FloatArray, output: Output) -> Correction:
         _, weight, shift_weight = self._scaling
         points = self._points(state)
-        values = self.process.measure(points.reshape(len(points), -1).T)
+        values = output.measure(points.reshape(len(points), -1).T)
         values = values.astype(points.dtype, copy=False).reshape(points.shape[1:])
         delta, shift = _deviations(points, weight)
         delta_z, shift_z = _deviations(values, weight)
         variance = weight * np.einsum("kr,kr->r", delta_z, delta_z)
-        variance += shift_weight * shift_z**2 + self.process.measurement_variance
+        variance += shift_weight * shift_z**2 + output.variance
         cross = weight * np.einsum("kr,ikr->ir", delta_z, delta)
         cross += shift_weight * shift_z * shift
         innovation = measurement - (values[0] + shift_z)
@@ -90,7 +91,7 @@ class UnscentedFilter(Filter):
         np.subtract(centre[:, None], columns, out=points[:, order + 1 :])
         return points
 
-    def _step_alone(self, state: FilterState, voltage: float, measurement: float) -> FilterState | None:
+    def _step_alone(self, state: FilterState, voltage: float, measurement: list[float]) -> FilterState | None:
         if state.mean.dtype != DOUBLE:
             return None
         step = single_step(

@@ -92,6 +92,14 @@ class ValidityBox:
 
 
 @dataclass(frozen=True)
+class ProcessNoise:
+    """What a record told of the noise that moves body and current; None for what it could not tell."""
+
+    acceleration_density: float | None = None  # White acceleration, m^2/s^3
+    voltage_V: float | None = None  # White from sample to sample
+
+
+@dataclass(frozen=True)
 class Misfit:
     """How far the model, as it is written, is from the table that it was fitted to.
 
@@ -155,6 +163,8 @@ class ActuatorModel(Printed):
         What the drawing is made of; None where the model was fitted to a table without a drawing.
     other_sensors : tuple
         All sensors but the Hall element; :func:`femfit.model.sensors.predict_sensors` says what they read.
+    process_noise : ProcessNoise or None
+        Found from a record; a filter derives it from the model's misfit where None.
 
     Examples
     --------
@@ -185,6 +195,7 @@ class ActuatorModel(Printed):
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
     kind: ActuatorKind | None = None
     other_sensors: tuple[CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor, ...] = ()
+    process_noise: ProcessNoise | None = None
     provenance: Mapping[str, Any] = limited(default_factory=dict)
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""Motion and Hall voltage of a handful of states in Python's floats.
+"""Motion and readings of a handful of states in Python's floats.
 
 One filter moves 2n + 1 sigma points a sample. At so few points calls to numpy cost several times the arithmetic; the
 same equations as in :mod:`femfit.model.dynamics`, number by number, take a fifth of the time. States come as columns:
@@ -7,8 +7,10 @@ one list a state, one entry a point. Only for models of splines without effects;
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from operator import add
 
+from femfit.device.sensors import CurrentSensor, PositionSensor, Sensor
 from femfit.model.actuator_model import ActuatorModel, HallSensor
 from femfit.model.bspline import FloatFunction
 from femfit.model.coordinate import FloatPlaces
@@ -20,7 +22,10 @@ Columns = list[list[float]]
 
 @dataclass(frozen=True, eq=False)
 class FloatEulerStep:
-    """(columns, voltage) -> columns one explicit Euler step later, columns beyond the current passed on."""
+    """(columns, voltage) -> columns one explicit Euler step later, columns beyond the current passed on.
+
+    The body is kept between the stops.
+    """
 
     model: ActuatorModel
 
@@ -38,6 +43,10 @@ class FloatEulerStep:
         assert linear is not None  # noqa: S101  float_euler_step asks
         return (*electrical, model.sample_time_s, magnetics.coordinate.in_floats(), derivatives, linear)
 
+    @cached_property
+    def _ends(self) -> tuple[float, float]:
+        return self.model.require_motion().ends
+
     def __call__(self, columns: Columns, voltage: float) -> Columns:
         """Columns one step later."""
         resistance, mass, gravity, step, place, derivatives, linear = self._numbers
@@ -53,6 +62,12 @@ class FloatEulerStep:
             further = constant + per_distance * d + per_velocity * v
             moved_v.append(v + step * (gravity + (further - per_metre * slope) / mass))
             moved_i.append(i + step * ((voltage - resistance * i + per_metre * mixed * v) / inductance))
+        if self._ends != (-inf, inf):
+            near, far = self._ends
+            for k, d in enumerate(moved_d):
+                if not near < d < far:
+                    moved_d[k] = min(max(d, near), far)
+                    moved_v[k] = max(moved_v[k], 0.0) if d <= near else min(moved_v[k], 0.0)
         return [moved_d, moved_v, moved_i, *others]
 
 
@@ -65,17 +80,18 @@ def float_euler_step(model: ActuatorModel) -> FloatEulerStep | None:
 
 @dataclass(frozen=True, eq=False)
 class FloatHallVoltage:
-    """Columns -> output of the Hall element before clipping, the offset of a fourth column added."""
+    """Columns -> output of the Hall element before clipping, the column of its offset added where there is one."""
 
     sensor: HallSensor
+    bias: int | None
 
-    def __reduce__(self) -> tuple[type["FloatHallVoltage"], tuple[HallSensor]]:
-        return FloatHallVoltage, (self.sensor,)
+    def __reduce__(self) -> tuple[type["FloatHallVoltage"], tuple[HallSensor, int | None]]:
+        return FloatHallVoltage, (self.sensor, self.bias)
 
     @cached_property
     def _numbers(self) -> tuple[float, float, FloatPlaces, FloatFunction]:
         sensor, field = self.sensor, self.sensor.field
-        assert isinstance(field, HallSpline)  # noqa: S101  float_hall_voltage asks
+        assert isinstance(field, HallSpline)  # noqa: S101  float_reading asks
         scale = (sensor.quiescent_V, sensor.sensitivity_V_per_T)
         return (*scale, field.coordinate.in_floats(), field.spline.in_floats(((0, 0),)))
 
@@ -83,11 +99,39 @@ class FloatHallVoltage:
         """Output in V of each point."""
         quiescent, sensitivity, place, field_of = self._numbers
         volts = [quiescent + sensitivity * value for (value,) in field_of(place(columns[0])[0], columns[2])]
-        return volts if len(columns) == 3 else list(map(add, volts, columns[3]))
+        return volts if self.bias is None else list(map(add, volts, columns[self.bias]))
 
 
-def float_hall_voltage(model: ActuatorModel) -> FloatHallVoltage | None:
-    """The Hall voltage of a model; None where this module does not cover it."""
-    sensor = model.require_sensor()
-    covered = model.dynamics is None and type(sensor.field) is HallSpline
-    return FloatHallVoltage(sensor) if covered else None
+@dataclass(frozen=True)
+class FloatLinear:
+    """Columns -> offset + gain (distance - delay velocity), or offset + gain current, and a bias."""
+
+    gain: float
+    offset: float
+    delay_s: float | None  # None: of the current
+    bias: int | None
+
+    def __call__(self, columns: Columns) -> list[float]:
+        """Reading of each point."""
+        gain, offset, delay = self.gain, self.offset, self.delay_s
+        if delay is None:
+            read = [offset + gain * i for i in columns[2]]
+        else:
+            read = [offset + gain * (d - delay * v) for d, v in zip(columns[0], columns[1], strict=True)]
+        return read if self.bias is None else list(map(add, read, columns[self.bias]))
+
+
+def float_reading(
+    model: ActuatorModel, sensor: HallSensor | Sensor, bias: int | None
+) -> FloatHallVoltage | FloatLinear | None:
+    """The readings of a sensor whose bias is a state of a number; None where this module does not cover it."""
+    if isinstance(sensor, HallSensor):
+        covered = model.dynamics is None and type(sensor.field) is HallSpline
+        return FloatHallVoltage(sensor, bias) if covered else None
+    if isinstance(sensor, CurrentSensor):
+        return FloatLinear(sensor.gain, sensor.offset, None, bias)
+    if isinstance(sensor, PositionSensor) and len(sensor.distances_m) == 2:
+        (near, far), (first, last) = sensor.distances_m, sensor.readings
+        gain = (last - first) / (far - near)
+        return FloatLinear(gain, first - gain * near, sensor.delay_s, bias)
+    return None

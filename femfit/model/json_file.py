@@ -19,7 +19,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ProcessNoise, ValidityBox
 from femfit.model.drive import BRIDGE, Drive
 from femfit.model.hall import HallSpline
 from femfit.model.json_magnetics import magnetics_from, spline_from, spline_to
@@ -121,8 +121,9 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     base, changed = model.without_effects, ("magnetics", "circuit", "motion", "sensor")
     names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
     data = {name: _plain(getattr(base if name in changed else model, name)) for name in names}
-    if not model.other_sensors:  # as files were before there were others
-        del data["other_sensors"]
+    for key in ("other_sensors", "process_noise"):  # as files were before there were any
+        if not data[key]:
+            del data[key]
     return {"schema": SCHEMA_VERSION, **data}
 
 
@@ -172,7 +173,7 @@ def _build(top: Section) -> ActuatorModel:
     top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name not in _WORKED_OUT)))
     circuit, motion = top.optional_section("circuit"), top.optional_section("motion")
     sensor, misfit = top.optional_section("sensor"), top.optional_section("misfit")
-    kind = top.optional_section("kind")
+    kind, noise = top.optional_section("kind"), top.optional_section("process_noise")
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=magnetics_from(top.section("magnetics")),
@@ -188,6 +189,7 @@ def _build(top: Section) -> ActuatorModel:
         coil_temperature_C=top.number("coil_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         magnet_temperature_C=top.number("magnet_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         kind=kind.record(ActuatorKind) if kind else None,
+        process_noise=noise.record(ProcessNoise) if noise else None,
         other_sensors=sensors_from(top.sections("other_sensors")) if top.data.get("other_sensors") else (),
     )
     added = top.sections("effects") if top.data.get("effects") else ()

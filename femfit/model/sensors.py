@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import MissingPartError
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel, HallSensor
@@ -123,7 +123,16 @@ def predict_sensor(
 
 def characteristic(sensor: PositionSensor, distance: FloatArray) -> FloatArray:
     """Reading at distances in m, continued with the slope of the last piece, so that an estimate is led back."""
-    at, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
-    piece = np.clip(np.searchsorted(at, distance, side="right") - 1, 0, len(at) - 2)
-    slope = (read[1:] - read[:-1]) / (at[1:] - at[:-1])
-    return np.asarray(read[piece] + slope[piece] * (distance - at[piece]))
+    at, read, piece = np.asarray(sensor.distances_m), np.asarray(sensor.readings), _piece(sensor, distance)
+    return np.asarray(read[piece] + piece_slope(sensor, distance) * (distance - at[piece]))
+
+
+def piece_slope(sensor: PositionSensor, distance: FloatArray) -> FloatArray:
+    """Slope of :func:`characteristic`."""
+    slope = np.diff(sensor.readings) / np.diff(sensor.distances_m)
+    return np.asarray(slope[_piece(sensor, distance)])
+
+
+def _piece(sensor: PositionSensor, distance: FloatArray) -> IntArray:
+    at = np.asarray(sensor.distances_m)
+    return np.clip(np.searchsorted(at, distance, side="right") - 1, 0, len(at) - 2)

@@ -113,7 +113,7 @@ def test_default_noise_scales_as_its_derivation_says(levitation_model):
 
 def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):
     noise = default_noise(levitation_model)
-    Q = process_covariance(levitation_model, noise, 0.022, hall_bias=True)
+    Q = process_covariance(levitation_model, noise, 0.022, (noise.bias_density,))
     parts, runs = 50, 20_000
     h = levitation_model.sample_time_s / parts
     velocity, distance = np.zeros(runs), np.zeros(runs)

@@ -95,7 +95,7 @@ def test_errors_and_innovations_lie_in_their_bands_on_the_levitating_magnet(
     levitation_model, make, stabilised, as_the_plant_moves
 ):
     noise = FilterNoise(acceleration_density=2e-4, voltage_V=0.02, hall_V=levitation_model.sensor.noise_V)
-    sigmas = np.linalg.cholesky(process_covariance(levitation_model, noise, 0.022, hall_bias=False))
+    sigmas = np.linalg.cholesky(process_covariance(levitation_model, noise, 0.022))
     runs, steps = 40, 200
     record = stabilised(levitation_model, steps, runs, np.random.default_rng(3), sigmas)
     filter_ = make(as_the_plant_moves(levitation_process(levitation_model, noise=noise)))

@@ -57,7 +57,7 @@ def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("hall", "outcome"), [(np.nan, FilterOutcome.NOT_FINITE), (np.inf, FilterOutcome.NOT_FINITE), (50.0, None)]
+    ("hall", "outcome"), [(np.nan, FilterOutcome.RUNNING), (np.inf, FilterOutcome.NOT_FINITE), (50.0, None)]
 )
 def test_what_goes_wrong_is_named_as_by_the_general_path(levitation_model, hall, outcome):
     filter_ = kalman_filter(levitation_model)

@@ -13,7 +13,7 @@ from femfit.core.errors import DomainError, MissingPartError, ModelFileError, Ou
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.sensors import ForceSensor
 from femfit.laws.catalogue import BUILT_IN
-from femfit.model.actuator_model import ActuatorModel, ValidityBox
+from femfit.model.actuator_model import ActuatorModel, ProcessNoise, ValidityBox
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drive import Drive
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
@@ -297,7 +297,7 @@ def test_damaged_mechanics_are_refused_by_their_key(sprung_model, key, value, me
 
 def test_every_field_of_the_model_is_written(model):
     names = {field.name for field in fields(ActuatorModel)} - {"base", "dynamics"}  # the file holds the base itself
-    model = replace(model, other_sensors=(ForceSensor(name="cell"),))
+    model = replace(model, other_sensors=(ForceSensor(name="cell"),), process_noise=ProcessNoise(1e-3))
     assert set(model_to_dict(model)) == {"schema", *names}
 
 

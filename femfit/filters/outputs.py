@@ -1,0 +1,102 @@
+"""The sensors of a model as a filter sees them: functions of the state, noise, and a bias where one is estimated."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FilterError
+from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.filters.constants import BIAS_DEVIATION_V, BIAS_SHARE, BIAS_SHARE_PER_ROOT_S
+from femfit.filters.noise import FilterNoise
+from femfit.filters.process import Output
+from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.float_steps import float_reading
+from femfit.model.sensors import HALL, AnySensor, piece_slope, predict_sensor, reading_of, sensor_named
+
+
+def outputs_of(
+    model: ActuatorModel, sensors: Sequence[str], biases: Sequence[str], noise: FilterNoise
+) -> tuple[Output, ...]:
+    """One output a sensor; a bias is the state at its place in ``biases``, after those of the model."""
+    moving = 3 + len(model.memory_names)
+    found = []
+    for name in sensors:
+        sensor = sensor_named(model, name)
+        reading = reading_of(name, sensor)
+        white = noise.hall_V if isinstance(sensor, HallSensor) else noise.sensors.get(name, reading.white)
+        if not white > 0.0:
+            raise FilterError(
+                f"A filter must know the noise of sensor {name!r}, and it must be > 0 {reading.unit}; it is {white:g}. "
+                f"Give [sensors.{name}] its noise in the actuator file, or take it from a record: femfit observe."
+            )
+        bias = moving + list(biases).index(name) if name in biases else None
+        output = Output(
+            name,
+            reading.unit,
+            partial(_read, model, sensor, moving, bias),
+            white**2,
+            _slope(model, sensor, bias),
+            float_reading(model, sensor, bias),
+        )
+        found.append(output)
+    return tuple(found)
+
+
+def bias_names(model: ActuatorModel, biases: Sequence[str]) -> tuple[str, ...]:
+    """Names of the states that are biases."""
+    units = {name: reading_of(name, sensor_named(model, name)).unit for name in biases}
+    return tuple(f"{name}_bias_{unit.replace('/', '_per_').replace('^', '')}" for name, unit in units.items())
+
+
+def bias_deviations(model: ActuatorModel, biases: Sequence[str]) -> tuple[list[float], list[float]]:
+    """First standard deviations of biases, and their random walks over sqrt(s)."""
+    spans = [0.0 if name == HALL else _span(model, sensor_named(model, name)) for name in biases]
+    first = [BIAS_DEVIATION_V if name == HALL else BIAS_SHARE * span for name, span in zip(biases, spans, strict=True)]
+    return first, [BIAS_SHARE_PER_ROOT_S * span for span in spans]
+
+
+def _span(model: ActuatorModel, sensor: AnySensor) -> float:
+    box = model.validity
+    d, i = np.meshgrid(
+        np.linspace(box.distance_min_m, box.distance_max_m, 9), np.linspace(box.current_min_A, box.current_max_A, 9)
+    )
+    states = np.zeros((d.size, 3 + len(model.memory_names)))
+    states[:, 0], states[:, 2] = d.ravel(), i.ravel()
+    return float(np.ptp(predict_sensor(model, sensor, states)))
+
+
+def _read(model: ActuatorModel, sensor: AnySensor, moving: int, bias: int | None, states: FloatArray) -> FloatArray:
+    value = predict_sensor(model, sensor, states[:, :moving])
+    return value if bias is None else value + states[:, bias]
+
+
+def _slope(model: ActuatorModel, sensor: AnySensor, bias: int | None) -> partial[FloatArray] | None:
+    """The analytic Jacobian where there is one."""
+    late = model.memory_names or (model.dynamics is not None and model.dynamics.late)
+    if isinstance(sensor, HallSensor):
+        return None if late else partial(_hall_slope, sensor, bias)
+    return partial(_linear_slope, sensor, bias) if isinstance(sensor, CurrentSensor | PositionSensor) else None
+
+
+def _hall_slope(sensor: HallSensor, bias: int | None, states: FloatArray) -> FloatArray:
+    _, in_distance, in_current = sensor.field.derivatives(states[:, 0], states[:, 2])
+    result = np.zeros_like(states)
+    result[:, 0] = sensor.sensitivity_V_per_T * in_distance
+    result[:, 2] = sensor.sensitivity_V_per_T * in_current
+    if bias is not None:
+        result[:, bias] = 1.0
+    return result
+
+
+def _linear_slope(sensor: CurrentSensor | PositionSensor, bias: int | None, states: FloatArray) -> FloatArray:
+    result = np.zeros_like(states)
+    if isinstance(sensor, CurrentSensor):
+        result[:, 2] = sensor.gain
+    else:
+        slope = piece_slope(sensor, states[:, 0] - sensor.delay_s * states[:, 1])
+        result[:, 0], result[:, 1] = slope, -sensor.delay_s * slope
+    if bias is not None:
+        result[:, bias] = 1.0
+    return result
