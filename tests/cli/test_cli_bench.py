@@ -123,7 +123,7 @@ def test_a_gap_and_a_forgotten_resistance_are_said_and_noted(files, tmp_path):
     rows.to_csv(tmp_path / "gap.csv", index=False)
     done = femfit("bench", tmp_path / "gap.csv", "-o", tmp_path / "b.csv", "--json", tmp_path / "b.json")
     assert done.returncode == 0, done.stderr
-    assert "gap: Run 1: 1 gaps" in done.stdout
+    assert "gap: Run 1: 1 gap" in done.stdout
     assert "needs --resistance-ohm 2.69" in done.stdout
     assert [one["code"] for one in json.loads((tmp_path / "b.json").read_text())["findings"]] == ["gap", "resistance"]
     assert "1 gaps" in tomllib.loads((tmp_path / "b.toml").read_text())["notes"]
