@@ -211,6 +211,21 @@ def test_a_drawing_whose_parts_all_touch_says_so():
     assert "everything touches" in only_problem(drawing)
 
 
+def test_iron_without_a_source_has_no_field():
+    drawing = suspension()
+    drawing.relabel(MAGNET, name=STEEL)
+    drawing.relabel(COPPER, circuit=0)
+    assert "no field" in only_problem(drawing)
+
+
+def test_values_that_a_boundary_does_not_use_do_not_matter():
+    drawing = suspension()
+    drawing.boundaries = {"A=0": {"BdryType": 0, "c1": 5}}
+    import_fem(drawing.content(), "m.fem")
+    drawing.boundaries = {"open": {"BdryType": 2, "A_0": 5, "c0": 1}}
+    import_fem(drawing.content(), "m.fem")
+
+
 def test_a_lonely_winding_or_nothing_at_all_has_no_force():
     drawing = suspension()
     for name in (STEEL, MAGNET):

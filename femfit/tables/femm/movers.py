@@ -52,6 +52,12 @@ def divide(
     if not pieces:
         notes.problem("no block is magnetic and none carries current; there is no force. Give blocks their materials.")
         return None
+    if not coils and not any(part.direction for part in parts):
+        notes.problem(
+            "no block is a magnet and none carries current; there is no field. Put the winding's block in a circuit "
+            "with its turns."
+        )
+        return None
     bodies = _connected(pieces)
     if len(bodies) == 1:
         notes.problem(

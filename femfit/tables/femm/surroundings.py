@@ -119,7 +119,7 @@ def _check_boundaries(model: FemModel, domain: Polygon, kelvin: Sequence[FemFace
             notes.problem(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
         elif boundary.kind not in {0, 2}:
             notes.problem(f"{name} is of type {boundary.kind}; femfit takes prescribed A and mixed. Remove it.")
-        elif any((boundary.a0, boundary.a1, boundary.a2, boundary.c1)):
+        elif any((boundary.a0, boundary.a1, boundary.a2)) if boundary.kind == 0 else boundary.c1:
             notes.problem(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
         elif not outer:
             notes.problem(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
