@@ -17,6 +17,7 @@ _PLACES = {
     "CoilIntegral": "femfit.integrate.coil_integral:CoilIntegral",
     "Comparison": "femfit.identify.comparison.compare:Comparison",
     "Diagnosis": "femfit.identify.decision.diagnosis:Diagnosis",
+    "ErrorBound": "femfit.filters.error_bound:ErrorBound",
     "FemfitError": "femfit.core.errors:FemfitError",
     "Filter": "femfit.filters.filter:Filter",
     "FitResult": "femfit.fit.result:FitResult",
@@ -36,6 +37,7 @@ _PLACES = {
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",
     # Motion, filters, the loop and the target
+    "error_bound": "femfit.filters.error_bound:error_bound",
     "kalman_filter": "femfit.filters.kalman_filter:kalman_filter",
     "simulate": "femfit.open_loop.simulate:simulate",
     "close_loop": "femfit.simulation.close_loop:close_loop",

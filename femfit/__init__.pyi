@@ -5,6 +5,8 @@ from femfit.device.load import read_actuator as read_actuator
 from femfit.device.parts import Actuator as Actuator
 from femfit.effects.catalogue import all_effects as list_effects
 from femfit.field.sweep import run_sweep as run_sweep
+from femfit.filters.error_bound import ErrorBound as ErrorBound
+from femfit.filters.error_bound import error_bound as error_bound
 from femfit.filters.filter import Filter as Filter
 from femfit.filters.kalman_filter import kalman_filter as kalman_filter
 from femfit.fit.build import fit_model as fit_model
@@ -45,6 +47,7 @@ __all__ = [
     "CoilIntegral",
     "Comparison",
     "Diagnosis",
+    "ErrorBound",
     "FemfitError",
     "Filter",
     "FitResult",
@@ -58,6 +61,7 @@ __all__ = [
     "close_loop",
     "compare",
     "diagnose",
+    "error_bound",
     "export",
     "fit_model",
     "import_table",

@@ -12,6 +12,7 @@ def import_fem(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     moving_group: Annotated[tuple[int, ...], Parameter(negative=())] = (),
     moving_block: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    moving_label: Annotated[tuple[int, ...], Parameter(negative=())] = (),
     distance_mm: str | None = None,
     current_A: Annotated[str | None, Parameter(name="--current-A")] = None,
     circuit: str | None = None,
@@ -25,7 +26,7 @@ def import_fem(
     name: str | None = None,
     json: Path | None = None,
 ) -> None:
-    """Read an axisymmetric magnetostatic FEMM model (.fem), and write it as an actuator file.
+    """Read an axisymmetric magnetic FEMM model (.fem), and write it as an actuator file.
 
     Parameters
     ----------
@@ -37,26 +38,28 @@ def import_fem(
         Group of the blocks that move; may be repeated. Inferred by default.
     moving_block : tuple of str
         Material name of the blocks that move; may be repeated.
+    moving_label : tuple of int
+        Place in the file's list, from 1, of a block label in the body that moves; may be repeated.
     distance_mm : str
         Distances of the sweep, start:stop:step or separated by commas; the file's own is added.
     current_A : str
-        Currents of the sweep, start:stop:step or separated by commas; the file's own is added.
+        Currents of the sweep in each circuit, start:stop:step or separated by commas; the file's own is added.
     circuit : str
-        The winding's circuit, where there are several.
+        The only circuit to take, where there are several.
     mover_side : str
-        Where the moving part stands from the electromagnet in the file, higher or lower z.
+        Where the moving part stands from the fixed parts in the file, higher or lower z.
     face_mm : float
-        The file's z, in mm, of the electromagnet's face, from which distances are counted.
+        The file's z, in mm, of the fixed parts' face, from which distances are counted.
     mass_g : float
         Mass of the moving body.
     density_g_per_cm3 : float
         Density of the moving part, for its mass from its volume.
     resistance_ohm : float
-        Resistance of the winding.
+        Resistance of the winding, where there is one.
     wire_diameter_mm : float
         Bare copper diameter of the wire.
     arc_degrees : float
-        Largest angle of the chords that arcs become.
+        Largest angle of the chords that stand for arcs where other lines cross them.
     name : str
         Name of the actuator; from the file's by default.
     json : Path
@@ -72,6 +75,7 @@ def import_fem(
     options = FemOptions(
         moving_groups=moving_group,
         moving_blocks=moving_block,
+        moving_labels=moving_label,
         circuit=circuit,
         mover_side=mover_side,
         face_mm=face_mm,

@@ -34,6 +34,12 @@ FIRST_DEVIATION_M = 1e-3
 FIRST_VELOCITY_M_S, FIRST_CURRENT_A = 0.05, 0.1
 """Conventional: first standard deviations of velocity and current of a body near rest."""
 
+OBSERVED_SHARE = 0.5
+"""Conventional: a state counts as told by the sensors where its error falls below this share of the first one."""
+
+SETTLING_STEPS = 2000
+"""Conventional: samples after which the bound of a body held still is stated."""
+
 NEAREST, FARTHEST = 0.5, 2.0
 """Conventional: an estimate is lost below half the smallest or above twice the largest distance of the model's validity
 domain. The fit's polynomials continue a little outside of it, which a filter needs while it acquires, and mean nothing

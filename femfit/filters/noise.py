@@ -71,8 +71,7 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
         share = model.misfit.force_rms_of_weight
         error = model.misfit.force_rms_N if share is None or not weight else share * weight
     known = model.process_noise
-    density = known and known.acceleration_density
-    volts = known and known.voltage_V
+    density, volts = (known.acceleration_density, known.voltage_V) if known is not None else (None, None)
     return FilterNoise(
         acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
         voltage_V=DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V))

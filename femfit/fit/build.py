@@ -27,11 +27,14 @@ from femfit.fit.model_parts import (
     other_sensors_of,
     sample_time,
 )
+from femfit.fit.network_fit import NetworkFit, better_network, fit_network
 from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
+from femfit.model.magnetics import Magnetics
+from femfit.model.network_magnetics import NETWORK
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 from femfit.tables.variant_choice import choose_variant
 
@@ -108,21 +111,25 @@ def fit_model(
     mechanics = None if entry.get("mass_kg") is None else mechanics_of(entry)
     rows = rows_of_table(table, *((mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)))
 
-    law_fit, ranking = None, None
+    law_fit, ranking, network = None, None, None
     if law == ALL:
         ranking = rank_laws(tuple(all_laws().values()), rows)
         law_fit = ranking.recommended.fit
+        network = None if ranking.reached else better_network(rows, ranking)
+        law_fit = None if network else law_fit
+    elif law == NETWORK:
+        network = fit_network(rows)
     elif law is not None:
         chosen = law_by_name(law)
         law_fit = fit_law(chosen, rows, default_bounds(chosen).with_single(chosen, bounds or {}), functions)
-    coenergy = _coenergy(rows, constraints, inductance_H, needed=law_fit is None)
+    coenergy = _coenergy(rows, constraints, inductance_H, needed=law_fit is None and network is None)
     one_current = len(rows.currents) < 2 and not rows.without_current
     hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
     circuit, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
     others, not_held = other_sensors_of(entry)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
-        magnetics=law_magnetics(law_fit, rows, inductance_H) if law_fit else coenergy.magnetics,  # type: ignore[union-attr]
+        magnetics=_magnetics_of(law_fit, network, coenergy, rows, inductance_H),
         validity=ValidityBox(
             float(rows.distances[0]), float(rows.distances[-1]), float(rows.currents[0]), float(rows.currents[-1])
         ),
@@ -139,7 +146,7 @@ def fit_model(
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, built, law_fit)
     notes = (*lacks, *not_held, *misfit_notes(model, rows))
-    result = FitResult(model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table))
+    result = FitResult(model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network)
     provenance = {
         "fit": result.to_dict(),
         "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
@@ -157,12 +164,13 @@ def _check_options(
     functions: Sequence[str] | None,
     positive: Mapping[str, float | None],
 ) -> None:
-    if law not in {None, ALL, *all_laws()}:
+    if law not in {None, ALL, NETWORK, *all_laws()}:
         raise UsageError(
-            f"The model must be {COENERGY}, {ALL} or a law ({', '.join(all_laws())}); instead received {law!r}."
+            f"The model must be {COENERGY}, {ALL} or a law ({', '.join([*all_laws(), NETWORK])}); instead received "
+            f"{law!r}."
         )
     for_one_law = [name for name, value in (("bounds", bounds), ("functions", functions)) if value]
-    if for_one_law and law in {None, ALL}:
+    if for_one_law and law in {None, ALL, NETWORK}:
         raise UsageError(
             f"{' and '.join(for_one_law)} can be given for one law only; instead received model {law or COENERGY!r}. "
             "Leave out the option or name a law."
@@ -182,6 +190,21 @@ def _coenergy(
         if needed:
             raise
         return None
+
+
+def _magnetics_of(
+    law: LawFit | None,
+    network: NetworkFit | None,
+    coenergy: CoenergyFit | None,
+    rows: FitRows,
+    inductance_H: float | None,
+) -> Magnetics:
+    """What was asked for; one of the three is there."""
+    if law is not None:
+        return law_magnetics(law, rows, inductance_H)
+    chosen = network or coenergy
+    assert chosen is not None  # noqa: S101  a co-energy that is needed raises
+    return chosen.magnetics
 
 
 def _require_as_fitted(written: ActuatorModel, built: Misfit, law: LawFit | None) -> None:

@@ -118,6 +118,19 @@ them."""
 
 # Laws
 
+NETWORK_STARTS = ((0.3, 0.02), (0.3, 0.2), (0.05, 0.02), (0.05, 0.2))
+"""Assumed: where the search for a plunger's network starts: its shift, as a part of the median distance, and the iron's
+own current, as a part of the largest."""
+
+NETWORK_CURRENTS, NETWORK_DISTANCES = 3, 6
+"""Derived: a knee takes three currents beside zero, and a network's ten numbers six distances of them."""
+
+NETWORK_OFF = 10.0
+"""Numerical: residual of numbers that make no network, ten times the rms of what is fitted."""
+
+NETWORK_IDLE = 1e-3
+"""Assumed: force without current, as a part of the rms force, below which a plunger has no magnet."""
+
 STEPS = (0.0, -0.1, 0.1)
 """Assumed: starts beside the law's first guess, as parts of the logarithm of the range between its bounds."""
 

@@ -11,11 +11,13 @@ from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
 from femfit.fit.misfit import finer_settings
+from femfit.fit.network_fit import NetworkFit
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel, Misfit
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.model_text import fit_lines
+from femfit.model.network_magnetics import NETWORK, OPERATIONS
 
 _LABELS_SHOWN = 4
 """So many active constraints are listed; more are counted."""
@@ -41,6 +43,8 @@ class FitResult(Printed):
         What the model lacks, and how to give it.
     of_data : tuple of str
         What the table's import warned of.
+    network : NetworkFit or None
+        The law of a plunger that saturates, where it was asked for or is better than every other law.
 
     Examples
     --------
@@ -58,6 +62,7 @@ class FitResult(Printed):
     rows: FitRows
     notes: tuple[str, ...]
     of_data: tuple[str, ...] = ()
+    network: NetworkFit | None = None
 
     @property
     def misfit(self) -> Misfit:
@@ -73,11 +78,12 @@ class FitResult(Printed):
         """As JSON-ready data: for ``--json`` and the model's provenance."""
         magnetics = self.model.without_effects.magnetics
         return {
-            "model": self.law.law.name if self.law else "coenergy",
+            "model": self.law.law.name if self.law else NETWORK if self.network else "coenergy",
             "rows": len(self.rows.force),
             "misfit": asdict(self.misfit),
             "coenergy": _coenergy_data(self.coenergy) if self.coenergy else None,
             "law": _law_data(self.law) if self.law else None,
+            "network": {"operations": OPERATIONS, "left_out_of_rms": self.network.left_out} if self.network else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": _hall_data(self.hall) if self.hall else None,
             "finer_sweep": finer_settings(magnetics, self.rows) if isinstance(magnetics, CoenergySpline) else None,
@@ -92,11 +98,13 @@ def _lines(result: FitResult) -> list[str]:
     ]
     if not result.rows.without_current:
         lines.append(_derived_line(result))
+    if result.network is not None:
+        lines += result.network.lines()
     if result.ranking is not None:
-        lines += result.ranking.lines()
+        lines += result.ranking.lines()[1 if result.network else 0 :]
     elif result.law is not None:
         lines += _law_lines(result.law)
-    elif result.coenergy is not None:
+    elif result.coenergy is not None and result.network is None:
         lines += _coenergy_lines(result.coenergy, result.rows)
     if result.hall is not None:
         lines += _hall_lines(result.hall, result.model)

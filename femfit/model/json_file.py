@@ -22,11 +22,12 @@ from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ProcessNoise, ValidityBox
 from femfit.model.drive import BRIDGE, Drive
 from femfit.model.hall import HallSpline
-from femfit.model.json_magnetics import magnetics_from, spline_from, spline_to
+from femfit.model.json_magnetics import NETWORK_KIND, magnetics_from, spline_from, spline_to
 from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
 from femfit.model.json_section import Section
 from femfit.model.json_sensors import sensors_from
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
+from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.model.with_effects import with_effects
 
 
@@ -113,7 +114,7 @@ _WORKED_OUT = {"base", "dynamics"}
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data."""
     for held in (model.without_effects.magnetics, getattr(model.without_effects.sensor, "field", None)):
-        if not isinstance(held, CoenergySpline | LawMagnetics | HallSpline | None):
+        if not isinstance(held, CoenergySpline | LawMagnetics | NetworkMagnetics | HallSpline | None):
             raise ModelFileError(
                 "To be written, magnetics must be a co-energy spline or a law, and the field at the Hall element a "
                 f"spline; it is {type(held).__name__}."
@@ -147,6 +148,8 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
     if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
         return {name: _plain(one) for name, one in unusual(value).items()}
     data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, NetworkMagnetics):
+        return {"kind": NETWORK_KIND, **data}
     if isinstance(value, LawMagnetics):
         return {"kind": "law", "law": data.pop("law_name"), **data}
     if isinstance(value, Coefficient):

@@ -1,6 +1,7 @@
 """Co-energy splines and laws in a model file."""
 
 import math
+from dataclasses import fields
 from typing import Any
 
 from femfit.laws.catalogue import law_by_name
@@ -8,9 +9,12 @@ from femfit.model.bspline import TensorSpline, is_clamped
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.json_section import Section
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
+from femfit.model.network_magnetics import NetworkMagnetics
 
 INVERSE, PLAIN = "inverse_distance", "distance"
 """What u may be: d_0 / (d + s), or d / d_0."""
+
+NETWORK_KIND = "reluctance_network"
 
 _SPLINE_KEYS = (
     "kind",
@@ -26,12 +30,14 @@ _SPLINE_KEYS = (
 
 
 def magnetics_from(section: Section) -> Magnetics:
-    """A co-energy spline or a law."""
+    """A co-energy spline, a law or a network."""
     kind = section.text("kind")
     if kind == "coenergy_spline":
         return CoenergySpline(*spline_from(section))
+    if kind == NETWORK_KIND:
+        return _network_from(section)
     if kind != "law":
-        raise section.refusal("kind", "coenergy_spline or law")
+        raise section.refusal("kind", f"coenergy_spline, {NETWORK_KIND} or law")
     law = section.item("law", law_by_name)
     section.section("shape").refuse_others(tuple(p.name for p in law.shape))
     return LawMagnetics(
@@ -41,6 +47,24 @@ def magnetics_from(section: Section) -> Magnetics:
         constant_inductance_H=section.number("constant_inductance_H"),
         constant_flux_linkage_Wb=section.number("constant_flux_linkage_Wb"),
         reference_distance_m=section.optional_number("reference_distance_m"),
+    )
+
+
+def _network_from(section: Section) -> NetworkMagnetics:
+    section.refuse_others(("kind", *(f.name for f in fields(NetworkMagnetics))))
+    arrays = {"log_reluctance": 4, "saturation_Wb": 2, "leakage_H": 2}
+    powers = {key: section.array(key, 1) for key in arrays}
+    for key, count in arrays.items():
+        if len(powers[key]) != count:
+            raise section.refusal(key, f"{count} numbers")
+    r0, r1, r2, r3 = powers["log_reluctance"].tolist()
+    return NetworkMagnetics(
+        section.number("reference_distance_m", positive=True),
+        section.number("distance_shift_m"),
+        (r0, r1, r2, r3),
+        (float(powers["saturation_Wb"][0]), float(powers["saturation_Wb"][1])),
+        section.number("knee_A", positive=True),
+        (float(powers["leakage_H"][0]), float(powers["leakage_H"][1])),
     )
 
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from femfit.core.amount import amount, counted
 from femfit.model.magnetics import LawMagnetics
+from femfit.model.network_magnetics import FORMULA, NETWORK, NetworkMagnetics
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel, Misfit
@@ -30,6 +31,8 @@ def fit_lines(model: "ActuatorModel") -> list[str]:
     base, domain = model.without_effects, model.validity
     law = base.magnetics.law if isinstance(base.magnetics, LawMagnetics) else None
     kind = f"law {law.name}, {law.formula}" if law else "co-energy"
+    if isinstance(base.magnetics, NetworkMagnetics):
+        kind = f"law {NETWORK}, {FORMULA}"
     lines = [f"{model.name}: {kind}"]
     if base.misfit is not None:
         lines += [f"it misses its table of {counted(base.misfit.rows, 'point')} by", *misfit_lines(base.misfit)]

@@ -29,7 +29,6 @@ def only_problem(drawing, **options):
     ("header", "words"),
     [
         ({"ProblemType": "planar"}, ("[ProblemType]", "body of revolution")),
-        ({"Frequency": 50}, ("[Frequency] is 50 Hz", "Set it to 0")),
         ({"Format": 3.2}, ("[Format] is 3.2", "FEMM 4.2")),
         ({"PrevSoln": '"old.ans"', "PrevType": 2}, ("old.ans", "frozen permeability")),
     ],
@@ -42,11 +41,12 @@ def test_problems_of_another_kind_are_refused(header, words):
 @pytest.mark.parametrize(
     ("name", "changes", "words"),
     [
-        (MAGNET, {"curve": CURVE, "H_c": 12000}, ("'N40'", "permanent magnet with a B-H curve", "B_r = 1.8 T")),
         (STEEL, {"Mu_y": 300}, ("'Pure Steel'", "anisotropic", "500", "300")),
-        (STEEL, {"LamFill": 0.95}, ("'Pure Steel'", "laminated", "0.95")),
+        (STEEL, {"LamFill": 0.95, "LamType": 1}, ("'Pure Steel'", "laminated", "0.95")),
         (STEEL, {"Mu_x": -1, "Mu_y": -1}, ("'Pure Steel'", "must be > 0")),
-        (AIR, {"J_re": 2.5}, ("'Air'", "J = 2.5 MA/m^2", "circuit")),
+        (AIR, {"J_re": 2.5}, ("'Air'", "outer boundary")),
+        (STEEL, {"J_re": 2.5}, ("'Pure Steel'", "magnetic", "current density J")),
+        (COPPER, {"J_re": 2.5}, ("'Copper'", "'coil'", "current density J too")),
         (COPPER, {"Mu_x": 5, "Mu_y": 5}, ("'Copper'", "magnetic", "'coil'")),
     ],
 )
@@ -72,11 +72,9 @@ def test_materials_that_no_block_uses_are_left_alone():
 @pytest.mark.parametrize(
     ("name", "changes", "words"),
     [
-        (MAGNET, {"magdir": 0}, ("'N40'", "at 0 degrees", "90 or -90")),
-        (MAGNET, {"formula": "theta+90"}, ("'N40'", "'theta+90'", "90 or -90")),
-        (AIR, {"flags": 1}, ("'Air'", "external region", "Delete")),
+        (MAGNET, {"formula": "theta+90"}, ("'N40'", "'theta+90'", "Give an angle")),
+        (AIR, {"flags": 1}, ("separate pieces", "'Pure Steel'")),
         (COPPER, {"turns": 0}, ("'Copper'", "no turns", "Give their number")),
-        (COPPER, {"circuit": 0}, ("no block belongs to a circuit",)),
         (STEEL, {"z": -30}, ("lie in one face", "'Pure Steel'", "'Air'")),
         (STEEL, {"r": 300}, ("'Pure Steel'", "no closed face")),
         (STEEL, {"r": 4}, ("'Pure Steel'", "on a line")),
@@ -145,71 +143,107 @@ def test_empty_regions_and_faces_without_label_are_named_with_their_place():
     assert "'<No Mesh>' at (r, z) = (22, 22)" in only_problem(drawing)
 
 
-def test_several_circuits_need_a_choice_and_others_must_carry_nothing():
-    drawing = suspension()
-    drawing.circuits["sense"] = {"TotalAmps_re": 0, "CircuitType": 1}
-    drawing.box(5, 9, 20, 27)
-    drawing.label(7, 22, COPPER, circuit=2, turns=10)
-    assert "idle-circuits" in {finding.code for finding in import_fem(drawing.content(), "m.fem").findings}
-    assert import_fem(drawing.content(), "m.fem").actuator.coil.turns == 200
-    assert "carry current" in only_problem(drawing, circuit="sense")
-    assert "no circuit is named 'none'" in only_problem(drawing, circuit="none")
-    drawing.circuits["coil"]["TotalAmps_re"] = 0
-    assert "'coil' (0 A), 'sense' (0 A)" in only_problem(drawing)
-    assert import_fem(drawing.content(), "m.fem", FemOptions(circuit="sense")).actuator.coil.turns == 10
-    drawing.circuits = {"coil": {"TotalAmps_re": 1}, "sense": {"TotalAmps_re": 1}}
-    assert "several circuits" in only_problem(drawing)
+def test_a_circuit_that_is_not_there_is_refused_with_those_that_are():
+    assert "no circuit is named 'none': 'coil' (2 A)" in only_problem(suspension(), circuit="none")
 
 
-def test_a_parallel_circuit_is_refused():
+def test_a_parallel_circuit_of_several_blocks_is_refused():
     drawing = suspension()
     drawing.circuits["coil"]["CircuitType"] = 0
+    drawing.box(5, 9, 20, 25)
+    drawing.label(7, 22, COPPER, circuit=1)
     assert "parallel" in only_problem(drawing)
 
 
-def test_windings_in_pieces_or_of_uneven_density_are_refused():
+def test_the_resistance_of_one_winding_is_not_taken_for_two():
     drawing = suspension()
-    drawing.line((5, -6), (9, -6))
-    drawing.relabel(COPPER, turns=100, z=-9)
-    drawing.label(7, -3, COPPER, circuit=1, turns=50)
-    assert "same turns per area" in only_problem(drawing)
-    apart = suspension()
-    apart.box(5, 9, 20, 25)
-    apart.label(7, 22, COPPER, circuit=1, turns=100)
-    assert "one region" in only_problem(apart)
+    drawing.box(5, 9, 20, 25)
+    drawing.label(7, 22, COPPER, circuit=1)
+    assert "--resistance-ohm is of one winding; there are 2" in only_problem(drawing, resistance_ohm=3.0)
 
 
-def test_it_is_asked_what_moves_where_that_is_not_clear():
+def several_bodies():
+    """A core, a magnet's place taken by steel, and another body behind it."""
     drawing = suspension()
     drawing.relabel(MAGNET, name=STEEL)
     drawing.box(0, 3, 20, 25)
     drawing.label(1, 22, STEEL, group=8)
+    return drawing
+
+
+def test_every_mover_that_a_message_offers_is_taken_at_once():
+    drawing = several_bodies()
+    drawing.relabel(COPPER, group=0)
+    drawing.labels[0][5] = 0  # the core, which no group and no material tells from the others
     message = only_problem(drawing)
-    assert "not clear which body moves" in message
-    assert "group 8" in message
-    assert "--moving-group" in message
-    assert "no magnetic part has block 'Gold' or group 77" in only_problem(
-        drawing, moving_groups=(77,), moving_blocks=("Gold",)
-    )
+    offered = re.findall(r"(--moving-\w+) (\S+) for block '(.*?)' at \(r, z\) = \((\S+), (\S+)\)", message)
+    kinds = {"--moving-group": "moving_groups", "--moving-label": "moving_labels", "--moving-block": "moving_blocks"}
+    assert {option for option, *_ in offered} == set(kinds)
+    for option, value, name, _, z in offered:
+        given = value if option == "--moving-block" else int(value)
+        toml = import_fem(drawing.content(), "m.fem", FemOptions(**{kinds[option]: (given,)})).toml
+        _, moving = toml.split("[mechanics]" if "[mechanics]" in toml else "[moving]")
+        assert (f"'{name}' at (r, z)" in moving and f", {z})" in moving) or "moves = true" in toml
 
 
-def test_a_level_or_touching_moving_part_is_refused():
-    level = suspension()
-    level.box(12, 15, -7.5, 4.5)  # core, coil and magnet span -12 to 9
-    level.label(13, -6, STEEL, group=5)
-    assert "--mover-side" in only_problem(level, moving_groups=(5,))
-    assert "--mover-side" in only_problem(suspension(), mover_side="below")
-    assert "needs a gap" in only_problem(suspension(distance=0.0), moving_groups=(3,))
+def test_a_mover_that_is_not_there_is_answered_with_those_that_are():
+    message = only_problem(several_bodies(), moving_groups=(77,), moving_blocks=("Gold",), moving_labels=(9,))
+    assert "no part has block 'Gold' or group 77 or label 9" in message
+    assert "--moving-group 8" in message
+
+
+def test_a_mover_that_is_everything_is_refused():
+    drawing = suspension()
+    assert "everything moves" in only_problem(drawing, moving_groups=(1, 2, 3))
+
+
+def test_a_touching_moving_part_is_refused_with_what_it_touches():
+    message = only_problem(suspension(distance=0.0), moving_groups=(3,))
+    assert "'N40'" in message
+    assert "touches block 'Pure Steel'" in message
+
+
+def test_a_drawing_whose_parts_all_touch_says_so():
+    drawing = suspension(distance=0.0)
+    drawing.line((4, -6), (5, -6))
+    drawing.line((4, -7), (5, -7))
+    drawing.label(4.5, -6.5, STEEL, group=1)
+    assert "everything touches" in only_problem(drawing)
+
+
+def test_iron_without_a_source_has_no_field():
+    drawing = suspension()
+    drawing.relabel(MAGNET, name=STEEL)
+    drawing.relabel(COPPER, circuit=0)
+    assert "no field" in only_problem(drawing)
+
+
+def test_values_that_a_boundary_does_not_use_do_not_matter():
+    drawing = suspension()
+    drawing.boundaries = {"A=0": {"BdryType": 0, "c1": 5}}
+    import_fem(drawing.content(), "m.fem")
+    drawing.boundaries = {"open": {"BdryType": 2, "A_0": 5, "c0": 1}}
+    import_fem(drawing.content(), "m.fem")
+
+
+def test_a_lonely_winding_or_nothing_at_all_has_no_force():
+    drawing = suspension()
+    for name in (STEEL, MAGNET):
+        drawing.relabel(name, name=AIR)
+    assert "'Copper'" in only_problem(drawing)
+    assert "no force acts on it alone" in only_problem(drawing)
+    drawing.relabel(COPPER, name=AIR, circuit=0)
+    assert "no block is magnetic and none carries current" in only_problem(drawing)
 
 
 def test_everything_that_cannot_be_taken_is_said_at_once():
-    drawing = suspension(header={"ProblemType": "planar", "Frequency": 60})
+    drawing = suspension(header={"ProblemType": "planar", "Format": 3.2})
     drawing.materials[STEEL]["Mu_y"] = 7
-    drawing.relabel(MAGNET, magdir=45)
+    drawing.relabel(MAGNET, formula="theta")
     drawing.boundaries = {"A=0": {"BdryType": 4}}
-    drawing.circuits["coil"]["CircuitType"] = 0
+    drawing.relabel(COPPER, turns=0)
     found = problems(drawing.content())
-    wanted = ("[ProblemType]", "[Frequency]", "anisotropic", "45 degrees", "periodic", "parallel")
+    wanted = ("[ProblemType]", "[Format]", "anisotropic", "'theta'", "periodic", "no turns")
     assert all(any(word in line for line in found) for word in wanted), found
 
 
@@ -277,50 +311,33 @@ def test_the_error_is_a_femfit_error_that_survives_a_process():
     assert str(pickle.loads(pickle.dumps(error))) == str(error)  # noqa: S301  our own bytes
 
 
-def flush_plunger():
-    """A plunger flush with the end of the shell that it is to be drawn into: all in mm."""
-    drawing = FemDrawing()
-    drawing.box(8, 12, -20, -1)
-    drawing.box(13, 15, -22.25, 0)
-    drawing.box(0, 6, 0, 30)
-    drawing.line((0, 100), (0, -100))
-    drawing.arc((0, -100), (0, 100), 180, 1)
-    drawing.label(10, -5, COPPER, circuit=1, turns=100)
-    drawing.label(14, -5, STEEL, group=1)
-    drawing.label(3, 10, STEEL, group=3)
-    drawing.label(40, 40, AIR)
-    return drawing
-
-
 def test_every_face_that_a_message_offers_is_taken_at_once():
-    message = only_problem(flush_plunger(), moving_groups=(3,))
-    offered = [float(word) for word in re.findall(r"-?\d+\.?\d*", message.split("--face-mm: ")[1])]
-    assert offered == [-1.0, -20.0, -22.25]
-    for face in offered:
-        imported = import_fem(flush_plunger().content(), "model.fem", FemOptions(moving_groups=(3,), face_mm=face))
-        assert imported.distance_m == pytest.approx(-1e-3 * face)
-
-
-def test_a_face_at_no_corner_is_refused_in_the_files_own_heights():
-    message = only_problem(flush_plunger(), moving_groups=(3,), face_mm=-19.0)
-    assert "-1 or -20 or -22.25 mm in the file's z" in message
+    result = import_fem(suspension().content(), "model.fem")
+    remedy = next(finding.remedy for finding in result.findings if finding.code == "frame")
+    offered = [float(word) for word in re.findall(r"-?\d+\.?\d*", remedy.split("--face-mm: ")[1])]
+    assert offered == [-1.0, -11.0, -12.0]
+    for face in (*offered, -3.5):  # a height without a corner too
+        imported = import_fem(suspension().content(), "model.fem", FemOptions(face_mm=face))
+        assert imported.distance_m == pytest.approx(4e-3 - 1e-3 * face)
 
 
 def test_a_refused_actuator_says_how_its_heights_lie_in_the_file():
     drawing = suspension(face=-30.0)
     with pytest.raises(ActuatorFileError) as caught:
-        import_fem(drawing.content(), "model.fem", FemOptions(distances_mm=(-3.0,)))
+        import_fem(drawing.content(), "model.fem", FemOptions(distances_mm=(-15.0,)))
     assert "the file's z is -30 mm + z" in caught.value.problems[-1]
 
 
-def test_a_drawing_in_pieces_is_not_blamed_on_its_circuit():
+def test_two_drawings_in_one_file_are_refused_with_a_part_of_each():
     drawing = suspension()
     drawing.arc((0, 200), (0, 300), 180)
-    drawing.line((0, 200), (0, 300))
-    drawing.label(10, 250, AIR)
+    drawing.line((0, 200), (0, 240), (10, 240), (10, 260), (0, 260), (0, 300))
+    drawing.line((0, 240), (0, 260))
+    drawing.label(20, 250, AIR)
+    drawing.label(5, 250, STEEL)
     message = only_problem(drawing)
-    assert "separate pieces" in message
-    assert "Kelvin" in message
+    assert "2 separate pieces" in message
+    assert "(5, 250)" in message
 
 
 @pytest.mark.parametrize(

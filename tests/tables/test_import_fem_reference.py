@@ -45,7 +45,7 @@ def test_an_imported_model_gives_the_converged_force_and_the_peers_flux(name, tm
     # the sweep's own error is below 0.1 % (its force_error_N); the mesh error of the peer's force on the magnet is not
     assert row["force_N"] == pytest.approx(CONVERGED[int(row["current_A"])], rel=1e-3)
     assert row["force_N"] == pytest.approx(-peer["core_reaction"], rel=reaction_error)
-    assert row["flux_linkage_Wb"] == pytest.approx(imported.frame.current_sign * peer["flux_linkage"], rel=flux_error)
+    assert row["flux_linkage_Wb"] == pytest.approx(imported.current_signs[0] * peer["flux_linkage"], rel=flux_error)
 
 
 # (r, z) in mm of the file and the peer's error. B is constant in its first-order elements: over five meshes (see

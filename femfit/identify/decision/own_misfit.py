@@ -10,6 +10,7 @@ from femfit.identify.constants import OWN_MISFIT
 from femfit.identify.readings.observations import Observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
+from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.tables.measurement import CHANNEL_WORDS
 
 _VERDICT = (
@@ -44,7 +45,7 @@ def own_misfit_sentence(observations: Observations, times_own: float) -> str:
 
 def finer_model(model: ActuatorModel) -> str:
     """What to do about a model's own misfit: settings to add to the sweep, or the co-energy in place of a law."""
-    if isinstance(model.without_effects.magnetics, LawMagnetics):
+    if isinstance(model.without_effects.magnetics, LawMagnetics | NetworkMagnetics):
         return f"{_FINER}Fit the co-energy to the same table (femfit fit without --model) and diagnose with it."
     finer = (model.provenance.get("fit") or {}).get("finer_sweep")
     return _FINER + (to_be_added(finer) if finer else "Sweep at more distances and currents, and fit again.")

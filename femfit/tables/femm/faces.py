@@ -1,8 +1,7 @@
 """The drawing's faces: lines split where they meet, closed loops found, each block label in its face.
 
-Arcs become chords of at most ``arc_degrees``: their ends lie on the arc, so that a chord of t radians stays
-within R t^2 / 8 of it (0.034 % of R at 3 degrees) and its sector loses t^2 / 6 of its area (0.046 %); the attraction of
-a magnetised ball is then 0.1 % low. The spacing that the file asks of FEMM's own mesh is not used. Lines are split on a
+Arcs become chords of at most ``arc_degrees`` here, whose ends lie on the arc; :mod:`femfit.tables.femm.outlines` finds
+the arcs again. The spacing that the file asks of FEMM's own mesh is not used. Lines are split on a
 grid of a nanometre, which joins a corner to the line that it was drawn on.
 """
 
@@ -37,11 +36,17 @@ class FemFace:
     label: FemLabel
 
 
+def is_straight(line: FemLine) -> bool:
+    """Whether a segment, or an arc that is as straight as one."""
+    length = math.hypot(line.end.r - line.start.r, line.end.z - line.start.z)
+    return length * math.radians(line.angle) / 8.0 < GRID
+
+
 def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
     """The corners of a segment or arc in mm, both ends included."""
     start, end = complex(line.start.r, line.start.z), complex(line.end.r, line.end.z)
     half = math.radians(line.angle) / 2.0
-    if abs(end - start) * half / 4.0 < GRID:  # as straight as a segment
+    if is_straight(line):
         return [(start.real, start.imag), (end.real, end.imag)]
     centre = (start + end) / 2.0 + 1j * (end - start) / 2.0 / math.tan(half)
     count = math.ceil(line.angle / arc_degrees - 1e-9)

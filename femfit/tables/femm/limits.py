@@ -1,15 +1,13 @@
 """What a FEMM model may hold and an actuator file cannot say: each with its name and the remedy."""
 
+import math
 from collections.abc import Iterable
 
-import numpy as np
-
-from femfit.core.amount import counted
 from femfit.tables.femm.model import FemLabel, FemMaterial, FemModel
 from femfit.tables.femm.notes import Notes
 
 ANGLE_TOLERANCE = 0.01
-"""Degrees off the axis that a magnetization may be: drawings give 90 or -90, rotated ones its rounding."""
+"""Degrees within which a magnetization is along an axis: drawings give 90 or -90, rotated ones its rounding."""
 
 SIGNIFICANT_SHARE = 1e-6
 """Relative difference of two permeabilities below which they are the same number, rounded."""
@@ -18,7 +16,7 @@ SIGNIFICANT_SHARE = 1e-6
 def check_limits(model: FemModel, notes: Notes) -> None:
     """Report everything in the file's properties that cannot be taken."""
     notes.problems.extend(_problem_kind(model))
-    used = [label for label in model.labels if label.material is not None]
+    used = [label for label in model.labels if label.material is not None and not label.external]
     materials = list(dict.fromkeys(label.material for label in used if label.material is not None))
     for n, material in enumerate(materials):
         notes.problems.extend(_material_limits(material))
@@ -29,15 +27,20 @@ def check_limits(model: FemModel, notes: Notes) -> None:
     notes.problems.extend(_point_limits(model))
 
 
-def axial_sign(label: FemLabel) -> float:
-    """+1 for a block magnetised along +z, -1 along -z, 0 for neither; a negative H_c turns the magnet round."""
+Direction = tuple[float, float]
+"""Unit vector (r, z)."""
+
+
+def magnet_direction(label: FemLabel) -> Direction | None:
+    """Where a block's magnetization points; None for no magnet. A negative H_c turns the magnet round."""
     if label.material is None or not label.material.coercivity:
-        return 0.0
-    sign = 1.0 if label.material.coercivity > 0 else -1.0
-    angle = label.magnetization % 360.0
-    if abs(angle - 90.0) <= ANGLE_TOLERANCE:
-        return sign
-    return -sign if abs(angle - 270.0) <= ANGLE_TOLERANCE else 0.0
+        return None
+    angle = (label.magnetization + (0.0 if label.material.coercivity > 0 else 180.0)) % 360.0
+    nearest = 90.0 * round(angle / 90.0)
+    if abs(angle - nearest) <= ANGLE_TOLERANCE:
+        angle = nearest
+    r, z = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    return round(r, 12) + 0.0, round(z, 12) + 0.0
 
 
 def _problem_kind(model: FemModel) -> list[str]:
@@ -46,10 +49,6 @@ def _problem_kind(model: FemModel) -> list[str]:
         found.append(
             f"[ProblemType] is {model.problem_type[:40]!r}; femfit solves axisymmetric problems. "
             "Draw the actuator as a body of revolution, r to the right."
-        )
-    if model.frequency:
-        found.append(
-            f"[Frequency] is {model.frequency:g} Hz; femfit solves magnetostatics. Set it to 0 for the static field."
         )
     if model.version != 4.0:
         found.append(f"[Format] is {model.version:g}; only 4.0 is read. Open it with FEMM 4.2 and save it again.")
@@ -75,38 +74,13 @@ def _material_limits(material: FemMaterial) -> Iterable[str]:
             f"{name} is laminated with a fill of {material.lamination_fill:g}; femfit's materials are solid. Set "
             "LamFill = 1 and give an effective permeability."
         )
-    if material.coercivity and material.curve:
-        flux, field = zip(*material.curve, strict=True)
-        remanence = float(np.interp(abs(material.coercivity), field, flux))
-        yield (
-            f"{name} is a permanent magnet with a B-H curve "
-            f"({counted(len(material.curve), 'point')}); femfit's magnets have a "
-            f"straight recoil line. Clear its curve, give Mu of the line (about 1.05 for NdFeB) and H_c = B_r / (mu_0 "
-            f"Mu); its curve has B_r = {remanence:.4g} T."
-        )
-    if material.current_density:
-        yield (
-            f"{name} carries a current density J = {material.current_density:g} MA/m^2; femfit's currents belong to "
-            "the winding. Set J to 0 and put the block in a circuit with its turns."
-        )
 
 
 def _label_limits(label: FemLabel) -> Iterable[str]:
-    magnet = label.material is not None and label.material.coercivity
-    if magnet and label.direction_formula:
+    if label.material is not None and label.material.coercivity and label.direction_formula:
         yield (
-            f"{label.place} has the magnetization formula {label.direction_formula!r}; femfit takes +z or -z. "
-            "Give the angle 90 or -90."
-        )
-    elif magnet and not axial_sign(label):
-        yield (
-            f"{label.place} is magnetised at {label.magnetization:g} degrees; femfit takes magnets along the axis. "
-            "Give the angle 90 or -90."
-        )
-    if label.external:
-        yield (
-            f"{label.place} lies in an external region (Kelvin transformation); femfit has an open boundary of its "
-            "own. Delete the external region and its periodic boundary, keep the inner one."
+            f"{label.place} has the magnetization formula {label.direction_formula!r}; femfit's magnets have one "
+            "direction a block. Give an angle, and divide the block where the direction changes."
         )
 
 

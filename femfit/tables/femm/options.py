@@ -19,12 +19,14 @@ MoverSide = Literal["auto", "above", "below"]
 class FemOptions:
     """Choices and values that a ``.fem`` file does not hold, as the command's options of the same names say them.
 
-    Moving blocks are named by their material; the face's height is in the file's z; the file's own point is added to
+    Moving blocks are named by their material, moving bodies by the number of one of their block labels; the face's
+    height is in the file's z; the file's own point is added to
     the ascending axes of the sweep.
     """
 
     moving_groups: tuple[int, ...] = ()
     moving_blocks: tuple[str, ...] = ()
+    moving_labels: tuple[int, ...] = ()
     circuit: str | None = None
     mover_side: MoverSide = "auto"
     face_mm: float | None = None

@@ -1,13 +1,9 @@
 """A FEMM model as an actuator file: read, divide into parts, place, write, and read back."""
 
-import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import shapely
-from shapely import Point
 
 from femfit.core.amount import counted
 from femfit.core.errors import ActuatorFileError, FemFileError
@@ -15,33 +11,45 @@ from femfit.core.finding import Finding
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_toml
 from femfit.device.parts import Actuator
-from femfit.tables.femm.faces import GRID, find_faces
+from femfit.tables.femm.faces import find_faces
+from femfit.tables.femm.found import FemDevice
 from femfit.tables.femm.frame import FemFrame, find_frame
 from femfit.tables.femm.limits import check_limits
-from femfit.tables.femm.model import FemModel, FemPoint
+from femfit.tables.femm.model import FemModel
+from femfit.tables.femm.movers import FemBodies, divide
 from femfit.tables.femm.notes import Notes
 from femfit.tables.femm.options import FemOptions
 from femfit.tables.femm.parse import parse_fem
-from femfit.tables.femm.parts import FemBodies, divide, merge_parts
+from femfit.tables.femm.parts import merge_parts
+from femfit.tables.femm.ranges import offered_axes
 from femfit.tables.femm.surroundings import drop_surroundings
+from femfit.tables.femm.taken import in_terms_of_femfit
 from femfit.tables.femm.toml import actuator_toml
-from femfit.tables.femm.winding import FemWinding, find_winding, find_wire
+from femfit.tables.femm.winding import FemWinding, find_windings
+from femfit.tables.femm.wire import find_wire
 
 
 @dataclass(frozen=True)
 class ImportedFem:
-    """A FEMM model, imported; its own point has femfit's signs."""
+    """A FEMM model, imported; its own point has femfit's signs, with one current a circuit."""
 
     source: str
     toml: str
     actuator: Actuator
-    current_A: float
+    currents_A: tuple[float, ...]
+    current_signs: tuple[float, ...]
     distance_m: float
     frame: FemFrame
     findings: tuple[Finding, ...]
 
+    @property
+    def current_A(self) -> float:  # noqa: N802  the unit, as in actuator files
+        """Of the first circuit; zero where there is none."""
+        return self.currents_A[0] if self.currents_A else 0.0
+
     def __str__(self) -> str:
-        lines = [f"{self.source}: {self.current_A:g} A at {1e3 * self.distance_m:g} mm"]
+        currents = ", ".join(f"{current:g} A" for current in self.currents_A) or "no current"
+        lines = [f"{self.source}: {currents} at {1e3 * self.distance_m:g} mm"]
         return "\n".join([*lines, *(f"- {finding.marked}" for finding in self.findings)])
 
     def as_dict(self) -> dict[str, Any]:
@@ -50,10 +58,11 @@ class ImportedFem:
             "kind": "import-fem",
             "name": self.actuator.name,
             "current_A": self.current_A,
+            "currents_A": dict(zip((one.name for one in self.actuator.circuits), self.currents_A, strict=True)),
             "distance_m": self.distance_m,
             "file_face_mm": self.frame.face_mm,
             "mirrored": self.frame.up < 0,
-            "current_sign": self.frame.current_sign,
+            "current_sign": self.current_signs[0] if self.current_signs else 1.0,
             "field_sign": self.frame.field_sign,
             "findings": [finding.as_dict() for finding in self.findings],
         }
@@ -73,16 +82,19 @@ def import_fem_file(path: Path, options: FemOptions | None = None) -> ImportedFe
 def import_fem(content: bytes, source: str, options: FemOptions | None = None) -> ImportedFem:
     """Read a FEMM model as an actuator file."""
     options = options or FemOptions()
-    model = parse_fem(content, source)
     notes = Notes()
+    model = in_terms_of_femfit(parse_fem(content, source), notes)
     check_limits(model, notes)
-    winding, bodies, frame = _place(model, options, notes)
-    if notes.problems or winding is None or bodies is None or frame is None:
+    found = _found(model, options, notes)
+    if notes.problems or found is None:
         raise FemFileError(source, notes.problems)
-    wire = find_wire(winding, options, notes)
-    text = actuator_toml(model, bodies, winding, wire, frame, options, _actuator_name(source, options))
-    _say_changes(model, bodies, options, notes)
-    _say_missing(options, notes)
+    windings, bodies = found
+    frame = find_frame(bodies, windings, options, notes)
+    wires = {id(coil): find_wire(coil, options, notes) for winding in windings for coil in winding.coils}
+    device = FemDevice(_actuator_name(source, options), model, bodies, windings, wires, frame, options)
+    text = actuator_toml(device)
+    _say_changes(model, bodies, notes)
+    _say_missing(device, notes)
     try:
         actuator = actuator_from_toml(text, f"the actuator file of {source}")
     except ActuatorFileError as error:
@@ -93,41 +105,34 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
         source=source,
         toml=text,
         actuator=actuator,
-        current_A=frame.current_sign * winding.circuit.current_A + 0.0,
+        currents_A=tuple(frame.current(winding) for winding in windings),
+        current_signs=tuple(frame.current_sign(winding) for winding in windings),
         distance_m=scaled(frame.distance_mm),
         frame=frame,
         findings=tuple(notes.findings),
     )
 
 
-def _place(
-    model: FemModel, options: FemOptions, notes: Notes
-) -> tuple[FemWinding | None, FemBodies | None, FemFrame | None]:
-    """Everything that is found in the drawing; None from where it cannot be gone on."""
+def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[FemWinding, ...], FemBodies] | None:
+    """The windings and what moves; None where the drawing does not say it."""
+    before = len(notes.problems)
     faces = find_faces(model, options.arc_degrees, notes)
     own = drop_surroundings(model, faces, notes) if faces else None
-    winding = None if own is None else find_winding(own, options.circuit, notes)
-    if own is None or winding is None:
-        return None, None, None
+    if own is None:
+        return None
+    windings = find_windings(own, options.circuit, notes)
+    coils = [coil for winding in windings for coil in winding.coils]
+    if len(coils) > 1 and options.resistance_ohm is not None:
+        notes.problem(f"--resistance-ohm is of one winding; there are {len(coils)}. Give --wire-diameter-mm instead.")
+    if len(notes.problems) > before:
+        return None
     parts = merge_parts([face for face in own if face.label.material is not None and face.label.material.magnetic])
-    air = [face for face in faces if face not in own]
-    bodies = divide(parts, air, winding.polygon, options, notes)
-    if bodies is None:
-        return winding, None, None
-    return winding, bodies, find_frame(bodies, winding, options, notes)
+    bodies = divide(parts, coils, [face for face in faces if face not in own], options, notes)
+    return None if bodies is None else (windings, bodies)
 
 
-def _say_changes(model: FemModel, bodies: FemBodies, options: FemOptions, notes: Notes) -> None:
-    """What of the drawing and its materials is not as in the file."""
-    outlines = shapely.union_all([part.polygon.boundary for part in (*bodies.fixed, *bodies.moving)])
-    arcs = [line for line in model.lines if line.angle and all(_on(outlines, end) for end in (line.start, line.end))]
-    if arcs:
-        notes.info(
-            "arcs",
-            f"{len(arcs)} arcs became chords of at most {options.arc_degrees:g} degrees, within "
-            f"{100 * math.radians(options.arc_degrees) ** 2 / 8:.2g} % of their radius.",
-            "Take finer ones with --arc-degrees.",
-        )
+def _say_changes(model: FemModel, bodies: FemBodies, notes: Notes) -> None:
+    """What of the materials is not as in the file."""
     angled = [
         label
         for label in model.labels
@@ -152,13 +157,14 @@ def _say_changes(model: FemModel, bodies: FemBodies, options: FemOptions, notes:
             )
 
 
-def _say_missing(options: FemOptions, notes: Notes) -> None:
+def _say_missing(device: FemDevice, notes: Notes) -> None:
     """What the file does not hold and nobody gave."""
+    options = device.options
     if not (options.distances_mm or options.currents_A):
         notes.info(
             "one-point",
             "The sweep holds the file's own point alone.",
-            "For a table to fit give axes, such as --distance-mm 2:20:0.5 --current-A 0:2:0.5.",
+            f"For a table to fit give axes, such as {offered_axes(device)}.",
         )
     if options.mass_g is None and options.density_g_per_cm3 is None:
         notes.warn(
@@ -166,10 +172,6 @@ def _say_missing(options: FemOptions, notes: Notes) -> None:
             "The file has no mass; it is the volume of the moving part times an assumed density.",
             "Give --mass-g, or --density-g-per-cm3; force and flux do not depend on it.",
         )
-
-
-def _on(outlines: shapely.Geometry, point: FemPoint) -> bool:
-    return bool(outlines.distance(Point(point.r, point.z)) <= GRID)
 
 
 def _actuator_name(source: str, options: FemOptions) -> str:

@@ -20,15 +20,10 @@ _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
 
 def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -> tuple[FemFace, ...] | None:
     """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces."""
-    meshed = [face for face in faces if face.label.material is not None]
-    domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
-    if not isinstance(domain, Polygon):
-        count = len(domain.geoms) if isinstance(domain, MultiPolygon) else 0
-        notes.problem(
-            f"the drawing falls into {count} separate pieces; femfit solves one. Delete the others (the disk of a "
-            "Kelvin transformation is not needed), or draw the air between them."
-        )
+    meshed, kelvin = _interior([face for face in faces if face.label.material is not None], notes)
+    if not meshed:
         return None
+    domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
     notes.problems.extend(
         f"{face.label.place} is an empty region within the field, which would end at it as at a wall. "
         "Give it the material that it is, air otherwise."
@@ -45,14 +40,38 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -
         for face in parts
         if face.polygon.distance(rim) <= GRID
     )
-    _check_boundaries(model, _off_axis(domain), notes)
-    _say(model, domain, shells, parts, notes)
+    _check_boundaries(model, domain, kelvin, notes)
+    _say(model, domain, shells, parts, kelvin, notes)
     return parts
+
+
+def _interior(meshed: Sequence[FemFace], notes: Notes) -> tuple[list[FemFace], list[FemFace]]:
+    """The faces of the one piece of the drawing that holds parts, and those of a Kelvin transformation's outside."""
+    own = [face for face in meshed if not face.label.external]
+    union = shapely.unary_union([face.polygon for face in own], grid_size=GRID)
+    pieces = [
+        [face for face in own if piece.contains(face.polygon.representative_point())]
+        for piece in getattr(union, "geoms", [union])
+    ]
+    holding = [piece for piece in pieces if any(_is_part(face) for face in piece)]
+    if len(holding) > 1:
+        places = "; ".join(next(face for face in piece if _is_part(face)).label.place for piece in holding)
+        notes.problem(
+            f"the drawing falls into {len(holding)} separate pieces with parts: {places}. Delete all but one, or draw "
+            "the air between them."
+        )
+        return [], []
+    if not holding:
+        notes.problem("no block is magnetic and none carries current; there is no force. Give blocks their materials.")
+        return [], []
+    return holding[0], [face for face in meshed if face not in holding[0]]
 
 
 def _is_part(face: FemFace) -> bool:
     material = face.label.material
-    return material is not None and (material.magnetic or face.label.circuit is not None)
+    if material is None or face.label.external:
+        return False
+    return material.magnetic or bool(material.current_density) or face.label.circuit is not None
 
 
 def _shells(faces: Sequence[FemFace], domain: Polygon) -> list[FemFace]:
@@ -82,26 +101,45 @@ def _off_axis(domain: Polygon | MultiPolygon) -> shapely.Geometry:
     return shapely.union_all(outlines).difference(LineString([(0.0, z0 - 1.0), (0.0, z1 + 1.0)]))
 
 
-def _check_boundaries(model: FemModel, rim: shapely.Geometry, notes: Notes) -> None:
+def _check_boundaries(model: FemModel, domain: Polygon, kelvin: Sequence[FemFace], notes: Notes) -> None:
+    rim = _off_axis(domain)
     places: dict[FemBoundary, bool] = {}
     for line in model.lines:
         if line.boundary is not None and not (line.angle == 0 and line.start.r == 0 and line.end.r == 0):
             ends = (Point(line.start.r, line.start.z), Point(line.end.r, line.end.z))
+            if any(end.distance(domain) > GRID for end in ends):
+                continue  # of the outside that a Kelvin transformation draws
             outer = all(end.distance(rim) <= GRID for end in ends)
             places[line.boundary] = places.get(line.boundary, True) and outer
     for boundary, outer in places.items():
         name = f"boundary {boundary.name!r}"
+        if boundary.kind in {4, 5} and kelvin and outer:
+            continue
         if boundary.kind in {4, 5}:
             notes.problem(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
         elif boundary.kind not in {0, 2}:
             notes.problem(f"{name} is of type {boundary.kind}; femfit takes prescribed A and mixed. Remove it.")
-        elif any((boundary.a0, boundary.a1, boundary.a2, boundary.c1)):
+        elif any((boundary.a0, boundary.a1, boundary.a2)) if boundary.kind == 0 else boundary.c1:
             notes.problem(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
         elif not outer:
             notes.problem(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
 
 
-def _say(model: FemModel, domain: Polygon, shells: Sequence[FemFace], parts: Sequence[FemFace], notes: Notes) -> None:
+def _say(
+    model: FemModel,
+    domain: Polygon,
+    shells: Sequence[FemFace],
+    parts: Sequence[FemFace],
+    kelvin: Sequence[FemFace],
+    notes: Notes,
+) -> None:
+    if kelvin:
+        notes.info(
+            "kelvin",
+            f"What lies outside of the field's domain, as for a Kelvin transformation (blocks: {len(kelvin)}), is left "
+            "out: femfit's domain is open by itself.",
+        )
+        return
     if shells:
         names = sorted({face.label.material.name for face in shells if face.label.material})
         notes.info(

@@ -1,162 +1,178 @@
-"""The winding of a FEMM model: the blocks of one circuit as one region of uniform current density, and its wire."""
+"""The windings of a FEMM model: regions of uniform current density, in series with each other or on their own."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import shapely
 from shapely import Polygon
 
-from femfit.device.winding import smallest_winding_area, wire_resistance
 from femfit.tables.femm.faces import GRID, FemFace
-from femfit.tables.femm.model import FemCircuit, FemMaterial
+from femfit.tables.femm.model import FemCircuit, FemLabel, FemMaterial
 from femfit.tables.femm.notes import Notes
-from femfit.tables.femm.options import FemOptions
+from femfit.tables.femm.outlines import without_holes
 
 DENSITY_TOLERANCE = 1e-3
-"""Relative difference of the turns per area of two blocks that still counts as one winding."""
+"""Relative difference of the turns per area of two blocks that touch which still counts as one winding."""
 
 PLAIN_WIRE = 3
 """``LamType`` of round magnet wire; it and above are wound, below are solid."""
 
-COPPER_FILL = 0.5
-"""Copper in a winding's section, usual for round wire (geometry/plunger-solenoid.toml has 0.53)."""
+
+@dataclass(frozen=True)
+class FemCoil:
+    """A winding with its section in the file's coordinates in mm; negative turns are wound the other way."""
+
+    polygon: Polygon
+    turns: float
+    material: FemMaterial
+    labels: tuple[FemLabel, ...]
+
+    @property
+    def group(self) -> int:
+        """Group of its blocks."""
+        return self.labels[0].group
+
+    @property
+    def place(self) -> str:
+        """How messages name it."""
+        return f"{self.labels[0].place}, group {self.group}"
 
 
 @dataclass(frozen=True)
 class FemWinding:
-    """A winding, with its section in the file's coordinates in mm."""
+    """Coils in series, with the circuit that carries their current."""
 
-    polygon: Polygon
-    turns: float
     circuit: FemCircuit
-    material: FemMaterial
-    names: tuple[str, ...]
+    coils: tuple[FemCoil, ...]
 
     @property
-    def round_wire(self) -> bool:
-        """Whether it is wound from single round wires of known diameter."""
-        return self.material.lamination_type == PLAIN_WIRE and self.material.wire_diameter_mm > 0.0
-
-    @property
-    def wire_resistance_ohm(self) -> float | None:
-        """R = N 2 pi r / (sigma s pi d^2 / 4) of wire with s strands; None where the file does not say the wire."""
-        material = self.material
-        if material.lamination_type < PLAIN_WIRE or not material.wire_diameter_mm or not material.conductivity:
-            return None
-        section = max(material.strands, 1) * math.pi * (material.wire_diameter_mm * 1e-3) ** 2 / 4.0
-        length = abs(self.turns) * 2.0 * math.pi * self.polygon.centroid.x * 1e-3
-        return float(length / (material.conductivity * 1e6 * section))
+    def sign(self) -> float:
+        """+1 where the first coil is wound as the actuator file's, -1 where a positive current flows the other way."""
+        return 1.0 if self.coils[0].turns > 0 else -1.0
 
 
-def find_winding(faces: Sequence[FemFace], name: str | None, notes: Notes) -> FemWinding | None:
-    """The winding among the faces; None if there is none that can be taken."""
-    circuit = _chosen(faces, name, notes)
-    if circuit is None:
-        return None
-    blocks = [face for face in faces if face.label.circuit == circuit]
+def find_windings(faces: Sequence[FemFace], name: str | None, notes: Notes) -> tuple[FemWinding, ...]:
+    """The windings among the faces in the file's order; none for a model without current."""
     before = len(notes.problems)
-    if circuit.kind != 1:
+    chosen = _chosen(faces, name, notes)
+    windings = []
+    for circuit in chosen:
+        blocks = [face for face in faces if face.label.circuit == circuit]
+        _check(blocks, circuit, notes)
+        if len(notes.problems) == before:
+            windings.append(FemWinding(circuit, _coils([(b, b.label.turns / b.polygon.area) for b in blocks])))
+            _say_solid(windings[-1], notes)
+    if name is None:
+        windings += _by_density(faces, notes)
+    return () if len(notes.problems) > before else tuple(windings)
+
+
+def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None:
+    if circuit.kind != 1 and len(blocks) > 1:
         notes.problem(
-            f"circuit {circuit.name!r} is parallel (solid conductors); femfit's winding has uniform current density. "
-            "Make it series and give its block the number of turns."
+            f"circuit {circuit.name!r} is parallel and has {len(blocks)} blocks, among which FEMM divides the current "
+            "by their resistance. Make it series and give its blocks their numbers of turns."
         )
     for block in blocks:
         material = block.label.material
         if material is not None and material.magnetic:
             notes.problem(f"{block.label.place} is magnetic and in circuit {circuit.name!r}. Wind it with copper.")
+        if material is not None and material.current_density:
+            notes.problem(
+                f"{block.label.place} is in circuit {circuit.name!r} and has a current density J too. Remove one."
+            )
         if block.label.turns == 0:
             notes.problem(f"{block.label.place} has no turns in circuit {circuit.name!r}. Give their number.")
-    if len(notes.problems) > before:
-        return None
-    return _joined(blocks, circuit, notes)
 
 
-def _chosen(faces: Sequence[FemFace], name: str | None, notes: Notes) -> FemCircuit | None:
+def _chosen(faces: Sequence[FemFace], name: str | None, notes: Notes) -> list[FemCircuit]:
+    """The circuits that are taken: the one that the user names, else those with current, else all."""
     circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
-    if not circuits:
-        notes.problem("no block belongs to a circuit; femfit needs a winding. Assign a series circuit and turns.")
-        return None
-    listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in circuits)
-    chosen = [circuit for circuit in circuits if circuit.name == name] if name else circuits
-    if not name and len(circuits) > 1:
-        chosen = [circuit for circuit in circuits if circuit.current_A] or circuits
-    if len(chosen) != 1:
-        what = f"no circuit is named {name!r}" if name and not chosen else "several circuits could be the winding"
-        notes.problem(f"{what}: {listed}. Name one with --circuit; the others must carry 0 A.")
-        return None
-    others = [circuit for circuit in circuits if circuit != chosen[0]]
-    if any(circuit.current_A for circuit in others):
-        notes.problem(f"several circuits carry current: {listed}; femfit has one. Set the others to 0 A.")
-        return None
-    if others:
-        names = ", ".join(repr(circuit.name) for circuit in others)
-        notes.info("idle-circuits", f"Circuits without current are left out: {names}.")
-    return chosen[0]
-
-
-def _joined(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> FemWinding | None:
-    polygon = shapely.unary_union([block.polygon for block in blocks], grid_size=GRID)
-    places = ", ".join(block.label.place for block in blocks)
-    if not isinstance(polygon, Polygon) or polygon.interiors:
-        notes.problem(
-            f"the winding of circuit {circuit.name!r} must be one region without holes; its blocks do not touch, or "
-            f"enclose something: {places}. Join them, or model the larger one."
-        )
-        return None
-    densities = [block.label.turns / block.polygon.area for block in blocks]
-    if max(densities) - min(densities) > DENSITY_TOLERANCE * max(abs(value) for value in densities):
-        shown = ", ".join(f"{value:.4g}" for value in densities)
-        notes.problem(
-            f"the winding of circuit {circuit.name!r} must have the same turns per area throughout; its blocks have "
-            f"{shown} per mm^2: {places}. Spread the turns by area."
-        )
-        return None
-    material = blocks[0].label.material
-    if material is None:
-        return None
-    turns = sum(block.label.turns for block in blocks)
-    if abs(turns) == 1 and material.conductivity and material.lamination_type < PLAIN_WIRE:
+    if name is None:
+        taken = [circuit for circuit in circuits if circuit.current_A] or circuits
+        if any(face.label.material is not None and face.label.material.current_density for face in faces):
+            taken = [circuit for circuit in circuits if circuit.current_A]
+    else:
+        taken = [circuit for circuit in circuits if circuit.name == name]
+        if not taken:
+            listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in circuits) or "none"
+            notes.problem(f"no circuit is named {name!r}: {listed}. Name one of these with --circuit.")
+    left = [circuit for circuit in circuits if circuit not in taken]
+    idle = [circuit.name for circuit in left if not circuit.current_A]
+    if idle and taken:
+        notes.info("idle-circuits", f"Circuits without current are left out: {', '.join(map(repr, idle))}.")
+    live = [f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in left if circuit.current_A]
+    if live and taken:
         notes.warn(
-            "solid-turn",
-            f"{blocks[0].label.place} is one solid turn: FEMM lets its current density fall as 1/r, femfit takes "
-            "it uniform.",
-            "Expect a difference that grows with the winding's outer over its inner radius.",
+            "left-circuits",
+            f"Circuits that carry current in the file are left out: {', '.join(live)}.",
+            "Import without --circuit to have them all.",
         )
-    return FemWinding(polygon, turns, circuit, material, tuple(block.label.place for block in blocks))
+    return taken
 
 
-@dataclass(frozen=True)
-class FemWire:
-    """What an actuator file says of the wire; a resistance without an origin follows from the diameter, at 20 degC."""
-
-    resistance_ohm: float
-    resistance_origin: str = ""
-    diameter_mm: float | None = None
-    diameter_origin: str = ""
-
-
-def find_wire(winding: FemWinding, options: FemOptions, notes: Notes) -> FemWire:
-    """The winding's wire and resistance: the user's, the file's, or an assumption that is called one."""
-    diameter, origin = options.wire_diameter_mm, "given"
-    if diameter is None and winding.round_wire and _fits(winding, winding.material.wire_diameter_mm):
-        diameter, origin = winding.material.wire_diameter_mm, f"WireD of {winding.material.name!r}"
-    if options.resistance_ohm is not None:
-        return FemWire(options.resistance_ohm, "given", diameter, origin)
-    if diameter is None and winding.wire_resistance_ohm is not None:
-        return FemWire(winding.wire_resistance_ohm, f"the wire and conductivity of {winding.material.name!r}")
-    if diameter is None:
-        section = COPPER_FILL * winding.polygon.area / abs(winding.turns)
-        diameter = float(f"{2.0 * math.sqrt(section / math.pi):.3g}")
-        origin = f"ASSUMED: the file has no wire that fits; {100 * COPPER_FILL:g} % of the winding is copper"
+def _by_density(faces: Sequence[FemFace], notes: Notes) -> list[FemWinding]:
+    """A winding for each current density J: the smallest block of it is one turn of J times its area."""
+    blocks = [
+        (face, face.label.material.current_density)
+        for face in faces
+        if face.label.circuit is None and face.label.material is not None and face.label.material.current_density
+    ]
+    notes.problems.extend(
+        f"{face.label.place} is magnetic and has a current density J. Draw the winding beside it."
+        for face, _ in blocks
+        if face.label.material is not None and face.label.material.magnetic
+    )
+    windings = []
+    for size in dict.fromkeys(abs(density) for _, density in blocks):
+        alike = [(face, density) for face, density in blocks if abs(density) == size]
+        coils = _coils(alike)
+        current = min(abs(coil.turns) for coil in coils)  # J in MA/m^2 times mm^2 is A
+        material = coils[0].material
+        turns = tuple(replace(coil, turns=coil.turns / current) for coil in coils)
+        windings.append(FemWinding(FemCircuit(material.name, current), turns))
         notes.warn(
-            "assumed-wire",
-            f"The file says nothing of the wire; {diameter:g} mm is assumed ({100 * COPPER_FILL:g} % copper).",
-            "Give --wire-diameter-mm or --resistance-ohm; force and flux do not depend on it.",
+            "current-density",
+            f"{coils[0].place} carries J = {material.current_density:g} MA/m^2 and is taken as "
+            f"{abs(turns[0].turns):.4g} turn of {current:.5g} A; the file has no number of turns.",
+            "Change turns in the actuator file to N, and divide currents by N.",
         )
-    resistance = wire_resistance(abs(winding.turns), winding.polygon.centroid.x * 1e-3, diameter * 1e-3)
-    return FemWire(resistance, "", diameter, origin)
+    return windings
 
 
-def _fits(winding: FemWinding, diameter: float) -> bool:
-    return bool(smallest_winding_area(abs(winding.turns), diameter) <= winding.polygon.area)
+def _coils(blocks: Sequence[tuple[FemFace, float]]) -> tuple[FemCoil, ...]:
+    """Coils of faces with their turns per area: blocks that touch and are wound alike are one."""
+    kinds: list[tuple[float, list[FemFace]]] = []
+    for face, density in blocks:
+        alike = (own for value, own in kinds if abs(density - value) <= DENSITY_TOLERANCE * abs(value))
+        own = next(alike, None)
+        if own is None:
+            kinds.append((density, [face]))
+        else:
+            own.append(face)
+    coils = []
+    for _, faces in kinds:
+        densities = {id(face): density for face, density in blocks}
+        union = shapely.unary_union([face.polygon for face in faces], grid_size=GRID)
+        for piece in getattr(union, "geoms", [union]):
+            own = [face for face in faces if piece.contains(face.polygon.representative_point())]
+            turns = sum(densities[id(face)] * face.polygon.area for face in own)
+            labels = tuple(face.label for face in own)
+            material = labels[0].material
+            if material is not None:
+                simple = without_holes(piece)
+                coils += [FemCoil(one, turns * one.area / piece.area, material, labels) for one in simple]
+    return tuple(sorted(coils, key=lambda coil: coil.labels[0].number))
+
+
+def _say_solid(winding: FemWinding, notes: Notes) -> None:
+    for coil in winding.coils:
+        material = coil.material
+        solid = material.conductivity and material.lamination_type < PLAIN_WIRE
+        if winding.circuit.kind != 1 or (abs(coil.turns) == 1 and solid):
+            notes.warn(
+                "solid-turn",
+                f"{coil.labels[0].place} is one solid turn: FEMM lets its current density fall as 1/r, femfit takes "
+                "it uniform.",
+                "Expect a difference that grows with the winding's outer over its inner radius.",
+            )

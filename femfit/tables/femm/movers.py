@@ -1,0 +1,238 @@
+"""Which parts and windings move: as the user says, or what only can."""
+
+import math
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import shapely
+
+from femfit.tables.femm.faces import GRID, FemFace
+from femfit.tables.femm.notes import Notes
+from femfit.tables.femm.options import FemOptions
+from femfit.tables.femm.parts import FemPart, volume_mm3
+from femfit.tables.femm.winding import FemCoil
+
+Piece = FemPart | FemCoil
+Body = list[Piece]
+
+HOW = "Say which blocks move with --moving-group N, --moving-block NAME or --moving-label N."
+
+
+@dataclass(frozen=True)
+class FemBodies:
+    """Parts and windings, divided."""
+
+    fixed: tuple[FemPart, ...]
+    moving: tuple[FemPart, ...]
+    fixed_coils: tuple[FemCoil, ...]
+    moving_coils: tuple[FemCoil, ...]
+
+    @property
+    def standing(self) -> Body:
+        """All that stands still."""
+        return [*self.fixed, *self.fixed_coils]
+
+    @property
+    def mover(self) -> Body:
+        """All that moves."""
+        return [*self.moving, *self.moving_coils]
+
+
+def outline_of(body: Body) -> shapely.Geometry:
+    """A body's pieces together, in the file's coordinates."""
+    return shapely.union_all([piece.polygon for piece in body])
+
+
+def divide(
+    parts: Sequence[FemPart], coils: Sequence[FemCoil], air: Sequence[FemFace], options: FemOptions, notes: Notes
+) -> FemBodies | None:
+    """Divide parts and windings into fixed and moving ones; None if nothing moves, or it is not clear what."""
+    pieces: Body = [*parts, *coils]
+    if not pieces:
+        notes.problem("no block is magnetic and none carries current; there is no force. Give blocks their materials.")
+        return None
+    if not coils and not any(part.direction for part in parts):
+        notes.problem(
+            "no block is a magnet and none carries current; there is no field. Put the winding's block in a circuit "
+            "with its turns."
+        )
+        return None
+    bodies = _connected(pieces)
+    if len(bodies) == 1:
+        notes.problem(
+            f"everything touches: {_listed(pieces)} are one body, of which nothing can move against the rest. Draw "
+            "what moves with a gap of air all around it."
+            if len(pieces) > 1
+            else f"{pieces[0].place} is all that is magnetic or carries current; no force acts on it alone. Draw what "
+            "it attracts."
+        )
+        return None
+    named = options.moving_groups or options.moving_blocks or options.moving_labels
+    moving = _named(bodies, options, notes) if named else _inferred(bodies, notes)
+    if not moving:
+        return None
+    touched = [
+        (one, other)
+        for one in moving
+        for other in pieces
+        if other not in moving and one.polygon.distance(other.polygon) <= GRID
+    ]
+    if touched:
+        one, other = touched[0]
+        notes.problem(
+            f"the moving {one.place} touches {other.place}; femfit needs a gap around what moves. Move them apart in "
+            "the drawing, or let both move."
+        )
+        return None
+    moving_parts = [piece for piece in moving if isinstance(piece, FemPart)]
+    spacers = _spacers(moving, air) if len(_connected(moving)) > 1 else ()
+    return FemBodies(
+        tuple(part for part in parts if part not in moving),
+        (*moving_parts, *spacers),
+        tuple(coil for coil in coils if coil not in moving),
+        tuple(piece for piece in moving if isinstance(piece, FemCoil)),
+    )
+
+
+def _named(bodies: Sequence[Body], options: FemOptions, notes: Notes) -> Body:
+    pieces = [piece for body in bodies for piece in body]
+    groups, blocks, labels = set(options.moving_groups), set(options.moving_blocks), set(options.moving_labels)
+    numbers = {label.number for piece in pieces for label in piece.labels}
+    unknown = [f"group {group}" for group in groups if all(piece.group != group for piece in pieces)]
+    unknown += [f"block {name!r}" for name in blocks if all(piece.material.name != name for piece in pieces)]
+    unknown += [f"label {number}" for number in labels - numbers]
+    if unknown:
+        notes.problem(f"no part has {' or '.join(sorted(unknown))}; there are:{_candidates(bodies)}")
+        return []
+    of_labels = [body for body in bodies if any(label.number in labels for piece in body for label in piece.labels)]
+    moving = [
+        piece
+        for piece in pieces
+        if piece.group in groups or piece.material.name in blocks or any(piece in body for body in of_labels)
+    ]
+    if len(moving) == len(pieces):
+        notes.problem(
+            f"everything moves, and nothing is left that stands still. Name fewer blocks:{_candidates(bodies)}"
+        )
+        return []
+    return moving
+
+
+def _inferred(bodies: Sequence[Body], notes: Notes) -> Body:
+    """The body that alone can be the moving one; of two, the one that is usually moved."""
+    candidates = [body for body in bodies if not _wound(body)]
+    rules: tuple[tuple[Callable[[Body], bool], str], ...] = (
+        (lambda body: _own_group(body, bodies) is not None, "the only body with a group of its own"),
+        (_magnet, "the only body with a magnet"),
+        (lambda body: _clear(body, bodies), "the only body clear above or below the windings"),
+        (_on_axis, "the only body on the axis"),
+        (lambda _: True, "the only body that does not touch a winding"),
+    )
+    if len(bodies) == 2:
+        found, reason = _of_two(bodies)
+        _say(found, reason, [body for body in bodies if body is not found], notes)
+        return found
+    for rule, reason in rules:
+        if len(matching := [body for body in candidates if rule(body)]) == 1:
+            _say(matching[0], reason, [body for body in bodies if body is not matching[0]], notes)
+            return matching[0]
+    notes.problem(f"it is not clear which body moves. Say it with one of these options:{_candidates(bodies)}")
+    return []
+
+
+def _of_two(bodies: Sequence[Body]) -> tuple[Body, str]:
+    """One of two bodies: only their motion against each other counts, and the other one may be named instead."""
+    wound = [body for body in bodies if _wound(body)]
+    bare = [body for body in bodies if not _wound(body)]
+    if len(bare) == 1 and len(wound) == 1:
+        alone = all(isinstance(piece, FemCoil) for piece in wound[0])
+        if alone and _magnet(bare[0]) and any(piece.material.curve or _iron(piece) for piece in bare[0]):
+            return wound[0], "a winding before a magnet with its iron, as in a voice coil"
+        return bare[0], "the only body that does not touch a winding"
+    smaller = min(bodies, key=lambda body: sum(volume_mm3(piece.polygon) for piece in body))
+    return smaller, "the smaller one of two bodies"
+
+
+def _say(found: Body, reason: str, others: Sequence[Body], notes: Notes) -> None:
+    """Say what moves; a warning where another body could move as well."""
+    names = " and ".join(piece.place for piece in found)
+    say = notes.warn if any(not _wound(body) or _wound(found) for body in others) else notes.info
+    options = " or ".join(option_for(body, [found, *others]) for body in others)
+    say("mover", f"The moving part is {names}: {reason}.", f"Let another move with {options}.")
+
+
+def option_for(body: Body, bodies: Sequence[Body]) -> str:
+    """The option that names a body and no other."""
+    group = _own_group(body, bodies)
+    if group is not None:
+        return f"--moving-group {group}"
+    names = {piece.material.name for piece in body}
+    elsewhere = {piece.material.name for other in bodies if other is not body for piece in other}
+    if len(names) == 1 and not names & elsewhere:
+        return f"--moving-block {shlex.quote(names.pop())}"
+    return f"--moving-label {min(label.number for piece in body for label in piece.labels)}"
+
+
+def _candidates(bodies: Sequence[Body]) -> str:
+    return "".join(
+        f"\n    {option_for(body, bodies)} for {' with '.join(piece.place for piece in body)}" for body in bodies
+    )
+
+
+def _own_group(body: Body, bodies: Sequence[Body]) -> int | None:
+    """The group above 0 that a body has throughout and no other body has."""
+    groups = {piece.group for piece in body}
+    elsewhere = {piece.group for other in bodies if other is not body for piece in other}
+    return next(iter(groups)) if len(groups) == 1 and 0 not in groups and not groups & elsewhere else None
+
+
+def _wound(body: Body) -> bool:
+    return any(isinstance(piece, FemCoil) for piece in body)
+
+
+def _magnet(body: Body) -> bool:
+    return any(isinstance(piece, FemPart) and piece.direction is not None for piece in body)
+
+
+def _iron(piece: Piece) -> bool:
+    return isinstance(piece, FemPart) and piece.direction is None
+
+
+def _on_axis(body: Body) -> bool:
+    return any(piece.polygon.bounds[0] <= GRID for piece in body)
+
+
+def _clear(body: Body, bodies: Sequence[Body]) -> bool:
+    """Whether a body stands above or below all windings."""
+    wound = [piece.polygon.bounds for other in bodies for piece in other if isinstance(piece, FemCoil)]
+    low = min((bounds[1] for bounds in wound), default=math.inf)
+    high = max((bounds[3] for bounds in wound), default=-math.inf)
+    if not wound:
+        return False
+    _, bottom, _, top = outline_of(body).bounds
+    return bool(bottom >= high or top <= low)
+
+
+def _listed(pieces: Sequence[Piece]) -> str:
+    return " and ".join(piece.place for piece in pieces)
+
+
+def _connected(pieces: Sequence[Piece]) -> list[Body]:
+    """Pieces that touch each other, together."""
+    bodies: list[Body] = []
+    for piece in pieces:
+        joined = [body for body in bodies if any(piece.polygon.distance(other.polygon) <= GRID for other in body)]
+        bodies = [body for body in bodies if body not in joined]
+        bodies.append([*(other for body in joined for other in body), piece])
+    return bodies
+
+
+def _spacers(moving: Sequence[Piece], air: Sequence[FemFace]) -> tuple[FemPart, ...]:
+    """Non-magnetic blocks of the moving groups that touch the body; without them it would be in pieces."""
+    groups = {piece.group for piece in moving if piece.group}
+    return tuple(
+        FemPart(face.polygon, face.label.material, None, (face.label,))
+        for face in air
+        if face.label.material is not None and face.label.group in groups
+    )

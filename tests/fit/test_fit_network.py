@@ -1,0 +1,156 @@
+"""The law of plungers that saturate, on sweeps of three devices and against its own closed form."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.core.errors import FitError, ModelFileError
+from femfit.fit.build import fit_model
+from femfit.fit.network_fit import fit_network
+from femfit.fit.ranking import rank_laws
+from femfit.fit.rows import rows_of_table
+from femfit.laws.catalogue import BUILT_IN
+from femfit.model.json_file import model_from_dict, model_to_dict
+from femfit.model.network_magnetics import OPERATIONS, NetworkMagnetics
+from femfit.tables.sweep_table import SweepTable
+
+SWEEPS = pd.read_csv(Path(__file__).with_name("saturating_plungers.csv"), comment="#")
+DEVICES = ("push", "pull", "relay")
+ENTRY = {"name": "plunger", "mass_kg": 0.03, "resistance_ohm": 15.0, "voltage_min_V": 0.0, "voltage_max_V": 12.0}
+
+
+def table_of(device):
+    rows = SWEEPS[SWEEPS["device"] == device].drop(columns="device")
+    rows = rows.assign(distance_m=1e-3 * rows["distance_mm"], status="ok").drop(columns="distance_mm")
+    return SweepTable(rows.reset_index(drop=True), {"actuator": ENTRY})
+
+
+def rows_of(device):
+    return rows_of_table(table_of(device), None, 9.80665)
+
+
+@pytest.fixture(scope="module", params=DEVICES)
+def fitted(request):
+    rows = rows_of(request.param)
+    return request.param, rows, fit_network(rows)
+
+
+def test_force_of_a_saturating_plunger_is_met_within_two_percent(fitted):
+    _, rows, fit = fitted
+    assert fit.fitted < 0.02
+    flux = fit.magnetics.flux_linkage(rows.distance, rows.current) - rows.flux_linkage
+    assert np.sqrt(np.mean(flux**2)) < 0.02 * np.sqrt(np.mean(rows.flux_linkage**2))
+
+
+def test_inductance_is_positive_where_it_was_fitted(fitted):
+    _, rows, fit = fitted
+    d = np.linspace(rows.distances[0], rows.distances[-1], 40)[:, None]
+    i = np.linspace(0.0, rows.currents[-1], 40)
+    assert np.min(fit.magnetics.inductance(d, i)) > 0.0
+
+
+def test_it_is_better_than_every_law_of_columns():
+    rows = rows_of("push")
+    ranking = rank_laws(BUILT_IN, rows)
+    assert fit_network(rows).left_out < ranking.recommended.error
+
+
+LAW = NetworkMagnetics(3e-3, 0.4e-3, (2.0, 0.26, -0.02, 0.03), (0.22, 0.016), 0.05, (-0.01, -0.01))
+DISTANCE, CURRENT = (axis.ravel() for axis in np.meshgrid(np.linspace(0.2e-3, 8e-3, 9), np.linspace(0.1, 1.5, 8)))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_closed_form_and_series_are_one_coenergy(sign):
+    orders = ((1, 0), (0, 1), (1, 1), (0, 2))
+    d_w, i_w, di_w, ii_w = LAW.coenergy_derivatives(DISTANCE, sign * CURRENT, orders)
+    state = LAW.state(DISTANCE, sign * CURRENT)
+    # Products of a dozen roundings each.
+    for found, expected in (
+        (LAW.force(DISTANCE, sign * CURRENT), -d_w),
+        (LAW.flux_linkage(DISTANCE, sign * CURRENT), i_w),
+        (state.force, -d_w),
+        (state.motional_constant, -di_w),
+        (state.inductance, ii_w),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("order", [(0, 0), (1, 0), (0, 1), (1, 1), (0, 2), (2, 1)])
+def test_each_derivative_is_the_difference_quotient_of_the_one_below(order):
+    def at(d, i, a, b):
+        return LAW.coenergy_derivatives(d, i, ((a, b),))[0]
+
+    for step, raised in ((1e-7, (1, 0)), (1e-4, (0, 1))):
+        ends = [at(DISTANCE + s * step * raised[0], CURRENT + s * step * raised[1], *order) for s in (1.0, -1.0)]
+        exact = at(DISTANCE, CURRENT, order[0] + raised[0], order[1] + raised[1])
+        np.testing.assert_allclose((ends[0] - ends[1]) / (2 * step), exact, atol=1e-4 * np.abs(exact).max())
+
+
+def test_far_below_saturation_the_current_pulls_with_its_square():
+    small = LAW.force(DISTANCE, 1e-4 * CURRENT)
+    np.testing.assert_allclose(LAW.force(DISTANCE, 2e-4 * CURRENT), 4.0 * small, rtol=5e-3)
+
+
+class Counting:
+    """A number that counts the floating-point operations done with it."""
+
+    def __init__(self, counter):
+        self.counter = counter
+
+    def _one(self, *_):
+        self.counter[0] += 1
+        return Counting(self.counter)
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = sqrt = _one
+
+    def exp(self):
+        self.counter[0] += 20
+        return Counting(self.counter)
+
+    log = exp
+
+
+def test_operation_count_is_what_one_force_does():
+    counter = [0]
+    point = [np.array([Counting(counter)], dtype=object) for _ in range(2)]
+    LAW.force(*point)
+    # Products of the law's own numbers are known beforehand; the size of the current is its magnitude, two less.
+    assert counter[0] - 2 == OPERATIONS
+
+
+def test_the_model_keeps_the_law_and_says_its_misfit():
+    fit = fit_model(table_of("pull"), law="reluctance-network")
+    assert fit.misfit.force_share < 0.02
+    assert "reluctance-network" in str(fit)
+    again = model_from_dict(json.loads(json.dumps(model_to_dict(fit.model))))
+    assert again.magnetics.log_reluctance == fit.model.magnetics.log_reluctance
+    assert again.force(1e-3, 0.7) == fit.model.force(1e-3, 0.7)
+    fit.model.require_dynamics()
+    data = model_to_dict(fit.model)
+    data["magnetics"]["leakage_H"] = [1.0]
+    with pytest.raises(ModelFileError, match=r"magnetics\.leakage_H must be 2 numbers"):
+        model_from_dict(data)
+
+
+def test_all_takes_the_network_where_no_law_of_columns_is_good():
+    fit = fit_model(table_of("pull"), law="all")
+    assert fit.law is None
+    assert isinstance(fit.model.magnetics, NetworkMagnetics)
+    assert fit.to_dict()["model"] == "reluctance-network"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda rows: rows.assign(flux_linkage_Wb=np.nan), "must have flux_linkage_Wb"),
+        (lambda rows: rows[rows["current_A"] > 0.5], "3 currents beside zero"),
+        (lambda rows: pd.concat([rows, rows.iloc[:8].assign(current_A=0.0)]), "plungers without a magnet"),
+    ],
+)
+def test_tables_of_other_devices_are_refused_with_the_reason(change, message):
+    table = table_of("push")
+    with pytest.raises(FitError, match=message):
+        fit_model(SweepTable(change(table.rows).reset_index(drop=True), table.manifest), law="reluctance-network")
