@@ -126,7 +126,7 @@ def test_a_gap_and_a_forgotten_resistance_are_said_and_noted(files, tmp_path):
     assert "gap: Run 1: 1 gap" in done.stdout
     assert "needs --resistance-ohm 2.69" in done.stdout
     assert [one["code"] for one in json.loads((tmp_path / "b.json").read_text())["findings"]] == ["gap", "resistance"]
-    assert "1 gaps" in tomllib.loads((tmp_path / "b.toml").read_text())["notes"]
+    assert "1 gap" in tomllib.loads((tmp_path / "b.toml").read_text())["notes"]
 
 
 def test_a_good_record_has_no_findings(files):
