@@ -1,5 +1,6 @@
 """A page an effect, made from the catalogue, with its signature on a small levitation rig drawn."""
 
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 
 from effect_signature import Signature, effect_signature
 from femfit.device.load import actuator_from_toml
+from femfit.device.mechanics import Spring
 from femfit.effects.catalogue import BUILT_IN
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
@@ -42,13 +44,17 @@ CHANNELS = {
 
 PANELS_WIDE = 3
 SMALLEST_SHARE = 1e-6
+SPRING = Spring(1.0, 0.01, 45e-3)
+"""Of the rig where an effect is one of a drawn spring: 1 N/m, with a preload of 10 mN at 45 mm."""
 
 
 def pages() -> dict[str, str]:
     """Every page and picture by its file name."""
-    model = _model()
+    plain = _model()
+    sprung = replace(plain, motion=replace(plain.require_motion(), springs=(SPRING,)))
     result = {"effects/index.md": _index()}
     for effect in BUILT_IN:
+        model = sprung if "spring" in effect.needs else plain
         signature = effect_signature(model, effect)
         result[f"effects/{effect.name}.md"] = _page(signature, nominal_of(model))
         result[f"effects/{effect.name}.svg"] = _picture(signature)
@@ -80,12 +86,15 @@ def _page(signature: Signature, nominal: Nominal) -> str:
     drawn = "; ".join(describe(AddedEffect(effect, signature.parameters), nominal) or numbers)
     calibrations = "".join(f"- {one.instruction}\n" for one in effect.calibrations)
     direct = f"\n## A direct check\n\n{calibrations}" if calibrations else ""
+    spring = (
+        "The rig was given a spring of 1 N/m with a preload of 10 mN at 45 mm. " if "spring" in effect.needs else ""
+    )
     return (
         f"# {_title(effect)}\n\n`{effect.name}` changes {acts}.\n\n**What one sees.** {effect.symptom}\n\n"
         f"**How to isolate it.** {effect.experiment}\n\n"
         f"## Its signature\n\n![What {effect.name} changes over distance and current]({effect.name}.svg)\n\n"
         "What the effect adds to each reading of the levitation rig `geometry/emaws-rig.toml`. Each line is a current, "
-        f"from the smallest (light) to the largest (dark). {signature.conditions} Drawn here: {drawn}.\n\n"
+        f"from the smallest (light) to the largest (dark). {spring}{signature.conditions} Drawn here: {drawn}.\n\n"
         f"## Its numbers\n\n| parameter | unit | plausible range | meaning |\n|---|---|---|---|\n{rows}{direct}\n"
         f"## Source\n\n{effect.reference}\n"
     )

@@ -10,7 +10,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
-_PREFIXED = {"m", "s", "A", "N", "Wb", "V", "T", "H", "W", "J", "ohm", "g", "V s", "T/A", "V/A", "V/T", "N/A"}
+_PREFIXED = {"m", "s", "A", "N", "Wb", "V", "T", "H", "W", "J", "ohm", "g", "V s", "T/A", "V/A", "V/T", "N/A", "N/m"}
 _MOST_DIGITS = 5  # Of the larger end of an interval
 _SHARES = {"", "1/K", "1/K^2"}
 
@@ -21,7 +21,7 @@ def amount(value: float | None, unit: str, digits: int = 2) -> str:
     The unit is in SI, or a column's name that ends in one (``force_N``); empty for a share, which is given in per cent,
     as is a share per kelvin (``1/K``). The prefix is what a workshop says: mm from 0.1 mm to 1 m, A from 0.1 A.
     """
-    unit = unit.rpartition("_")[2]
+    unit = _unit_of(unit)
     if value is None or not math.isfinite(value):
         return "unknown"
     if unit in _SHARES:
@@ -30,6 +30,12 @@ def amount(value: float | None, unit: str, digits: int = 2) -> str:
         return f"{value:.{max(digits, 3)}g} °C"
     factor, prefixed = _scale(abs(float(f"{value:.{digits - 1}e}")), unit)
     return f"{rounded(factor * value, digits)} {prefixed}"
+
+
+def _unit_of(name: str) -> str:
+    """The unit at the end of a name: ``N`` of ``force_N``, ``N/m`` of ``stiffness_N_per_m``."""
+    front, per, below = name.rpartition("_per_")
+    return f"{front.rpartition('_')[2]}/{below}" if per else name.rpartition("_")[2]
 
 
 def amount_range(low: float, high: float, unit: str, digits: int = 2) -> str:
@@ -43,7 +49,7 @@ def amount_range(low: float, high: float, unit: str, digits: int = 2) -> str:
         return ends[0] if low == high else " to ".join(ends)
     if width <= 1e-9 * largest:
         return amount(largest if low > 0.0 else -largest, unit, digits)
-    shown = unit.rpartition("_")[2]
+    shown = _unit_of(unit)
     if shown == "C":
         factor, prefixed = 1.0, "°C"
     elif shown in _SHARES:
@@ -68,7 +74,7 @@ def _place(value: float, digits: int) -> int:
 def axis_scale(values: FloatArray, unit: str) -> tuple[float, str]:
     """Factor and prefixed unit in which values of one axis are drawn, after the largest of them."""
     sizes = np.abs(np.asarray(values, dtype=float))
-    return _scale(float(np.max(sizes[np.isfinite(sizes)], initial=0.0)), unit.rpartition("_")[2])
+    return _scale(float(np.max(sizes[np.isfinite(sizes)], initial=0.0)), _unit_of(unit))
 
 
 def _scale(size: float, unit: str) -> tuple[float, str]:

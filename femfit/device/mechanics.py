@@ -116,10 +116,13 @@ class Mechanics:
 
     def beside_weight(self, distance: FloatArray) -> FloatArray | float:
         """Springs and load along growing distance, in N."""
-        force: FloatArray | float = self.load_N
-        for spring in self.springs:
-            force = force + spring_force(spring, distance)
-        return force
+        return self.push_of_springs(distance) + self.load_N if self.springs else self.load_N
+
+    def push_of_springs(self, distance: FloatArray) -> FloatArray:
+        """All springs along growing distance, in N."""
+        return np.asarray(
+            sum((spring_force(spring, distance) for spring in self.springs), np.zeros(np.shape(distance)))
+        )
 
     def _creep(self, sample_time_s: float) -> float:
         return self.coulomb_N * sample_time_s / self.mass_kg

@@ -6,6 +6,7 @@ from importlib.metadata import entry_points
 from femfit.core.entry_catalogue import EntryCatalogue
 from femfit.effects.coil_temperature import COIL_TEMPERATURE
 from femfit.effects.core_saturation import CORE_SATURATION
+from femfit.effects.drawn_spring import SPRING_IN_FORCE, SPRING_PRELOAD, SPRING_STIFFNESS
 from femfit.effects.driver_dead_zone import DRIVER_DEAD_ZONE
 from femfit.effects.eddy_current_lag import EDDY_CURRENT_LAG
 from femfit.effects.effect import Effect
@@ -21,6 +22,7 @@ from femfit.effects.mechanical_force import CONSTANT_FORCE, END_STOP_CONTACT
 from femfit.effects.motional_emf import MOTIONAL_EMF
 from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
 from femfit.effects.sensor_delay import SENSOR_DELAY
+from femfit.effects.spring import SPRING
 from femfit.effects.tolerances import REMANENCE, RESISTANCE, TURNS
 from femfit.effects.zeros_and_scales import (
     CURRENT_GAIN,
@@ -46,6 +48,10 @@ BUILT_IN: tuple[Effect, ...] = (
     HALL_OFFSET,
     MASS_ERROR,
     DISTANCE_SCALE,
+    SPRING_IN_FORCE,
+    SPRING,
+    SPRING_PRELOAD,
+    SPRING_STIFFNESS,
     COIL_TEMPERATURE,
     MAGNET_TEMPERATURE,
     CORE_SATURATION,

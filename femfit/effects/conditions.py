@@ -1,6 +1,6 @@
 """What is known of a reading beside its distance and current, and facts of the base model that effects scale by."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,6 +43,9 @@ class Nominal:
     hall_swing_V: float
     voltage_V: float  # Largest magnitude that the driver gives; NaN where the model has no circuit
     sample_time_s: float
+    # Push of all drawn springs away from the electromagnet in N at distances in m of any shape; None without springs
+    springs: Callable[[FloatArray], FloatArray] | None = None
+    has_iron: bool = True  # Whether a part may keep a remanent flux; true where there is no drawing
 
     @property
     def has_magnet(self) -> bool:
@@ -58,6 +61,21 @@ class Nominal:
     def travel_m(self) -> float:
         """Width of the range of distances."""
         return self.distance_max_m - self.distance_min_m
+
+    @property
+    def stiffness_N_per_m(self) -> float:  # noqa: N802 - the unit
+        """Largest force over the width of the range of distances."""
+        return self.force_N / self.travel_m
+
+    def spring_push(self, distance: FloatArray) -> FloatArray:
+        """Push of the drawn springs away from the electromagnet in N; zero without springs."""
+        return np.zeros(np.shape(distance)) if self.springs is None else self.springs(distance)
+
+    @property
+    def spring_N_per_m(self) -> float:  # noqa: N802 - the unit
+        """Stiffness of the drawn springs, its mean over the range of distances; zero without springs."""
+        near, far = self.spring_push(np.array([self.distance_min_m, self.distance_max_m]))
+        return float(near - far) / self.travel_m
 
     @property
     def weight_N(self) -> float:  # noqa: N802 - the unit

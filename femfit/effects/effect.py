@@ -46,6 +46,8 @@ class EffectParameter:
     nonlinear: bool = False  # Whether it shapes what the amplitudes do; it matters only when one of them is not null
     # Quantity of :class:`Nominal` that the value is a part of, its name ending in its unit; empty for one of its own
     scale: str = ""
+    # Amplitude that this one goes with: where that one does not count, this one alone would be another effect's
+    beside: str = ""
 
     @property
     def lower(self) -> float:
@@ -133,8 +135,8 @@ class Effect:
         Amplitudes of the family's shapes, then shape constants.
     needs : tuple of str
         Columns without which data cannot show it: each entry is a column, or several joined by ``|`` of which one
-        is enough. Columns that are constant count as missing where the entry starts with ``~``; ``magnet`` stands for
-        one in the model.
+        is enough. Columns that are constant count as missing where the entry starts with ``~``; ``magnet``, ``iron``
+        and ``spring`` stand for one in the model, ``no spring`` for none.
     experiment : str
         The measurement that isolates it, as an instruction.
     words : callable or None

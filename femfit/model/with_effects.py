@@ -54,6 +54,8 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         hall_swing_V=swing,
         voltage_V=max(abs(v) for v in clamp),
         sample_time_s=base.sample_time_s,
+        springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
+        has_iron=base.kind is None or base.kind.fixed_iron or base.kind.moving_iron,
     )
 
 

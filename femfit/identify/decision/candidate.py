@@ -63,7 +63,7 @@ def _best_refit(campaign: Campaign, start: Sequence[Start]) -> Candidate:
     one = _refitted(campaign, start)
     if one.passes(STRUCTURE_LEFT):
         return one
-    whole = [_whole_family(campaign, added) for added in one.fit.effects]
+    whole = [_whole_family(campaign, *pair) for pair in zip(one.fit.effects, start, strict=True)]
     if sum(item.count for item in whole) <= sum(item.count for item in start):
         return one
     other = _refitted(campaign, whole)
@@ -91,7 +91,10 @@ def _refitted(campaign: Campaign, start: Sequence[Start]) -> Candidate:
     )
 
 
-def _whole_family(campaign: Campaign, added: AddedEffect) -> Start:
-    """All amplitudes of an effect, those that a refit used as it left them."""
+def _whole_family(campaign: Campaign, added: AddedEffect, start: Start) -> Start:
+    """All amplitudes of an effect, those that a refit used as it left them; what goes with another one, as begun."""
     variants = [one for one in campaign.effects if one.name == added.effect.name]
-    return variants[int(np.argmax([one.count for one in variants]))].continued(added)
+    whole = variants[int(np.argmax([one.count for one in variants]))]
+    begun = {p.name for p in start.columns.amplitudes}
+    kept = [k for k, p in enumerate(whole.columns.amplitudes) if not p.beside or p.name in begun]
+    return whole.part(kept).continued(added)

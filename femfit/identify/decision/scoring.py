@@ -60,8 +60,9 @@ def further_effects(
         beside = one.whitened - basis @ (basis.T @ one.whitened)
         seen = np.flatnonzero(np.linalg.norm(beside, axis=0) > SEEN * np.linalg.norm(one.whitened, axis=0))
         tried += one.count
-        if len(seen):
-            found.append(_best_amplitudes(replace(one, whitened=beside).part(seen.tolist()), residual, price))
+        part = replace(one, whitened=beside).part(seen.tolist())
+        if _open(part, ()):
+            found.append(_best_amplitudes(part, residual, price))
     variance = campaign.expected_variance
     smallest = min((_tail_probability(campaign, one, variance) for one in found), default=1.0)
     return _best_of_each(found, price), min(1.0, tried * smallest)
@@ -93,9 +94,9 @@ def _best_amplitudes(one: Start, whitened_residual: FloatArray, price: float) ->
     """The amplitudes of an effect's family that pay for their parameter: the best alone, then what it lacks."""
     chosen: list[int] = []
     amplitude, fall = np.zeros(0), 0.0
-    while len(chosen) < one.count:
+    while open_ := _open(one, chosen):
         trials = []
-        for k in (k for k in range(one.count) if k not in chosen):
+        for k in open_:
             picked = [*chosen, k]
             trials.append(
                 (*bounded_amplitudes(whitened_residual, one.whitened[:, picked], one.columns.bounds[:, picked]), picked)
@@ -104,7 +105,35 @@ def _best_amplitudes(one: Start, whitened_residual: FloatArray, price: float) ->
         if chosen and lower - fall < price:
             break
         amplitude, fall, chosen = more, lower, picked
-    return replace(one.part(chosen), amplitude=amplitude, fall=fall)
+    return _with_leaders(replace(one.part(chosen), amplitude=amplitude, fall=fall), whitened_residual, price)
+
+
+def _open(one: Start, chosen: Sequence[int]) -> list[int]:
+    """Amplitudes that may be added: not yet chosen, and those that go with another one only beside it."""
+    names = {one.columns.amplitudes[k].name for k in chosen}
+    amplitudes = enumerate(one.columns.amplitudes)
+    return [k for k, p in amplitudes if k not in chosen and (not p.beside or p.beside in names)]
+
+
+def _with_leaders(one: Start, whitened_residual: FloatArray, price: float) -> Start:
+    """The start without the amplitudes whose leading one no longer pays for itself beside them.
+
+    A preload that was fitted beside a stiffness may explain all of it: then it is no spring's.
+    """
+    leading = {p.beside for p in one.columns.amplitudes} - {""}
+    if not leading:
+        return one
+    without = _best_part(one, [p.name not in leading for p in one.columns.amplitudes], whitened_residual)
+    if one.fall - without.fall >= price:
+        return one
+    return _best_part(one, [not p.beside for p in one.columns.amplitudes], whitened_residual)
+
+
+def _best_part(one: Start, keep: Sequence[bool], whitened_residual: FloatArray) -> Start:
+    """Some of the amplitudes alone, where they fit best."""
+    part = one.part(np.flatnonzero(keep).tolist())
+    amplitude, fall = bounded_amplitudes(whitened_residual, part.whitened, part.columns.bounds)
+    return replace(part, amplitude=amplitude, fall=fall)
 
 
 def _best_of_each(starts: Iterable[Start], price: float) -> list[Start]:

@@ -2,6 +2,7 @@
 
 References
 ----------
+R. T. Birge, Physical Review 40 (1932) 207: intervals by external consistency.
 M. A. Branch, T. F. Coleman and Y. Li, SIAM Journal on Scientific Computing 21 (1999) 1: bounded trust region.
 """
 
@@ -37,12 +38,16 @@ class Refit:
 
     @cached_property
     def covariance(self) -> FloatArray:
-        """Covariance of the free parameters, each over its plausible range; zero for those at a bound; shape (p, p)."""
+        """Covariance of the free parameters, each over its plausible range; zero for those at a bound; shape (p, p).
+
+        What the fit leaves beyond the noise, of the model's own misfit say, counts as noise (Birge, 1932).
+        """
         moving = np.flatnonzero(~self.active)
         result = np.zeros((len(self.active), len(self.active)))
         columns = self.jacobian[:, moving]
         information = columns.T @ columns + np.diag(self.precision[moving])
-        result[np.ix_(moving, moving)] = np.linalg.pinv(information, hermitian=True)
+        freedom = max(len(self.whitened_residual) - len(moving), 1)
+        result[np.ix_(moving, moving)] = max(1.0, self.chi2 / freedom) * np.linalg.pinv(information, hermitian=True)
         return result
 
     @cached_property

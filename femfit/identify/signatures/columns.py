@@ -1,12 +1,13 @@
 """What each effect would do to these readings, to first order."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.identify.constants import COLUMN_STEP
 from femfit.identify.readings.observations import Observations
@@ -16,6 +17,13 @@ _MAGNET_UNKNOWN = (
     "whether there is a magnet is unknown: the model has no drawing and was fitted to no current of zero (fit it with "
     "--actuator)"
 )
+_PARTS: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
+    "iron": (lambda nominal: nominal.has_iron, "the drawing has no iron"),
+    "spring": (lambda nominal: nominal.springs is not None, "the drawing has no spring"),
+    "no spring": (lambda nominal: nominal.springs is None, "the drawing has a spring, whose own errors are looked at"),
+}
+"""Of what an effect may need in the device: whether it is there, and what is said where it is not."""
+
 _NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage, so it has no magnet"
 
 
@@ -49,6 +57,10 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
                 return _MAGNET_UNKNOWN
             if not observations.nominal.has_magnet:
                 return _NO_MAGNET if observations.nominal.magnet_drawn else _NO_MAGNET_SEEN
+        elif need in _PARTS:
+            there, why = _PARTS[need]
+            if not there(observations.nominal):
+                return why
         elif not any(_given(name, observations) for name in need.split("|")):
             return f"these data lack {_in_words(need)}"
     return ""
