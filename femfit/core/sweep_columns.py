@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from itertools import combinations
 
 COLUMNS: dict[str, str] = {
-    "current_A": "Current of the winding; a positive one attracts a magnet that is drawn to be attracted.",
-    "distance_m": "Air gap from the electromagnet's face to the nearest face of the moving part.",
-    "force_N": "Force on the moving part, positive towards the electromagnet.",
-    "flux_linkage_Wb": "Flux linkage of the winding.",
+    "current_A": "Current of the circuit; a positive one makes a field along +z on the axis of a coil with the sign +.",
+    "distance_m": "From the fixed part's reference face to the nearest face of the moving part.",
+    "force_N": "Force on the moving part, positive towards smaller distance.",
+    "flux_linkage_Wb": "Flux linkage of the circuit.",
     "inductance_H": "Slope of the flux linkage over the current.",
     "coenergy_J": "Co-energy W'(d, i), up to a constant.",
-    "hall_T": "Axial flux density at the Hall element.",
+    "hall_T": "Flux density at the Hall element, along its direction.",
     "force_error_N": "Estimated discretisation error of the force.",
     "newton_iterations": "Iterations of a point with saturating parts.",
     "newton_residual": "Last correction relative to the solution, in the norm of the energy.",

@@ -18,14 +18,20 @@ from ngsolve import Mesh
 from femfit.core.errors import FieldSolverError
 from femfit.device.outlines import Corner, flattened, reversed_outline
 from femfit.device.parts import Actuator, Coil, Region
+from femfit.device.sensors import HallElement
 from femfit.field.layout import Layout, layer_outlines
-from femfit.field.outline import COINCIDENT, polygon, singular_corners
+from femfit.field.outline import COINCIDENT, fixed_parts, polygon, singular_corners
 from femfit.field.regions import coil_region
 from femfit.field.settings import SolverSettings
 
 EDGE_LENGTH = 2.0
-"""Of elements along the layer over its thickness: half the elements of 1, and 1.3 times the error (push solenoid, voice
-coil and axial bearing; measured with the force of each on finer meshes)."""
+"""Of elements along a thin layer over its thickness: half the elements of 1, and 1.3 times the error (push solenoid,
+voice coil and axial bearing; measured with the force of each on finer meshes)."""
+
+HALL_SIZE = 0.15  # of the clearance
+
+THIN = 0.02
+"""Of the actuator's radius: elements of a thin layer are no longer than this, or than the layer is thick."""
 
 
 def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: SolverSettings) -> Mesh:
@@ -53,11 +59,11 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
     inner, outer = (_face(tuple(one.exterior.coords)[:-1]) for one in outlines)
     halo, layer = _without(inner, mover), outer - inner
     halo.faces.name, layer.faces.name = "halo", "layer"
-    _grade(halo, layer, outlines)
+    _grade(halo, layer, outlines, THIN * layout.radius)
     pieces = [*still, *mover, halo, layer]
     rest = _without(_half_disc(layout.outer_radius), [*still, outer])
     if actuator.hall is not None:
-        size = 0.15 * layout.clearance
+        size = _hall_size(actuator, actuator.hall, layout)
         disc = WorkPlane().Circle(actuator.hall.radius_m, actuator.hall.height_m, size).Face() * rest
         disc.faces.name, disc.faces.maxh = "air", 0.5 * size
         pieces.append(disc)
@@ -70,11 +76,18 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
     return shape
 
 
+def _hall_size(actuator: Actuator, hall: HallElement, layout: Layout) -> float:
+    """Radius in m of the finely meshed disc round a Hall element, without slivers between it and a part beside it."""
+    size, place = HALL_SIZE * layout.clearance, shapely.Point(hall.radius_m, hall.height_m)
+    room = min((polygon(part).distance(place) for part in fixed_parts(actuator)), default=math.inf)
+    return 0.5 * room if 0.2 * size < room < 1.5 * size else size
+
+
 def _without(face: Face, others: Sequence[Face]) -> Any:
     return reduce(lambda left, right: left - right, others, face)
 
 
-def _grade(halo: Face, layer: Face, outlines: Sequence[shapely.Polygon]) -> None:
+def _grade(halo: Face, layer: Face, outlines: Sequence[shapely.Polygon], longest: float) -> None:
     """Elements in proportion to the layer's thickness, edge by edge of its two outlines."""
     axis = shapely.LineString([(0.0, -1e3), (0.0, 1e3)])
     inner, outer = (outline.exterior - axis for outline in outlines)
@@ -84,7 +97,8 @@ def _grade(halo: Face, layer: Face, outlines: Sequence[shapely.Polygon]) -> None
         middle = line.interpolate(0.5, normalized=True)
         near, far = sorted((inner, outer), key=middle.distance)
         if near.distance(middle) < 1e-6 * far.distance(middle):  # not an edge on the axis, between the two
-            edge.maxh = EDGE_LENGTH * line.distance(far)
+            thickness = line.distance(far)
+            edge.maxh = max(thickness, min(EDGE_LENGTH * thickness, longest))
             sizes.append(edge.maxh)
     halo.faces.maxh = layer.faces.maxh = max(sizes)
 

@@ -17,35 +17,20 @@ from femfit.field.weak_form import flux_density
 from support.actuators import magnet, rectangle
 from support.devices import device, linear, loudspeaker
 from support.field import fields, prepared
-from support.validation_cases import loops_exact
-
-SIDE = 0.01  # of a coil's section over its radius: a section this small changes M by SIDE^2 / 24
-
-
-def thin(radius, height=0.0, **options):
-    """A loop as a coil of small square section."""
-    side = SIDE * radius
-    section = rectangle(radius - side / 2.0, radius + side / 2.0, height - side / 2.0, height + side / 2.0)
-    return Coil(section, 1.0, 1.0, **options)
-
-
-def pair_of_loops(fixed, moving, distance):
-    coils = [thin(fixed, name="fixed"), thin(moving, SIDE * moving / 2.0, moves=True, name="moving")]
-    return device("loops", coils=coils, currents=((0.0, 1.0), (0.0, 1.0)), distances=(distance,))
+from support.validation_cases import loops_exact, pair_of_loops, thin_coil, two_coils
 
 
 @pytest.mark.parametrize(("a", "b", "z"), [(0.1, 0.1, 0.1), (0.1, 0.05, 0.05), (0.02, 0.015, 0.01)])
 def test_mutual_inductance_and_force_of_two_loops_are_maxwells(a, b, z):
-    actuator = pair_of_loops(a, b, z - SIDE * b / 2.0)
-    solution = prepared(actuator, actuator.sweep.distances_m[0]).solve(actuator.sweep.distances_m[0])
     mutual, slope = loops_exact(a, b, z)
-    assert solution.flux_linkage[0, 2] == pytest.approx(mutual, rel=2e-4)
-    assert solution.flux_linkage[1, 1] == pytest.approx(solution.flux_linkage[0, 2], rel=1e-9)  # reciprocity
-    assert 2.0 * solution.force[1, 2] == pytest.approx(-slope, rel=5e-4)  # F = -i_1 i_2 dM/dd
+    assert two_coils(a, b, z) == pytest.approx((mutual, -slope), rel=5e-4)  # F = -i_1 i_2 dM/dd
+    assert two_coils(a, b, z)[0] == pytest.approx(mutual, rel=2e-4)
 
 
 def test_a_coils_own_current_does_not_move_it():
-    solution = prepared(pair_of_loops(0.02, 0.015, 0.01), 0.01).solve(0.01)
+    actuator = pair_of_loops(0.02, 0.015, 0.01)
+    (distance,) = actuator.sweep.distances_m
+    solution = prepared(actuator, distance).solve(distance)
     assert abs(solution.force[2, 2]) < 1e-9 * abs(solution.force[1, 2])
     assert abs(solution.force[1, 1]) < 1e-9 * abs(solution.force[1, 2])
 
@@ -54,7 +39,7 @@ def test_a_maxwell_pair_in_one_circuit_makes_a_uniform_gradient():
     # Two loops of opposite current, sqrt(3) radii apart: B_z = 48 / 49 sqrt(3 / 7) mu_0 i z / R^2, but for z^5.
     radius = 0.1
     half = 0.5 * math.sqrt(3.0) * radius
-    coils = [thin(radius, half, name="upper"), thin(radius, -half, name="lower")]
+    coils = [thin_coil(radius, half, name="upper"), thin_coil(radius, -half, name="lower")]
     gradient = 48.0 / 49.0 * math.sqrt(3.0 / 7.0) * MU_0 / radius**2
     for height in (0.01, 0.02):
         actuator = device(
@@ -147,12 +132,15 @@ def test_forces_and_fluxes_of_two_circuits_are_reciprocal():
 
 
 def test_a_second_circuit_without_current_changes_nothing():
-    coils = [Coil(rectangle(0.01, 0.02, -0.02, -0.005), 300.0, 1.0, name="first"), thin(0.03, -0.01, name="second")]
+    coils = [
+        Coil(rectangle(0.01, 0.02, -0.02, -0.005), 300.0, 1.0, name="first"),
+        thin_coil(0.03, -0.01, name="second"),
+    ]
     two = device(
         "two", coils=coils, moving=[magnet(1.3, 0.005, 0.005)], currents=((0.0, 1.0), (0.0,)), distances=(0.01,)
     )
     one = dataclasses.replace(two, circuits=two.circuits[:1], sweep=dataclasses.replace(two.sweep, further_A=()))
     first, second = (prepared(actuator, 0.01) for actuator in (one, two))
     rows, both = first.rows(0.01, (0.0, 1.0)), second.rows(0.01, ((0.0, 0.0), (1.0, 0.0)))
-    np.testing.assert_allclose(both["force_N"], rows["force_N"], rtol=1e-9)
+    np.testing.assert_allclose(both["force_N"], rows["force_N"], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(both["flux_linkage_first_Wb"], rows["flux_linkage_Wb"], rtol=1e-9)

@@ -19,27 +19,12 @@ from support.actuators import magnet, rectangle
 from support.devices import ball, bearing, device, linear, millimetres, push_solenoid
 from support.field import prepared
 from support.saturating import rows_at
-
-RADIAL = LinearMaterial("radial", 1.0, 1.2, direction=(1.0, 0.0))
-
-
-def axis_field_of_radial_ring(remanence, inner, outer, low, high, z):
-    """B_z on the axis of a ring magnetised radially: its surfaces' charge +-B_r and its volume's -B_r / r."""
-
-    def ends(primitive):
-        return 0.5 * remanence * (primitive(z - high) - primitive(z - low))
-
-    mantles = ends(lambda h: outer / math.hypot(outer, h) - inner / math.hypot(inner, h))
-    return mantles - ends(lambda h: math.asinh(outer / abs(h)) - math.asinh(inner / abs(h)))
+from support.validation_cases import radial_ring, radial_ring_exact
 
 
 @pytest.mark.parametrize("height", [0.002, 0.012, -0.01])
 def test_axis_field_of_a_radial_ring_is_exact(height):
-    ring = Region("ring", rectangle(0.008, 0.015, 0.0, 0.006), RADIAL)
-    actuator = device("ring", fixed=[ring], moving=[magnet(1e-9, 0.002, 0.002)], distances=(0.05,))
-    sensor = HallElement(0.0, height)
-    field = prepared(device_with(actuator, sensor), 0.05).solve(0.05).hall[0]
-    assert field == pytest.approx(axis_field_of_radial_ring(1.2, 0.008, 0.015, 0.0, 0.006, height), rel=3e-4)
+    assert radial_ring(height) == pytest.approx(radial_ring_exact(height), rel=3e-4)
 
 
 def device_with(actuator, *sensors):

@@ -16,10 +16,12 @@ from scipy import special
 
 from femfit.core.constants import MU_0
 from femfit.device.load import read_actuator
-from femfit.device.parts import LinearMaterial, Region
+from femfit.device.parts import Coil, LinearMaterial, Region
+from femfit.device.sensors import HallElement
 from femfit.field.settings import SolverSettings
 from femfit.field.weak_form import flux_density, stiffness
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
+from support.devices import device
 from support.field import fields, finer_settings, in_current, prepared, solved
 from support.reference import REFERENCE
 from support.saturating import bobbin, problem_at, rows_at
@@ -51,6 +53,57 @@ def loops(a, b, z):
     w = fields(problem, 3.0 * a)[1]
     point = problem.mesh(b, z)
     return 2.0 * math.pi * b**2 * w(point), -2.0 * math.pi * b * flux_density(w)[0](point)
+
+
+LOOP_SIDE = 0.01
+"""Side of a coil's section that stands for a loop, over its radius: it changes M by its square over 24."""
+
+
+def thin_coil(radius, height=0.0, **options):
+    """A loop as a coil of small square section, its middle at a height."""
+    half = 0.5 * LOOP_SIDE * radius
+    section = rectangle(radius - half, radius + half, height - half, height + half)
+    return Coil(section, 1.0, 1.0, **options)
+
+
+def pair_of_loops(a, b, z):
+    """A fixed loop of radius a and a moving one of radius b at z, each in a circuit of its own."""
+    half = 0.5 * LOOP_SIDE * b
+    coils = [thin_coil(a, name="fixed"), thin_coil(b, half, moves=True, name="moving")]
+    return device("loops", coils=coils, currents=((0.0, 1.0), (0.0, 1.0)), distances=(z - half,))
+
+
+@cache
+def two_coils(a, b, z):
+    """M in H and force in N at 1 A in both, of a fixed loop and a moving one at z."""
+    actuator = pair_of_loops(a, b, z)
+    (distance,) = actuator.sweep.distances_m
+    solution = prepared(actuator, distance).solve(distance)
+    return solution.flux_linkage[0, 2], 2.0 * solution.force[1, 2]
+
+
+RING = (0.008, 0.015, 0.0, 0.006)
+"""Inner and outer radius and ends in m of a ring magnetised radially with 1.2 T."""
+
+
+def radial_ring(height):
+    """B_z in T on the axis of the ring."""
+    material = LinearMaterial("radial", 1.0, 1.2, direction=(1.0, 0.0))
+    ring, sensor = Region("ring", rectangle(*RING), material), HallElement(0.0, height)
+    body = magnet(1e-9, 0.002, 0.002)
+    actuator = device("ring", fixed=[ring], moving=[body], distances=(0.05,), sensors=[sensor])
+    return prepared(actuator, 0.05).solve(0.05).hall[0]
+
+
+def radial_ring_exact(z):
+    """The same from the charge of its mantles, +-B_r, and of its volume, -B_r / r."""
+    inner, outer, low, high = RING
+
+    def ends(primitive):
+        return 0.5 * 1.2 * (primitive(z - high) - primitive(z - low))
+
+    mantles = ends(lambda h: outer / math.hypot(outer, h) - inner / math.hypot(inner, h))
+    return mantles - ends(lambda h: math.asinh(outer / abs(h)) - math.asinh(inner / abs(h)))
 
 
 def solenoid(length):

@@ -16,6 +16,8 @@ MEASURED = "test_magnetostatic_measured.py"
 PAGE_TEST = "test_validation_page.py"
 NONLINEAR = "test_nonlinear_field.py"
 
+COILS = "test_coils_and_circuits.py"
+KINDS = "test_device_kinds.py"
 CONSISTENCY = "test_force_consistency.py"
 
 
@@ -56,6 +58,12 @@ def _coils() -> Iterator[Row]:
         name, source = f"loops of {1e3 * a:g} and {1e3 * b:g} mm, {1e3 * z:g} mm apart", "elliptic integrals (Maxwell)"
         yield Row(EXACT, f"{name}: M", source, "H", mutual, _part(0, cases.loops, a, b, z), 2e-4, ANALYTIC)
         yield Row(EXACT, f"{name}: dM/dz", source, "H/m", slope, _part(1, cases.loops, a, b, z), 5e-4, ANALYTIC)
+    for a, b, z in ((0.1, 0.05, 0.05), (0.02, 0.015, 0.01)):
+        mutual, slope = cases.loops_exact(a, b, z)
+        name = f"a fixed coil of {1e3 * a:g} mm and a moving one of {1e3 * b:g} mm, {1e3 * z:g} mm apart"
+        source = "elliptic integrals (Maxwell)"
+        yield Row(EXACT, f"{name}: M", source, "H", mutual, _part(0, cases.two_coils, a, b, z), 2e-4, COILS)
+        yield Row(EXACT, f"{name}: force at 1 A", source, "N", -slope, _part(1, cases.two_coils, a, b, z), 5e-4, COILS)
     for length, henry in ((2.0, 1.3588917590e-6), (1.0, 2.0746304193e-6), (0.5, 2.8853346103e-6)):
         name = f"thin solenoid, radius 1 m, length {length:g} m: L / N²"
         yield Row(EXACT, name, "Lyle, Nagaoka", "H", henry, partial(cases.solenoid, length), 5e-4, ANALYTIC)
@@ -87,6 +95,10 @@ def _magnets() -> Iterator[Row]:
         tesla = axis_field_of_cylinder(1.44, 0.0055, 0.005, height)
         name = f"magnet 11 mm x 5 mm, on the axis {1e3 * height:g} mm off: B"
         yield Row(EXACT, name, "closed form", "T", tesla, partial(cases.axis_field, height), 2e-4, ANALYTIC)
+    for height in (0.002, 0.012, -0.01):
+        tesla = cases.radial_ring_exact(height)
+        name = f"ring of 8 to 15 mm magnetised radially, on the axis at {1e3 * height:g} mm: B"
+        yield Row(EXACT, name, "closed form", "T", tesla, partial(cases.radial_ring, height), 3e-4, KINDS)
 
 
 def _fields() -> Iterator[Row]:
