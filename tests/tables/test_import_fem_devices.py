@@ -8,6 +8,7 @@ import tomllib
 import pytest
 
 from femfit.core.constants import MU_0
+from femfit.core.errors import FemFileError
 from femfit.device.load import actuator_from_toml
 from femfit.field.sweep import run_sweep
 from femfit.tables.femm.options import FemOptions, axis_option
@@ -148,6 +149,16 @@ def test_a_circuit_can_be_taken_alone_and_idle_ones_are_left_out():
     assert len(imported(drawing).actuator.circuits) == 2
 
 
+def test_windings_alone_keep_those_without_current():
+    drawing = FemDrawing()
+    drawing.circuits = {name: {"TotalAmps_re": amps, "CircuitType": 1} for name, amps in (("in", 1), ("out", 0))}
+    drawing.box(5, 9, -10, 0)
+    drawing.box(12, 14, -8, -2)
+    drawing.label(7, -5, COPPER, circuit=1, turns=100)
+    drawing.label(13, -5, COPPER, circuit=2, turns=20)
+    assert imported(surrounded(drawing)).currents_A == (1, 0)
+
+
 def test_one_block_of_a_parallel_circuit_is_a_solid_turn():
     drawing = suspension()
     drawing.circuits["coil"]["CircuitType"] = 0
@@ -202,6 +213,30 @@ def test_the_only_body_with_a_group_of_its_own_moves():
     drawing.box(0, 3, 20, 25)
     drawing.label(1, 22, MAGNET, magdir=90)  # two bodies with a magnet, one of them in group 3
     assert "(1.5, 6)" in said(imported(drawing), "mover").text
+
+
+def slug_in_a_winding():
+    """A slug that fills the bore of a winding."""
+    drawing = FemDrawing()
+    drawing.box(5, 9, -10, 10)
+    drawing.box(0, 5, -15, 5)
+    drawing.label(7, 0, COPPER, circuit=1, turns=100)
+    drawing.label(2, -5, STEEL)
+    return surrounded(drawing)
+
+
+def test_a_winding_that_touches_the_mover_gives_way_once_the_mover_is_named():
+    with pytest.raises(FemFileError, match="everything touches") as caught:
+        imported(slug_in_a_winding())
+    block = re.search(r"--moving-block (\S+ \S+) for block 'Pure Steel'", str(caught.value)).group(1)
+    result = imported(slug_in_a_winding(), moving_blocks=tuple(shlex.split(block)))
+    assert said(result, "trimmed-winding").severity == "warning"
+    inner = min(r for r, _ in result.actuator.coils[0].vertices_m)
+    assert inner == pytest.approx(5.08e-3)  # 2 % of the winding's 4 mm
+    assert result.actuator.coils[0].turns == 100
+    other = imported(slug_in_a_winding(), moving_blocks=(COPPER,))  # the same contact, the winding moves
+    assert other.actuator.coils[0].moves
+    assert other.actuator.coils[0].turns == 100
 
 
 # Where it stands

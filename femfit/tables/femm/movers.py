@@ -58,25 +58,43 @@ def divide(
             "with its turns."
         )
         return None
-    bodies = _connected(pieces)
-    if len(bodies) == 1:
+    if len(pieces) == 1:
         notes.problem(
-            f"everything touches: {_listed(pieces)} are one body, of which nothing can move against the rest. Draw "
-            "what moves with a gap of air all around it."
-            if len(pieces) > 1
-            else f"{pieces[0].place} is all that is magnetic or carries current; no force acts on it alone. Draw what "
-            "it attracts."
+            f"{pieces[0].place} is all that is magnetic or carries current; no force acts on it alone. Draw what it "
+            "attracts."
         )
         return None
+    bodies = _connected(pieces)
     named = options.moving_groups or options.moving_blocks or options.moving_labels
+    if len(bodies) == 1:
+        bodies = [*_connected(parts), *_connected(coils)]  # a winding may give way to what moves beside it
+        if len(bodies) == 1 or not named:
+            _say_touching(bodies, notes)
+            return None
     moving = _named(bodies, options, notes) if named else _inferred(bodies, notes)
-    if not moving:
-        return None
+    return _divided(parts, coils, moving, air, notes) if moving else None
+
+
+def _say_touching(bodies: Sequence[Body], notes: Notes) -> None:
+    touching = f"everything touches: {_listed([piece for body in bodies for piece in body])} are one body"
+    if len(bodies) == 1:
+        notes.problem(f"{touching}, of which nothing can move. Draw what moves with a gap of air all around it.")
+        return
+    notes.problem(
+        f"{touching}. Draw what moves with a gap of air all around it, or name it, and windings give way to it:"
+        f"{_candidates(bodies)}"
+    )
+
+
+def _divided(
+    parts: Sequence[FemPart], coils: Sequence[FemCoil], moving: Body, air: Sequence[FemFace], notes: Notes
+) -> FemBodies | None:
+    """What stands still and what moves; None where parts of the two touch, but for windings, which can be trimmed."""
     touched = [
-        (one, other)
-        for one in moving
-        for other in pieces
-        if other not in moving and one.polygon.distance(other.polygon) <= GRID
+        (part, other)
+        for part in parts
+        for other in parts
+        if part in moving and other not in moving and part.polygon.distance(other.polygon) <= GRID
     ]
     if touched:
         one, other = touched[0]
@@ -85,13 +103,13 @@ def divide(
             "the drawing, or let both move."
         )
         return None
-    moving_parts = [piece for piece in moving if isinstance(piece, FemPart)]
+    moving_parts = [part for part in parts if part in moving]
     spacers = _spacers(moving, air) if len(_connected(moving)) > 1 else ()
     return FemBodies(
         tuple(part for part in parts if part not in moving),
         (*moving_parts, *spacers),
         tuple(coil for coil in coils if coil not in moving),
-        tuple(piece for piece in moving if isinstance(piece, FemCoil)),
+        tuple(coil for coil in coils if coil in moving),
     )
 
 

@@ -25,6 +25,7 @@ from femfit.tables.femm.ranges import offered_axes
 from femfit.tables.femm.surroundings import drop_surroundings
 from femfit.tables.femm.taken import in_terms_of_femfit
 from femfit.tables.femm.toml import actuator_toml
+from femfit.tables.femm.trim import trim_windings
 from femfit.tables.femm.winding import FemWinding, find_windings
 from femfit.tables.femm.wire import find_wire
 
@@ -128,7 +129,7 @@ def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[Fe
         return None
     parts = merge_parts([face for face in own if face.label.material is not None and face.label.material.magnetic])
     bodies = divide(parts, coils, [face for face in faces if face not in own], options, notes)
-    return None if bodies is None else (windings, bodies)
+    return None if bodies is None else trim_windings(windings, bodies, notes)
 
 
 def _say_changes(model: FemModel, bodies: FemBodies, notes: Notes) -> None:

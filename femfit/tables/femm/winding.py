@@ -86,12 +86,14 @@ def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None
 
 
 def _chosen(faces: Sequence[FemFace], name: str | None, notes: Notes) -> list[FemCircuit]:
-    """The circuits that are taken: the one that the user names, else those with current, else all."""
+    """The circuits that are taken: the one that the user names, else those with current, all of coils alone."""
     circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
+    materials = [face.label.material for face in faces if face.label.material is not None]
     if name is None:
-        taken = [circuit for circuit in circuits if circuit.current_A] or circuits
-        if any(face.label.material is not None and face.label.material.current_density for face in faces):
-            taken = [circuit for circuit in circuits if circuit.current_A]
+        live = [circuit for circuit in circuits if circuit.current_A]
+        coils_alone = not any(material.magnetic for material in materials)  # which feel no force but each other's
+        driven = live or any(material.current_density for material in materials)
+        taken = live if driven and not coils_alone else circuits
     else:
         taken = [circuit for circuit in circuits if circuit.name == name]
         if not taken:
@@ -101,11 +103,11 @@ def _chosen(faces: Sequence[FemFace], name: str | None, notes: Notes) -> list[Fe
     idle = [circuit.name for circuit in left if not circuit.current_A]
     if idle and taken:
         notes.info("idle-circuits", f"Circuits without current are left out: {', '.join(map(repr, idle))}.")
-    live = [f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in left if circuit.current_A]
-    if live and taken:
+    lost = [f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in left if circuit.current_A]
+    if lost and taken:
         notes.warn(
             "left-circuits",
-            f"Circuits that carry current in the file are left out: {', '.join(live)}.",
+            f"Circuits that carry current in the file are left out: {', '.join(lost)}.",
             "Import without --circuit to have them all.",
         )
     return taken
