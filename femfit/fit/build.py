@@ -12,6 +12,7 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import FitError, UsageError
+from femfit.fit.circuits_build import fit_several
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.hall import fit_hall
@@ -35,7 +36,7 @@ from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
 from femfit.model.magnetics import Magnetics
 from femfit.model.network_magnetics import NETWORK
-from femfit.tables.sweep_table import SweepTable, read_sweep_table
+from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
 from femfit.tables.variant_choice import choose_variant
 
 COENERGY = "coenergy"
@@ -108,6 +109,10 @@ def fit_model(
         table = read_sweep_table(Path(table))
     table = choose_variant(table, dict(where or {}))
     entry = actuator_entry(table.manifest.get("actuator"), actuator, mass_kg, resistance_ohm, supply_V)
+    if len(current_names(table.rows)) > 1:
+        if law is not None:
+            raise UsageError(f"Several circuits take the co-energy alone; instead received model {law!r}.")
+        return fit_several(table, entry)
     mechanics = None if entry.get("mass_kg") is None else mechanics_of(entry)
     rows = rows_of_table(table, *((mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)))
 

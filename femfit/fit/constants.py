@@ -91,6 +91,12 @@ ALLOWED_VIOLATION = 1e-5
 """Numerical: a shape counts as obeyed where it fails by less than this part of its largest value (inductance, slope or
 k_m)."""
 
+CIRCUIT_CELLS = (1, 2, 3, 4, 6, 8, 12)
+"""Assumed: cells in the distance that are tried for several circuits."""
+
+NOT_QUADRATIC = 0.02
+"""Conventional: misfit of several circuits, of force or flux linkages over their rms, from which iron saturates."""
+
 # How rows are weighted and left out
 
 RELATIVE_SIGMA = 1e-4

@@ -1,7 +1,7 @@
 """Circuit, motion and sensor of a model: what the magnetics do not hold."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -95,6 +95,23 @@ def circuit_and_motion(
 def mechanics_of(entry: Mapping[str, Any]) -> Mechanics:
     """The mechanics of a manifest's actuator entry; the mass alone where it is of an earlier version."""
     return _recorded(Mechanics, "mechanics", {**(entry.get("mechanics") or {}), "mass_kg": number(entry, "mass_kg")})
+
+
+def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:
+    """The circuits of several names, and how to give what is missing; none where not all are there."""
+    recorded = {one.get("name"): one for one in entry.get("circuits") or ()}
+    amplifiers = [name for name in names if ((recorded.get(name) or {}).get("drive") or {}).get("kind") == "current"]
+    if not set(names) <= set(recorded):
+        return (), (f"No circuits in the model: give --actuator ACTUATOR.toml with {', '.join(names)}.",)
+    if amplifiers:
+        return (), (f"No circuits in the model: the voltage limits behind {', '.join(amplifiers)} are unknown.",)
+    circuits = []
+    for name in names:
+        one = recorded[name]
+        drawn = _recorded(DrawnDrive, "drive", one.get("drive") or {})
+        ohms, henries = number(one, "resistance_ohm"), float(one.get("inductance_H") or 0.0)
+        circuits.append(Circuit(ohms, drawn.minimum, drawn.maximum, Drive(diode_V=drawn.diode_V), name, henries))
+    return tuple(circuits), ()
 
 
 def _drive(entry: Mapping[str, Any]) -> Drive:

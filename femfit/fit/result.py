@@ -7,6 +7,7 @@ from typing import Any
 
 from femfit.core.amount import amount, counted
 from femfit.core.printed import Printed
+from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.hall import HallFit
 from femfit.fit.law_fit import LawFit
@@ -45,6 +46,8 @@ class FitResult(Printed):
         What the table's import warned of.
     network : NetworkFit or None
         The law of a plunger that saturates, where it was asked for or is better than every other law.
+    circuits : CircuitsFit or None
+        The quadratic form of several circuits; ``rows`` then has the first one's currents and flux linkages.
 
     Examples
     --------
@@ -63,6 +66,7 @@ class FitResult(Printed):
     notes: tuple[str, ...]
     of_data: tuple[str, ...] = ()
     network: NetworkFit | None = None
+    circuits: CircuitsFit | None = None
 
     @property
     def misfit(self) -> Misfit:
@@ -84,6 +88,7 @@ class FitResult(Printed):
             "coenergy": _coenergy_data(self.coenergy) if self.coenergy else None,
             "law": _law_data(self.law) if self.law else None,
             "network": {"operations": OPERATIONS, "left_out_of_rms": self.network.left_out} if self.network else None,
+            "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": _hall_data(self.hall) if self.hall else None,
             "finer_sweep": finer_settings(magnetics, self.rows) if isinstance(magnetics, CoenergySpline) else None,
@@ -96,6 +101,8 @@ def _lines(result: FitResult) -> list[str]:
         *fit_lines(result.model),
         *(f"note: {note}" for note in (*result.of_data, *result.notes)),
     ]
+    if result.circuits is not None:
+        return [*lines, *result.circuits.lines()]
     if not result.rows.without_current:
         lines.append(_derived_line(result))
     if result.network is not None:

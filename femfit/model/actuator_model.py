@@ -34,6 +34,8 @@ class Circuit:
     voltage_min_V: float
     voltage_max_V: float = limited(metadata={"not_below": "voltage_min_V"})
     drive: Drive = BRIDGE
+    name: str = "coil"
+    inductance_H: float = 0.0  # In series, outside of the field
 
 
 @dataclass(frozen=True)
@@ -66,28 +68,41 @@ class ValidityBox:
     distance_max_m: float
     current_min_A: float
     current_max_A: float
+    further_A: tuple[tuple[float, float], ...] = ()  # Of each further circuit; currents then have the shape (..., n)
+
+    def of_each(self, current: FloatArray) -> list[tuple[FloatArray, float, float]]:
+        """Currents of each circuit and their limits."""
+        limits = [(self.current_min_A, self.current_max_A), *self.further_A]
+        if not self.further_A:
+            return [(current, *limits[0])]
+        if np.ndim(current) == 0 or np.shape(current)[-1] != len(limits):
+            raise DomainError(
+                f"Currents must have the shape (..., {len(limits)}), one for each circuit in the model's order; "
+                f"instead received the shape {np.shape(current)}."
+            )
+        return [(np.asarray(current)[..., k], *pair) for k, pair in enumerate(limits)]
 
     def contains(self, distance: FloatArray, current: FloatArray) -> BoolArray:
         """Whether each point lies in the domain (to 1e-9 of its width); NaN does not."""
         slack_d = 1e-9 * (self.distance_max_m - self.distance_min_m)
-        slack_i = 1e-9 * (self.current_max_A - self.current_min_A)
-        return np.asarray(
-            (distance >= self.distance_min_m - slack_d)
-            & (distance <= self.distance_max_m + slack_d)
-            & (current >= self.current_min_A - slack_i)
-            & (current <= self.current_max_A + slack_i)
-        )
+        inside = (distance >= self.distance_min_m - slack_d) & (distance <= self.distance_max_m + slack_d)
+        for one, low, high in self.of_each(current):
+            slack_i = 1e-9 * (high - low)
+            inside = inside & (one >= low - slack_i) & (one <= high + slack_i)
+        return np.asarray(inside)
 
     def require(self, distance: FloatArray, current: FloatArray) -> None:
         """Refuse points outside of the domain."""
         inside = self.contains(distance, current)
         if not np.all(inside):
-            d, i = np.broadcast_arrays(np.asarray(distance), np.asarray(current))
             where = np.flatnonzero(~np.atleast_1d(inside).ravel())[0]
+            each = self.of_each(current)
+            d, *i = (np.broadcast_to(one, inside.shape).ravel()[where] for one in (distance, *(e[0] for e in each)))
+            ranges = ", ".join(f"{low:g}..{high:g} A" for _, low, high in each)
             raise DomainError(
                 f"Distance and current must lie in {1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm and "
-                f"{self.current_min_A:g}..{self.current_max_A:g} A, where the model was fitted; instead received "
-                f"{1e3 * d.ravel()[where]:g} mm and {i.ravel()[where]:g} A. Sweep and fit a wider range."
+                f"{ranges}, where the model was fitted; instead received "
+                f"{1e3 * d:g} mm and {', '.join(f'{one:g} A' for one in i)}. Sweep and fit a wider range."
             )
 
 
@@ -165,6 +180,8 @@ class ActuatorModel(Printed):
         All sensors but the Hall element; :func:`femfit.model.sensors.predict_sensors` says what they read.
     process_noise : ProcessNoise or None
         Found from a record; a filter derives it from the model's misfit where None.
+    further_circuits : tuple of Circuit
+        Those after the first, where there are several; currents have the shape (..., n) then.
 
     Examples
     --------
@@ -196,6 +213,7 @@ class ActuatorModel(Printed):
     kind: ActuatorKind | None = None
     other_sensors: tuple[CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor, ...] = ()
     process_noise: ProcessNoise | None = None
+    further_circuits: tuple[Circuit, ...] = ()
     provenance: Mapping[str, Any] = limited(default_factory=dict)
 
     def __str__(self) -> str:
@@ -207,7 +225,8 @@ class ActuatorModel(Printed):
         Parameters
         ----------
         distance, current : array_like
-            In m and A; they broadcast.
+            In m and A; they broadcast. With n circuits currents have the shape (..., n), in the order of
+            :attr:`circuits`.
         extrapolate : bool
             Whether points outside of the validity domain are evaluated all the same.
 
@@ -219,11 +238,11 @@ class ActuatorModel(Printed):
         return self._evaluate(self.magnetics.force, distance, current, extrapolate)
 
     def flux_linkage(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """Flux linkage of the winding in Wb; arguments and errors as of :meth:`force`."""
+        """Flux linkage of the winding in Wb, (..., n) of several; arguments and errors as of :meth:`force`."""
         return self._evaluate(self.magnetics.flux_linkage, distance, current, extrapolate)
 
     def inductance(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """Differential inductance d(flux linkage)/di in H; arguments and errors as of :meth:`force`."""
+        """Inductance d(flux linkage)/di in H, (..., n, n) of several; arguments and errors as of :meth:`force`."""
         return self._evaluate(self.magnetics.inductance, distance, current, extrapolate)
 
     def _evaluate(
@@ -235,7 +254,9 @@ class ActuatorModel(Printed):
     ) -> FloatArray:
         try:
             d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
-            np.broadcast_shapes(d.shape, i.shape)
+            np.broadcast_shapes(d.shape, *(one.shape for one, _, _ in self.validity.of_each(i)))
+        except DomainError:
+            raise
         except (TypeError, ValueError) as error:
             raise DomainError(
                 "Distance and current must be numbers, or arrays of numbers whose shapes broadcast; instead received "
@@ -310,8 +331,19 @@ class ActuatorModel(Printed):
         """States that effects add to (distance, velocity, current)."""
         return self.dynamics.names if self.dynamics is not None else ()
 
+    @property
+    def circuits(self) -> tuple[Circuit, ...]:
+        """All circuits, in the order of their currents; none without a winding."""
+        return () if self.circuit is None else (self.circuit, *self.further_circuits)
+
     def require_circuit(self) -> Circuit:
-        """The circuit, or :class:`MissingPartError` with the remedy."""
+        """The only circuit, or :class:`MissingPartError` with the remedy."""
+        if self.further_circuits:
+            raise MissingPartError(
+                f"Model {self.name!r} must have one circuit for this; it has {len(self.circuits)}: "
+                f"{', '.join(one.name for one in self.circuits)}. Take a drawing with one circuit, for example both "
+                "coils in series."
+            )
         if self.circuit is None:
             raise MissingPartError(self._missing("circuit (winding resistance and supply)", "[coil] and [supply]"))
         return self.circuit

@@ -24,7 +24,12 @@ from femfit.model.actuator_model import ActuatorModel
 def state_derivative(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Time derivative of (distance, velocity, current), and of the states that the model's effects add."""
+    """Time derivative of (distance, velocity, currents), and of the states that the model's effects add.
+
+    With n circuits the state has n currents and ``voltage`` the shape (..., n); without any it has none.
+    """
+    if len(model.circuits) != 1:
+        return _of_any_circuits(model, state, voltage, disturbance)
     circuit, motion = model.require_circuit(), model.require_motion()
     if model.dynamics is not None and model.dynamics.drives:
         return model.dynamics.derivative(state, voltage, disturbance, motion, model.sample_time_s)
@@ -37,6 +42,26 @@ def state_derivative(
         voltage - circuit.resistance_ohm * current + magnetic.motional_constant * velocity
     ) / magnetic.inductance
     return np.moveaxis(rates, 0, -1) if rates.ndim != 2 else rates.T
+
+
+def _of_any_circuits(
+    model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float
+) -> FloatArray:
+    """The same for no circuit or several: L i' = U - R i + k_m v with the matrix L."""
+    motion, circuits = model.require_motion(), model.circuits
+    distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2 : 2 + len(circuits)]
+    rates = np.zeros_like(state)
+    rates[..., 0] = velocity
+    if not circuits:
+        force = model.magnetics.force(distance, np.zeros_like(distance))
+    else:
+        magnetic = model.magnetics.state(distance, currents)
+        resistance, series = np.array([(one.resistance_ohm, one.inductance_H) for one in circuits]).T
+        force, inductance = magnetic.force, magnetic.inductance + np.diag(series)
+        driving = voltage - resistance * currents + magnetic.motional_constant * velocity[..., None]
+        rates[..., 2 : 2 + len(circuits)] = np.linalg.solve(inductance, driving[..., None])[..., 0]
+    rates[..., 1] = motion.acceleration(distance, velocity, force - disturbance, model.sample_time_s)
+    return rates
 
 
 def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:

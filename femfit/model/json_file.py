@@ -20,9 +20,10 @@ from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ProcessNoise, ValidityBox
+from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.drive import BRIDGE, Drive
 from femfit.model.hall import HallSpline
-from femfit.model.json_magnetics import NETWORK_KIND, magnetics_from, spline_from, spline_to
+from femfit.model.json_magnetics import NETWORK_KIND, magnetics_from, matrix_to, spline_from, spline_to
 from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
 from femfit.model.json_section import Section
 from femfit.model.json_sensors import sensors_from
@@ -114,7 +115,7 @@ _WORKED_OUT = {"base", "dynamics"}
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data."""
     for held in (model.without_effects.magnetics, getattr(model.without_effects.sensor, "field", None)):
-        if not isinstance(held, CoenergySpline | LawMagnetics | NetworkMagnetics | HallSpline | None):
+        if not isinstance(held, CoenergySpline | CoenergyMatrix | LawMagnetics | NetworkMagnetics | HallSpline | None):
             raise ModelFileError(
                 "To be written, magnetics must be a co-energy spline or a law, and the field at the Hall element a "
                 f"spline; it is {type(held).__name__}."
@@ -147,9 +148,10 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
         return kind | spline_to(value.coordinate, value.spline)
     if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
         return {name: _plain(one) for name, one in unusual(value).items()}
-    data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    data = matrix_to(value) if isinstance(value, CoenergyMatrix) else {}
+    data = data or {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, NetworkMagnetics):
-        return {"kind": NETWORK_KIND, **data}
+        data = {"kind": NETWORK_KIND, **data}
     if isinstance(value, LawMagnetics):
         return {"kind": "law", "law": data.pop("law_name"), **data}
     if isinstance(value, Coefficient):
@@ -180,7 +182,7 @@ def _build(top: Section) -> ActuatorModel:
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=magnetics_from(top.section("magnetics")),
-        validity=top.section("validity").record(ValidityBox),
+        validity=_validity_from(top.section("validity")),
         circuit=_circuit_from(circuit) if circuit else None,
         motion=mechanics_from(motion) if motion else None,
         sensor=sensor.record(HallSensor, field=HallSpline(*spline_from(sensor.section("field")))) if sensor else None,
@@ -192,6 +194,9 @@ def _build(top: Section) -> ActuatorModel:
         coil_temperature_C=top.number("coil_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         magnet_temperature_C=top.number("magnet_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         kind=kind.record(ActuatorKind) if kind else None,
+        further_circuits=tuple(_circuit_from(one) for one in top.sections("further_circuits"))
+        if top.data.get("further_circuits")
+        else (),
         process_noise=noise.record(ProcessNoise) if noise else None,
         other_sensors=sensors_from(top.sections("other_sensors")) if top.data.get("other_sensors") else (),
     )
@@ -201,7 +206,19 @@ def _build(top: Section) -> ActuatorModel:
 
 def _circuit_from(section: Section) -> Circuit:
     drive = section.optional_section("drive")
-    return section.record(Circuit, drive=drive_from(drive) if drive else BRIDGE)
+    return section.record(
+        Circuit,
+        drive=drive_from(drive) if drive else BRIDGE,
+        name=section.text("name") if "name" in section.data else "coil",
+        inductance_H=section.number("inductance_H", lower=0.0, absent=0.0),
+    )
+
+
+def _validity_from(section: Section) -> ValidityBox:
+    further = section.array("further_A", 2) if section.data.get("further_A") else np.zeros((0, 2))
+    if further.shape[1] != 2:
+        raise section.refusal("further_A", "pairs of a lowest and a highest current")
+    return section.record(ValidityBox, further_A=tuple((float(low), float(high)) for low, high in further))
 
 
 def _effect_from(section: Section) -> AddedEffect:
@@ -237,17 +254,23 @@ def _check_values(model: ActuatorModel, source: str) -> None:
                 f"{source} is damaged: d_0 / (d + s) of its {name} must be finite in the validity domain; with a "
                 f"distance_shift_m of {coordinate.distance_shift_m:g} it is not. Write it again with femfit fit."
             )
-    d, i = np.meshgrid(
-        np.linspace(domain.distance_min_m, domain.distance_max_m, 5),
-        np.linspace(domain.current_min_A, domain.current_max_A, 5),
-    )
+    limits = np.array([(domain.current_min_A, domain.current_max_A), *domain.further_A])
+    names = getattr(model.magnetics, "names", ("coil",))
+    if not (len(names) == len(limits) and len(model.circuits) in {0, len(limits)}):
+        raise ModelFileError(
+            f"{source} is damaged: magnetics, circuits and validity must be of as many circuits; instead received "
+            f"{len(names)}, {len(model.circuits)} and {len(limits)}. Write it again with femfit fit."
+        )
+    d, along = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 5), np.linspace(0.0, 1.0, 5))
+    i = limits[:, 0] + along[..., None] * (limits[:, 1] - limits[:, 0])
+    i = i if domain.further_A else i[..., 0]
     # Coefficients near the largest float overflow here instead of in a filter
     with np.errstate(all="ignore"):
         state = model.magnetics.state(d, i)
         values = [state.force, state.motional_constant, state.inductance]
         if model.sensor is not None:
             values.append(model.sensor.voltage(d, i))
-    if not np.all(np.isfinite(values)):
+    if not all(np.all(np.isfinite(value)) for value in values):
         raise ModelFileError(
             f"{source} is damaged: force, inductance or Hall voltage is not finite everywhere in the validity domain. "
             "Write it again with femfit fit."

@@ -6,6 +6,7 @@ from typing import Any
 
 from femfit.laws.catalogue import law_by_name
 from femfit.model.bspline import TensorSpline, is_clamped
+from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.json_section import Section
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
@@ -14,7 +15,7 @@ from femfit.model.network_magnetics import NetworkMagnetics
 INVERSE, PLAIN = "inverse_distance", "distance"
 """What u may be: d_0 / (d + s), or d / d_0."""
 
-NETWORK_KIND = "reluctance_network"
+NETWORK_KIND, MATRIX_KIND = "reluctance_network", "coenergy_matrix"
 
 _SPLINE_KEYS = (
     "kind",
@@ -34,10 +35,12 @@ def magnetics_from(section: Section) -> Magnetics:
     kind = section.text("kind")
     if kind == "coenergy_spline":
         return CoenergySpline(*spline_from(section))
+    if kind == MATRIX_KIND:
+        return _matrix_from(section)
     if kind == NETWORK_KIND:
         return _network_from(section)
     if kind != "law":
-        raise section.refusal("kind", f"coenergy_spline, {NETWORK_KIND} or law")
+        raise section.refusal("kind", f"coenergy_spline, {MATRIX_KIND}, {NETWORK_KIND} or law")
     law = section.item("law", law_by_name)
     section.section("shape").refuse_others(tuple(p.name for p in law.shape))
     return LawMagnetics(
@@ -88,12 +91,48 @@ def _coefficient_from(section: Section, basis: tuple[str, ...]) -> Coefficient:
     )
 
 
-def spline_to(coordinate: DistanceCoordinate, spline: TensorSpline) -> dict[str, Any]:
-    """Coordinate, knots and coefficients of a co-energy or a Hall field as JSON-ready data."""
+def matrix_to(matrix: CoenergyMatrix) -> dict[str, Any]:
+    """Several circuits' co-energy as JSON-ready data."""
+    return {
+        "kind": MATRIX_KIND,
+        "circuits": list(matrix.names),
+        **_coordinate_to(matrix.coordinate),
+        "u_knots": matrix.u_knots.tolist(),
+        "u_degree": matrix.u_degree,
+        "coefficients": matrix.coefficients.tolist(),
+    }
+
+
+def _matrix_from(section: Section) -> CoenergyMatrix:
+    place = ("coordinate", "reference_distance_m", "distance_shift_m")
+    section.refuse_others(("kind", "circuits", *place, "u_knots", "u_degree", "coefficients"))
+    names = section.data.get("circuits")
+    if not isinstance(names, list) or len(names) < 2 or not all(isinstance(name, str) for name in names):
+        raise section.refusal("circuits", "a list of two or more names")
+    degree, knots = section.integer("u_degree", 2, 9), section.array("u_knots", 1)
+    if not is_clamped(knots, degree):
+        raise section.refusal("u_knots", f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
+    needed = (len(knots) - degree - 1, (len(names) + 1) * (len(names) + 2) // 2)
+    coefficients = section.array("coefficients", 2)
+    if coefficients.shape != needed:
+        raise section.refusal(
+            "coefficients", f"{needed[0]} lists of {needed[1]} numbers, as knots and circuits ask for"
+        )
+    return CoenergyMatrix(tuple(names), _coordinate_from(section), knots, degree, coefficients)
+
+
+def _coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:
     return {
         "coordinate": INVERSE if coordinate.inverse else PLAIN,
         "reference_distance_m": coordinate.reference_distance_m,
         **({"distance_shift_m": coordinate.distance_shift_m} if coordinate.inverse else {}),
+    }
+
+
+def spline_to(coordinate: DistanceCoordinate, spline: TensorSpline) -> dict[str, Any]:
+    """Coordinate, knots and coefficients of a co-energy or a Hall field as JSON-ready data."""
+    return {
+        **_coordinate_to(coordinate),
         "u_knots": spline.x_knots.tolist(),
         "current_knots_A": spline.y_knots.tolist(),
         "u_degree": spline.x_degree,

@@ -15,10 +15,13 @@ def model_lines(model: "ActuatorModel") -> list[str]:
     lines = fit_lines(model)
     if model.effects:
         lines.append(f"effects: {', '.join(added.effect.name for added in model.effects)}")
-    circuit, motion, sensor = model.circuit, model.motion, model.sensor
+    motion, sensor = model.motion, model.sensor
+    circuits = [
+        f"{amount(one.resistance_ohm, 'ohm', 3)} on {one.voltage_min_V:g} to {one.voltage_max_V:g} V"
+        for one in model.circuits
+    ]
     parts = {
-        "circuit": circuit
-        and f"{amount(circuit.resistance_ohm, 'ohm', 3)} on {circuit.voltage_min_V:g} to {circuit.voltage_max_V:g} V",
+        "circuit": "; ".join(circuits),
         "motion": motion and f"moving mass {amount(motion.mass_kg, 'kg', 3)}",
         "sensor": sensor and f"Hall element of {amount(sensor.sensitivity_V_per_T, 'V/T', 3)}",
     }
@@ -37,6 +40,10 @@ def fit_lines(model: "ActuatorModel") -> list[str]:
     if base.misfit is not None:
         lines += [f"it misses its table of {counted(base.misfit.rows, 'point')} by", *misfit_lines(base.misfit)]
     valid = f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm"
+    if domain.further_A:
+        each = zip(base.magnetics.names, ((domain.current_min_A, domain.current_max_A), *domain.further_A), strict=True)  # type: ignore[attr-defined]
+        ranges = ", ".join(f"{name} {low:.4g} to {high:.4g} A" for name, (low, high) in each)
+        return [*lines, f"{valid} and {ranges}"]
     if domain.current_min_A == domain.current_max_A == 0.0:  # a pair of magnets
         return [*lines, valid]
     return [*lines, f"{valid} and {domain.current_min_A:.4g} to {domain.current_max_A:.4g} A"]

@@ -1,0 +1,131 @@
+"""From a sweep table of several circuits to an actuator model."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.sweep_columns import flux_columns
+from femfit.fit.circuits_fit import CircuitRows, fit_circuits
+from femfit.fit.misfit import as_written, import_notes
+from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number
+from femfit.fit.result import FitResult
+from femfit.fit.rows import FitRows, rms
+from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
+from femfit.tables.sweep_table import SweepTable, current_names
+
+
+def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
+    """Fit a table with a current column for each of several circuits.
+
+    Raises
+    ------
+    TableError
+        If a circuit's flux linkage is missing, or a column holds no numbers.
+    FitError
+        As of :func:`femfit.fit.circuits_fit.fit_circuits`.
+    """
+    rows = circuit_rows(table)
+    fit = fit_circuits(rows)
+    low, high = rows.currents.min(axis=0).tolist(), rows.currents.max(axis=0).tolist()
+    first, *further = zip(low, high, strict=True)
+    circuits, notes = circuits_of(entry, rows.names)
+    motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
+    if motion is None:
+        notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
+    model = ActuatorModel(
+        name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
+        magnetics=fit.magnetics,
+        validity=ValidityBox(float(rows.distances[0]), float(rows.distances[-1]), *first, tuple(further)),
+        circuit=circuits[0] if circuits else None,
+        further_circuits=circuits[1:],
+        motion=motion,
+        reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
+        kind=kind_of(entry),
+    )
+    period = number(entry, "sample_time_s") if entry.get("sample_time_s") else _sample_time(model)
+    model = replace(model, sample_time_s=period)
+    model = replace(model, misfit=misfit_of_circuits(as_written(model), rows))
+    first_rows = FitRows(
+        rows.distance, rows.currents[:, 0], rows.force, rows.flux_linkage[:, 0], None, np.zeros_like(rows.force), None
+    )
+    result = FitResult(model, None, None, None, None, first_rows, notes, import_notes(table), circuits=fit)
+    provenance = {
+        "fit": result.to_dict(),
+        "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
+    }
+    return replace(result, model=replace(model, provenance=provenance))
+
+
+def circuit_rows(table: SweepTable) -> CircuitRows:
+    """The rows of a table of several circuits, checked."""
+    rows = table.valid_rows()
+    columns = current_names(rows)
+    names = tuple(column.removeprefix("current_").removesuffix("_A") for column in columns)
+    fluxes = flux_columns(names)
+    missing = [name for name in ("distance_m", "force_N", *fluxes) if name not in rows]
+    if missing:
+        raise TableError(
+            f"A table of the circuits {', '.join(names)} must have the columns {', '.join(missing)} as well. Sweep it "
+            "with femfit, or import these columns."
+        )
+    return CircuitRows(
+        names,
+        _numbers(rows, ["distance_m"])[:, 0],
+        _numbers(rows, columns),
+        _numbers(rows, ["force_N"])[:, 0],
+        _numbers(rows, fluxes),
+    )
+
+
+def _numbers(rows: pd.DataFrame, columns: list[str]) -> FloatArray:
+    try:
+        values = rows[columns].to_numpy(dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TableError(f"Columns {', '.join(columns)} must be numeric; {error}.") from error
+    if not np.all(np.isfinite(values)):
+        raise TableError(
+            f"Columns {', '.join(columns)} must hold finite numbers in every row with status ok. Remove the others."
+        )
+    return values
+
+
+def misfit_of_circuits(model: ActuatorModel, rows: CircuitRows) -> Misfit:
+    """Model minus table, of the force and of all flux linkages together."""
+    force = model.magnetics.force(rows.distance, rows.currents) - rows.force
+    flux = rms(model.magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage)
+    scale = np.maximum(np.abs(rows.force), 0.01 * float(np.max(np.abs(rows.force))))
+    return Misfit(
+        force_rms_N=rms(force),
+        force_max_N=float(np.max(np.abs(force))),
+        force_rms_relative=rms(force / scale),
+        force_rms_of_weight=None,
+        flux_linkage_rms_Wb=flux,
+        hall_rms_T=None,
+        rows=len(force),
+        against="sweep",
+        force_share=rms(force) / rms(rows.force),
+        flux_linkage_share=flux / rms(rows.flux_linkage),
+    )
+
+
+def _sample_time(model: ActuatorModel) -> float:
+    """A tenth of the fastest of the circuits' L/R and the body's sqrt(m / |dF/dd|), at no more than 1 ms."""
+    box = model.validity
+    d = np.linspace(box.distance_min_m, box.distance_max_m, 15)
+    largest = np.array([box.current_max_A, *(high for _, high in box.further_A)])
+    constants = [model.sample_time_s / 0.1]
+    if model.circuits:
+        resistance = np.array([one.resistance_ohm for one in model.circuits])
+        inductance = model.magnetics.inductance(d, np.zeros((15, len(largest))))
+        constants.append(float(np.linalg.eigvals(inductance / resistance[:, None]).real.min()))
+    if model.motion is not None:
+        steepest = float(np.max(np.abs(model.magnetics.force_gradient(d, np.tile(largest, (15, 1))))))
+        constants.append(float(np.sqrt(model.motion.mass_kg / steepest)) if steepest > 0.0 else np.inf)
+    shortest = 0.1 * min(constants)
+    decade = 10.0 ** np.floor(np.log10(shortest) + 1e-9)
+    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step <= shortest / decade * (1.0 + 1e-9)))

@@ -1,0 +1,198 @@
+"""Several circuits: force and all flux linkages of a sweep fitted with one quadratic form in the currents.
+
+Both are linear in the splines of M(d), so that one weighted least squares finds them together. How many cells the
+splines take, and in which coordinate, is what distances left out ask for.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from femfit.core.amount import amount
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import FitError
+from femfit.fit.coenergy_choice import distance_coordinates
+from femfit.fit.constants import (
+    CIRCUIT_CELLS,
+    DISTANCE_FOLDS,
+    HELD_OUT_TARGET,
+    NEARLY_BEST,
+    NOT_QUADRATIC,
+    U_DEGREE,
+)
+from femfit.fit.rows import rms
+from femfit.model.bspline import basis_matrix
+from femfit.model.coenergy_matrix import CoenergyMatrix
+from femfit.model.coordinate import DistanceCoordinate
+
+
+@dataclass(frozen=True, eq=False)
+class CircuitRows:
+    """Rows of a sweep of n circuits, in SI units."""
+
+    names: tuple[str, ...]
+    distance: FloatArray  # (rows,)
+    currents: FloatArray  # (rows, n)
+    force: FloatArray
+    flux_linkage: FloatArray  # (rows, n)
+
+    @property
+    def distances(self) -> FloatArray:
+        """Distinct distances, ascending."""
+        return np.unique(self.distance)
+
+
+@dataclass(frozen=True, eq=False)
+class CircuitsFit:
+    """A fitted matrix and its errors."""
+
+    magnetics: CoenergyMatrix
+    held_out: float  # Larger of force and flux linkage on distances left out, each over its rms
+    force_share: float
+    flux_linkage_share: float
+
+    def lines(self) -> list[str]:
+        """What ``femfit fit`` prints of it."""
+        return [
+            (
+                f"quadratic form in the currents of {', '.join(self.magnetics.names)}; with distances left out it "
+                f"misses force and flux linkages by {amount(self.held_out, '')} of their rms"
+            )
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Basis:
+    coordinate: DistanceCoordinate
+    knots: FloatArray
+
+    @property
+    def count(self) -> int:
+        return len(self.knots) - U_DEGREE - 1
+
+    def equations(self, rows: CircuitRows) -> tuple[FloatArray, FloatArray]:
+        """Matrix and data of force and flux linkages, each over its rms; unknowns (functions, entries), flat."""
+        n = rows.currents.shape[1]
+        v = np.concatenate([np.ones((len(rows.distance), 1)), rows.currents], axis=1)
+        a, b = np.triu_indices(n + 1)
+        u, slope, _ = self.coordinate.with_slopes(rows.distance)
+        value, rate = basis_matrix(u, self.knots, U_DEGREE), basis_matrix(u, self.knots, U_DEGREE, 1)
+        square = np.where(a == b, 0.5, 1.0) * v[:, a] * v[:, b]
+        force_scale = rms(rows.force)
+        blocks = [-(slope[:, None] * rate)[:, :, None] * square[:, None, :] / force_scale]
+        data = [rows.force / force_scale]
+        for k in range(1, n + 1):
+            # flux linkage_k = sum_b M_kb v_b
+            factor = np.where(a == k, v[:, b], np.where(b == k, v[:, a], 0.0))
+            blocks.append(value[:, :, None] * factor[:, None, :] / rms(rows.flux_linkage))
+            data.append(rows.flux_linkage[:, k - 1] / rms(rows.flux_linkage))
+        matrix = np.concatenate(blocks).reshape(len(blocks) * len(u), -1)
+        return matrix, np.concatenate(data)
+
+
+def fit_circuits(rows: CircuitRows) -> CircuitsFit:
+    """Fit M(d).
+
+    Raises
+    ------
+    FitError
+        If the rows do not determine M, if force and flux linkages are no quadratic form in the currents because iron
+        saturates, or if the inductances are not positive definite everywhere.
+    """
+    if len(rows.distances) < U_DEGREE + 1:
+        raise FitError(
+            f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received "
+            f"{len(rows.distances)}. Sweep more distances."
+        )
+    basis, held_out = _choose(rows)
+    coefficients = _solve(basis, rows, np.ones(len(rows.distance), dtype=np.bool_))
+    if coefficients is None:
+        raise FitError(
+            f"The rows do not determine the inductances of {', '.join(rows.names)}. Sweep each circuit's current by "
+            "itself and at least one point with each two together."
+        )
+    magnetics = CoenergyMatrix(rows.names, basis.coordinate, basis.knots, U_DEGREE, coefficients)
+    force = rms(magnetics.force(rows.distance, rows.currents) - rows.force) / rms(rows.force)
+    flux = magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
+    fit = CircuitsFit(magnetics, held_out, force, rms(flux) / rms(rows.flux_linkage))
+    _require_quadratic(fit)
+    _require_definite(magnetics, rows)
+    return fit
+
+
+def _choose(rows: CircuitRows) -> tuple[_Basis, float]:
+    """The smallest basis below the target on distances left out, or the smallest that is nearly the best."""
+    scored: list[tuple[float, _Basis]] = []
+    for cells in CIRCUIT_CELLS:
+        if U_DEGREE + cells > len(rows.distances):
+            break
+        for coordinate in distance_coordinates(rows.distances):
+            ends = np.sort(coordinate.of(rows.distances[[0, -1]]))
+            breaks = np.linspace(ends[0], ends[1], cells + 1)
+            knots = np.concatenate([np.repeat(breaks[0], U_DEGREE), breaks, np.repeat(breaks[-1], U_DEGREE)])
+            basis = _Basis(coordinate, knots)
+            scored.append((_held_out(basis, rows), basis))
+        error, basis = min(scored[-len(distance_coordinates(rows.distances)) :], key=lambda pair: pair[0])
+        if error < HELD_OUT_TARGET:
+            return basis, error
+    least = min(error for error, _ in scored)
+    error, basis = next(pair for pair in scored if pair[0] <= NEARLY_BEST * least)
+    return basis, error
+
+
+def _held_out(basis: _Basis, rows: CircuitRows) -> float:
+    """Rms error over the rms, the larger of force and flux linkages, with inner distances left out in turn."""
+    inner = rows.distances[1:-1]
+    matrix, data = basis.equations(rows)
+    errors = []
+    for fold in range(min(DISTANCE_FOLDS, len(inner))):
+        out = np.isin(rows.distance, inner[fold::DISTANCE_FOLDS])
+        found = _solve(basis, rows, ~out)
+        if found is None:
+            return np.inf
+        which = np.tile(out, 1 + rows.currents.shape[1])
+        errors.append((matrix[which] @ found.ravel() - data[which]).reshape(-1, int(out.sum())))
+    joined = np.concatenate(errors, axis=1)
+    return max(rms(joined[0]), rms(joined[1:]))
+
+
+def _solve(basis: _Basis, rows: CircuitRows, kept: BoolArray) -> FloatArray | None:
+    """Coefficients (functions, entries); None where the rows do not determine them. M_00 is zero at the far end."""
+    matrix, data = basis.equations(rows)
+    which = np.tile(kept, 1 + rows.currents.shape[1])
+    entries = matrix.shape[1] // basis.count
+    gauge = 0 if basis.coordinate.inverse else (basis.count - 1) * entries
+    free = np.arange(matrix.shape[1]) != gauge
+    part = matrix[which][:, free]
+    scale = np.linalg.norm(part, axis=0)
+    if len(part) < part.shape[1] or not np.all(scale > 0.0):
+        return None
+    found, _, rank, _ = np.linalg.lstsq(part / scale, data[which], rcond=1e-11)
+    if rank < part.shape[1]:
+        return None
+    coefficients = np.zeros(matrix.shape[1])
+    coefficients[free] = found / scale
+    return coefficients.reshape(basis.count, entries)
+
+
+def _require_quadratic(fit: CircuitsFit) -> None:
+    for name, share in (("force", fit.force_share), ("flux linkages", fit.flux_linkage_share)):
+        if share > NOT_QUADRATIC:
+            raise FitError(
+                f"The {name} of several circuits must follow a quadratic form in their currents, as without "
+                f"saturation; instead the best one misses them by {amount(share, '')} of their rms. Sweep smaller "
+                "currents or more distances, or connect the coils as one circuit: with one, saturation is fitted."
+            )
+
+
+def _require_definite(magnetics: CoenergyMatrix, rows: CircuitRows) -> None:
+    """Refuse inductances that would store a negative energy at some distance between the rows."""
+    d = np.unique(np.concatenate([np.linspace(low, high, 8) for low, high in pairwise(rows.distances)]))
+    least = np.linalg.eigvalsh(magnetics.matrix(d)[:, 1:, 1:])[:, 0]
+    if not np.all(least > 0.0):
+        raise FitError(
+            f"The inductances of {', '.join(magnetics.names)} must be positive definite; at "
+            f"{1e3 * d[np.argmin(least)]:.4g} mm their least eigenvalue is {amount(float(least.min()), 'H', 3)}. Sweep "
+            "more distances, or check the signs of the flux linkages."
+        )

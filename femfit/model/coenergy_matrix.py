@@ -1,0 +1,139 @@
+"""The co-energy of several circuits whose iron does not saturate: a quadratic form in their currents.
+
+W'(d, i_1..i_n) = v^T M(d) v / 2 with v = (1, i_1, .., i_n). M_00 / 2 is what magnets do alone, M_0k the flux linkage of
+circuit k without current, M_jk the inductances. The entries are splines in one coordinate of the distance. Force and
+all flux linkages are derivatives of the one function, so that dF/di_k = -d(flux linkage_k)/dd and M_jk = M_kj hold to
+rounding.
+
+Distances have the shape (...), currents (..., n) in the circuits' order.
+
+References
+----------
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1 (several terminal pairs).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import factorial
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.errors import MissingPartError
+from femfit.model.bspline import basis_matrix
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.magnetics import Magnetics, MagneticState
+
+
+@dataclass(frozen=True, eq=False)
+class CoenergyMatrix(Magnetics):
+    """M(d) of the module's head."""
+
+    names: tuple[str, ...]  # Of the circuits, in the order of their currents
+    coordinate: DistanceCoordinate
+    u_knots: FloatArray
+    u_degree: int
+    # Of the entries M_ab, a <= b, row by row; shape (functions, (n + 1) (n + 2) / 2)
+    coefficients: FloatArray
+
+    def matrix(self, distance: FloatArray, order: int = 0) -> FloatArray:
+        """M, or its derivative in d of first or second order, at distances of any shape, (..., n + 1, n + 1)."""
+        distance = np.asarray(distance, dtype=np.float64)
+        u, first, second = (part.ravel() for part in self.coordinate.with_slopes(distance))
+        inner = self._breaks[1:-1].searchsorted(u, "right")
+        step = u - self._breaks[inner]
+        cells = self._cells[inner]  # (points, powers, entries)
+
+        def along(k: int) -> FloatArray:
+            value = np.zeros((len(u), cells.shape[2]))
+            for power in range(self.u_degree, k - 1, -1):
+                value = value * step[:, None] + cells[:, power] * (factorial(power) // factorial(power - k))
+            return value
+
+        if order == 0:
+            entries = along(0)
+        elif order == 1:
+            entries = first[:, None] * along(1)
+        else:
+            entries = first[:, None] ** 2 * along(2) + second[:, None] * along(1)
+        return np.asarray(entries[:, self._places].reshape(*distance.shape, *self._places.shape))
+
+    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """F = -dW'/dd in N, of shape (...)."""
+        v = self._with_one(current)
+        return np.asarray(-0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance, 1), v))
+
+    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """dW'/di_k in Wb, of shape (..., n)."""
+        return np.asarray(np.einsum("...ab,...b->...a", self.matrix(distance)[..., 1:, :], self._with_one(current)))
+
+    def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
+        return np.asarray(-np.einsum("...ab,...b->...a", self.matrix(distance, 1)[..., 1:, :], self._with_one(current)))
+
+    def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """d(flux linkage_j)/di_k in H, of shape (..., n, n)."""
+        points = np.broadcast_shapes(np.shape(distance), np.shape(current)[:-1])
+        inductance = self.matrix(distance)[..., 1:, 1:]
+        return np.broadcast_to(inductance, (*points, *inductance.shape[-2:])).copy()
+
+    def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """W' in J, up to a constant, of shape (...)."""
+        v = self._with_one(current)
+        return np.asarray(0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance), v))
+
+    def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """dF/dd in N/m, of shape (...)."""
+        v = self._with_one(current)
+        return np.asarray(-0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance, 2), v))
+
+    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
+        """Force (...), motional constants (..., n) and inductances (..., n, n) together."""
+        v = self._with_one(current)
+        pull = np.einsum("...ab,...b->...a", self.matrix(distance, 1), v)
+        return MagneticState(
+            -0.5 * np.einsum("...a,...a->...", v, pull), -pull[..., 1:], self.inductance(distance, current)
+        )
+
+    def coenergy_derivatives(
+        self,
+        distance: FloatArray,  # noqa: ARG002  the base class's
+        current: FloatArray,  # noqa: ARG002
+        orders: tuple[tuple[int, int], ...],  # noqa: ARG002
+    ) -> list[FloatArray]:
+        """Refuse what is written for one current."""
+        raise MissingPartError(
+            f"This needs a model with one circuit; instead the model has the circuits {', '.join(self.names)}. Take a "
+            "drawing with one circuit, for example both coils in series."
+        )
+
+    def _derivatives(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        return self.coenergy_derivatives(distance, current, orders)
+
+    def _with_one(self, current: FloatArray) -> FloatArray:
+        current = np.asarray(current, dtype=np.float64)
+        return np.concatenate([np.ones((*current.shape[:-1], 1)), current], axis=-1)
+
+    @cached_property
+    def _places(self) -> IntArray:
+        """Which entry stands at (a, b), shape (n + 1, n + 1)."""
+        places = np.zeros((len(self.names) + 1,) * 2, dtype=np.int64)
+        rows, columns = np.triu_indices(len(places))
+        places[rows, columns] = places[columns, rows] = np.arange(len(rows))
+        return places
+
+    @cached_property
+    def _breaks(self) -> FloatArray:
+        return np.unique(self.u_knots)
+
+    @cached_property
+    def _cells(self) -> FloatArray:
+        """One polynomial a cell and entry, the lowest power first: shape (cells, powers, entries)."""
+        corners = self._breaks[:-1]
+        rows = [
+            basis_matrix(corners, self.u_knots, self.u_degree, k) @ self.coefficients / factorial(k)
+            for k in range(self.u_degree + 1)
+        ]
+        return np.stack(rows, axis=1)

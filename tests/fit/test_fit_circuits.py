@@ -1,0 +1,246 @@
+"""Several circuits from closed forms: a magnetic bearing of two coils with a bias magnet, and three coupled coils."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.core.errors import DomainError, FitError, MissingPartError, ModelFileError, TableError, UsageError
+from femfit.fit.build import fit_model
+from femfit.model.dynamics import runge_kutta_step, state_derivative
+from femfit.model.json_file import model_from_dict, model_to_dict
+from femfit.tables.sweep_table import SweepTable
+
+DISTANCES = np.linspace(0.2e-3, 0.8e-3, 9)
+NAMES = ("lower", "upper")
+CIRCUITS = [
+    {
+        "name": "lower",
+        "resistance_ohm": 1.5,
+        "inductance_H": 0.0,
+        "drive": {"kind": "voltage", "minimum": -24.0, "maximum": 24.0},
+    },
+    {
+        "name": "upper",
+        "resistance_ohm": 1.2,
+        "inductance_H": 1e-3,
+        "drive": {"kind": "voltage", "minimum": 0.0, "maximum": 24.0, "diode_V": 0.7},
+    },
+]
+ENTRY = {"name": "bearing", "mass_kg": 0.5, "circuits": CIRCUITS, "mechanics": {"gravity_m_s2": -9.81}}
+
+
+class Bearing:
+    """Two gaps d and 1 mm - d: L_1 = A / (d + a), L_2 = A / (1 mm - d + a), a mutual M(d) and a magnet's flux."""
+
+    AREA, PATH, GAP = 6e-6, 0.15e-3, 1e-3
+
+    def matrix(self, d):
+        """M of v = (1, i_1, i_2), and its slope."""
+        one, two = d + self.PATH, self.GAP - d + self.PATH
+        mutual, slope = 1e-3 + 0.4 * d, np.full_like(d, 0.4)
+        magnet = 0.01 + 3.0 * d
+        M = np.array(
+            [
+                [40.0 * d**2, magnet, -magnet],
+                [magnet, self.AREA / one, -mutual],
+                [-magnet, -mutual, self.AREA / two],
+            ]
+        )
+        rising = np.full_like(d, 3.0)
+        S = np.array(
+            [
+                [80.0 * d, rising, -rising],
+                [rising, -self.AREA / one**2, -slope],
+                [-rising, -slope, self.AREA / two**2],
+            ]
+        )
+        return np.moveaxis(M, -1, 0), np.moveaxis(S, -1, 0)
+
+    def force(self, d, i):
+        v = np.concatenate([np.ones((len(d), 1)), i], axis=1)
+        return -0.5 * np.einsum("na,nab,nb->n", v, self.matrix(d)[1], v)
+
+    def flux_linkage(self, d, i):
+        v = np.concatenate([np.ones((len(d), 1)), i], axis=1)
+        return np.einsum("nab,nb->na", self.matrix(d)[0], v)[:, 1:]
+
+
+TRUTH = Bearing()
+
+
+def grid(distances, *currents):
+    d, *i = (axis.ravel() for axis in np.meshgrid(distances, *currents, indexing="ij"))
+    return d, np.stack(i, axis=1)
+
+
+def table_of(truth=TRUTH, distances=DISTANCES, currents=(-2.0, 0.0, 2.0), entry=ENTRY):
+    d, i = grid(distances, currents, currents)
+    flux = truth.flux_linkage(d, i)
+    columns = {"current_lower_A": i[:, 0], "current_upper_A": i[:, 1], "distance_m": d, "force_N": truth.force(d, i)}
+    columns |= {"flux_linkage_lower_Wb": flux[:, 0], "flux_linkage_upper_Wb": flux[:, 1], "status": "ok"}
+    return SweepTable(pd.DataFrame(columns), {"actuator": entry})
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fit_model(table_of())
+
+
+@pytest.fixture(scope="module")
+def model(fit):
+    return fit.model
+
+
+BETWEEN = grid(np.linspace(0.21e-3, 0.79e-3, 23), np.linspace(-1.9, 1.9, 5), np.linspace(-1.9, 1.9, 5))
+
+
+def test_force_flux_linkages_and_inductances_follow_the_closed_form_between_the_rows(model):
+    d, i = BETWEEN
+    # Nine distances over two hyperbolas: what a spline of fourth degree misses between them.
+    force, flux = TRUTH.force(d, i), TRUTH.flux_linkage(d, i)
+    assert np.sqrt(np.mean((model.force(d, i) - force) ** 2)) < 2e-3 * np.sqrt(np.mean(force**2))
+    assert np.sqrt(np.mean((model.flux_linkage(d, i) - flux) ** 2)) < 5e-4 * np.sqrt(np.mean(flux**2))
+    inductance = TRUTH.matrix(d)[0][:, 1:, 1:]
+    assert np.abs(model.inductance(d, i) - inductance).max() < 5e-3 * np.abs(inductance).max()
+
+
+def test_reciprocity_holds_to_rounding(model):
+    d, i = BETWEEN
+    m, step = model.magnetics, 1e-9
+    slope = (m.flux_linkage(d + step, i) - m.flux_linkage(d - step, i)) / (2.0 * step)
+    motional = m.motional_constant(d, i)
+    np.testing.assert_allclose(motional, -slope, atol=1e-5 * np.abs(motional).max())
+    np.testing.assert_array_equal(m.inductance(d, i), m.inductance(d, i).swapaxes(-1, -2))
+    for k in range(2):
+        raised = i + 1e-3 * np.eye(2)[k]
+        lowered = i - 1e-3 * np.eye(2)[k]
+        # A quadratic form: central differences are exact.
+        np.testing.assert_allclose(
+            (m.force(d, raised) - m.force(d, lowered)) / 2e-3, motional[:, k], atol=1e-8 * np.abs(motional).max() + 1e-9
+        )
+        energy = (m.coenergy(d, raised) - m.coenergy(d, lowered)) / 2e-3
+        np.testing.assert_allclose(energy, m.flux_linkage(d, i)[:, k], atol=1e-9)
+    force = -(m.coenergy(d + step, i) - m.coenergy(d - step, i)) / (2.0 * step)
+    np.testing.assert_allclose(m.force(d, i), force, atol=1e-4 * np.abs(force).max())
+    gradient = (m.force(d + step, i) - m.force(d - step, i)) / (2.0 * step)
+    np.testing.assert_allclose(m.force_gradient(d, i), gradient, atol=1e-4 * np.abs(gradient).max())
+
+
+def test_currents_broadcast_against_distances_and_outside_of_the_domain_is_refused(model):
+    d = np.linspace(0.3e-3, 0.7e-3, 4)
+    assert model.force(d, [0.5, -0.5]).shape == (4,)
+    assert model.flux_linkage(d[:, None], np.zeros((4, 3, 2))).shape == (4, 3, 2)
+    assert model.inductance(0.5e-3, [0.0, 0.0]).shape == (2, 2)
+    with pytest.raises(DomainError, match=r"-2\.\.2 A, -2\.\.2 A.*3 A"):
+        model.force(0.5e-3, [0.0, 3.0])
+    with pytest.raises(DomainError, match=r"shape \(\.\.\., 2\)"):
+        model.force(0.5e-3, 1.0)
+
+
+def test_the_model_survives_its_file_with_circuits_and_domain(model):
+    data = json.loads(json.dumps(model_to_dict(model)))
+    again = model_from_dict(data)
+    assert again.circuits == model.circuits
+    assert [one.name for one in again.circuits] == list(NAMES)
+    assert again.circuits[1].drive.diode_V == 0.7
+    assert again.validity == model.validity
+    np.testing.assert_array_equal(again.force(*BETWEEN), model.force(*BETWEEN))
+    with pytest.raises(ModelFileError, match="as many circuits"):
+        model_from_dict(data | {"further_circuits": []})
+    data["magnetics"]["coefficients"] = [[0.0]]
+    with pytest.raises(ModelFileError, match=r"magnetics\.coefficients"):
+        model_from_dict(data)
+
+
+def test_what_is_printed_names_each_circuit(fit, model):
+    text = str(fit)
+    assert "lower -2 to 2 A" in text
+    assert "1.20 ohm" in str(model)
+
+
+def test_what_needs_one_circuit_says_which_there_are(model):
+    for call in (model.require_circuit, lambda: model.magnetics.coenergy_derivatives(0.5e-3, 0.0, ((0, 0),))):
+        with pytest.raises(MissingPartError, match="lower, upper"):
+            call()
+
+
+def test_one_joule_put_in_is_one_joule_found(model):
+    # U i integrated over a transient is heat, kinetic energy, work against the weight and the field's energy.
+    state = np.array([0.5e-3, 0.0, 0.2, -0.1])
+    voltage = np.array([3.0, 1.0])
+    step, R, series = 2e-6, np.array([1.5, 1.2]), np.array([0.0, 1e-3])
+
+    def stored(x):
+        d, v, i = x[0], x[1], x[2:]
+        m = model.magnetics
+        flux = m.flux_linkage(d, i)
+        return flux @ i - m.coenergy(d, i) + 0.5 * series @ i**2 + 0.25 * v**2 + 0.5 * 9.81 * d
+
+    put, start = 0.0, stored(state)
+    for _ in range(500):
+        power = (voltage - R * state[2:]) @ state[2:]
+        state = runge_kutta_step(model, state, voltage, step)
+        put += 0.5 * step * (power + (voltage - R * state[2:]) @ state[2:])
+    # The trapezoidal rule's own error.
+    assert stored(state) - start == pytest.approx(put, rel=1e-4)
+
+
+def test_several_bodies_at_once_move_as_each_alone(model):
+    states = np.array([[0.4e-3, 0.1, 0.5, 0.2], [0.6e-3, -0.2, -0.3, 1.0]])
+    volts = np.array([[1.0, 2.0], [0.0, -1.0]])
+    together = state_derivative(model, states, volts)
+    for k in range(2):
+        np.testing.assert_allclose(together[k], state_derivative(model, states[k], volts[k]), rtol=1e-12)
+
+
+class Saturating(Bearing):
+    def force(self, d, i):
+        return super().force(d, i / np.sqrt(1.0 + i**2))
+
+    def flux_linkage(self, d, i):
+        return super().flux_linkage(d, i / np.sqrt(1.0 + i**2))
+
+
+class Active(Bearing):
+    """Circuits that would give energy away: the mutual inductance is larger than their own."""
+
+    def matrix(self, d):
+        M, S = super().matrix(d)
+        M = M.copy()
+        M[:, 1, 2] = M[:, 2, 1] = -0.1
+        S[:, 1, 2] = S[:, 2, 1] = 0.0
+        return M, S
+
+
+@pytest.mark.parametrize(
+    ("table", "error", "message"),
+    [
+        (lambda: table_of(Saturating()), FitError, "quadratic form in their currents"),
+        (lambda: table_of(Active()), FitError, "must be positive definite"),
+        (lambda: table_of(distances=DISTANCES[:4]), FitError, "at least 5 distances"),
+        (lambda: table_of(currents=(0.0,)), FitError, "do not determine the inductances"),
+    ],
+)
+def test_tables_that_give_no_such_model_are_refused_with_the_reason(table, error, message):
+    with pytest.raises(error, match=message):
+        fit_model(table())
+
+
+def test_a_flux_linkage_that_is_missing_is_named():
+    table = table_of()
+    fewer = SweepTable(table.rows.drop(columns="flux_linkage_upper_Wb"), table.manifest)
+    with pytest.raises(TableError, match="flux_linkage_upper_Wb"):
+        fit_model(fewer)
+
+
+def test_a_law_of_one_current_is_refused():
+    with pytest.raises(UsageError, match="co-energy alone"):
+        fit_model(table_of(), law="F1e")
+
+
+def test_a_table_without_circuits_gives_the_magnetics_and_says_what_is_missing():
+    fit = fit_model(table_of(entry={"name": "bare"}))
+    assert fit.model.circuits == ()
+    assert "lower, upper" in fit.notes[0]
