@@ -162,6 +162,12 @@ def test_the_resistance_of_one_winding_is_not_taken_for_two():
     assert "--resistance-ohm is of one winding; there are 2" in only_problem(drawing, resistance_ohm=3.0)
 
 
+def test_a_face_without_label_is_the_only_reason_that_is_given():
+    drawing = suspension()
+    drawing.labels = [label for label in drawing.labels if label[2] != AIR]
+    assert "no block label" in only_problem(drawing)
+
+
 def several_bodies():
     """A core, a magnet's place taken by steel, and another body behind it."""
     drawing = suspension()

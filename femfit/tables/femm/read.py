@@ -118,7 +118,9 @@ def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[Fe
     """The windings and what moves; None where the drawing does not say it."""
     before = len(notes.problems)
     faces = find_faces(model, options.arc_degrees, notes)
-    own = drop_surroundings(model, faces, notes) if faces else None
+    if len(notes.problems) > before:
+        return None  # what the missing faces touch is not known
+    own = drop_surroundings(model, faces, notes)
     if own is None:
         return None
     windings = find_windings(own, options.circuit, notes)

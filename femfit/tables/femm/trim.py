@@ -22,7 +22,7 @@ def trim_windings(
 ) -> tuple[tuple[FemWinding, ...], FemBodies]:
     """Windings that touch the other body keep clear of it, in the windings and in the bodies alike."""
     kept = {id(coil): _trimmed(coil, bodies.mover, notes) for coil in bodies.fixed_coils}
-    standing = [*bodies.fixed, *(kept[id(coil)] for coil in bodies.fixed_coils)]
+    standing: Body = [*bodies.fixed, *(kept[id(coil)] for coil in bodies.fixed_coils)]
     kept |= {id(coil): _trimmed(coil, standing, notes) for coil in bodies.moving_coils}
     return (
         tuple(replace(one, coils=tuple(kept[id(coil)] for coil in one.coils)) for one in windings),
