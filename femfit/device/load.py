@@ -8,6 +8,7 @@ from typing import Any
 from shapely import Polygon
 
 from femfit.core.errors import ActuatorFileError
+from femfit.core.paths import path_of
 from femfit.device.checks import (
     DrawnPart,
     check_collisions,
@@ -87,7 +88,7 @@ def read_actuator(path: str | Path) -> Actuator:
     >>> actuator.name, actuator.coil.turns
     ('emaws-rig', 308.0)
     """
-    path = Path(path)
+    path = path_of(path, "An actuator file")
     return actuator_from_toml(read_text(path), str(path), path.parent)
 
 

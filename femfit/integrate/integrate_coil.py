@@ -113,7 +113,7 @@ def integrate_coil(
     """
     begin = time.perf_counter()
     output = None if output is None else Path(output)
-    source = record if isinstance(record, pd.DataFrame) else open_coil_record(Path(record))
+    source = record if isinstance(record, pd.DataFrame) else open_coil_record(record)
     columns = tuple(name for name in COLUMNS if name in source.columns)
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in columns else "ffa2")
     given = {

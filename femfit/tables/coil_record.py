@@ -22,6 +22,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import OutputError, TableError
 from femfit.core.finding import listing
+from femfit.core.paths import path_of
 from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
 from femfit.tables.columns import UsedColumn, recognise
@@ -148,7 +149,7 @@ def open_coil_record(path: str | Path) -> CoilRecord:
 
     It is ``.parquet``; ``.bin``, ``.raw`` or ``.f32`` with a sidecar; else a text table of any dialect.
     """
-    path = Path(path)
+    path = path_of(path, "A coil record")
     if not path.is_file():
         raise TableError(f"There is no coil record {path}. Give a .csv, .parquet, .bin, .raw or .f32 file.")
     layout: dict[str, Any] = {}
