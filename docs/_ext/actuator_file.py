@@ -41,9 +41,10 @@ UNITS = (
 
 def page() -> str:
     """The whole page."""
-    examples = dict(_examples(tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))))
+    example = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
     materials = "".join(f"| `{name}` | {_cell(entry.reference)} |\n" for name, entry in LIBRARY.items())
-    return _HEAD + "".join(_section(*table, examples) for table in TABLES) + _TAIL.format(materials=materials)
+    sections = "".join(_section(*table, _examples(table[0], example)) for table in TABLES)
+    return _HEAD + sections + _TAIL.format(materials=materials)
 
 
 def _section(name: str, text: str, entry: type[schema.Entry], examples: dict[str, Any]) -> str:
@@ -102,15 +103,28 @@ def _example(key: str, examples: dict[str, Any]) -> str:
     return f"`{text}`" if len(text) < LONGEST_EXAMPLE else f"`{text[: LONGEST_EXAMPLE - 4]} ...`"
 
 
-def _examples(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def _examples(name: str, example: dict[str, Any]) -> dict[str, Any]:
+    """Value by key in the example's tables of a name of :data:`TABLES`; where two have a key, of the fuller one."""
+    if name.startswith("{"):
+        first = name.strip("{ }").split(",")[0]
+        tables = [table for _, table in _tables(example) if first in table]
+    else:
+        wanted = name.strip("[]").split(".") if name else []
+        tables = [table for path, table in _tables(example) if _fits(path, wanted)]
+    return {key: value for table in sorted(tables, key=len) for key, value in table.items()}
+
+
+def _fits(path: tuple[str, ...], wanted: list[str]) -> bool:
+    return len(path) == len(wanted) and all(want in ("NAME", part) for part, want in zip(path, wanted, strict=True))
+
+
+def _tables(table: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], dict[str, Any]]]:
+    """Every table within a table with its path, those in lists too."""
+    yield path, table
     for key, value in table.items():
-        yield key, value
-        if isinstance(value, dict):
-            yield from _examples(value)
-        if isinstance(value, list):
-            for item in value:
-                if isinstance(item, dict):
-                    yield from _examples(item)
+        for inner in value if isinstance(value, list) else [value]:
+            if isinstance(inner, dict):
+                yield from _tables(inner, (*path, key))
 
 
 def _toml(value: object) -> str:
