@@ -15,6 +15,7 @@ from femfit.device.checks import (
     check_hall_place,
     check_moving_body,
     check_overlaps,
+    check_thickness,
     check_zero_heights,
 )
 from femfit.device.complaints import AnyEntry, read_part, read_table
@@ -202,6 +203,7 @@ def _check_hall_output(hall: HallEntry, problems: list[str]) -> None:
 
 
 def _check_drawing(drawing: Drawing, hall: HallPlace | None, distances: Sequence[float], problems: list[str]) -> None:
+    check_thickness([*drawing.standing, *drawing.moving], problems)
     check_overlaps(drawing.standing, problems)
     check_overlaps(drawing.moving, problems)
     if drawing.complete:
