@@ -4,7 +4,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from femfit.device import schema, schema_device
 from femfit.device.materials import LIBRARY
@@ -62,11 +62,10 @@ UNITS = (
 
 def page() -> str:
     """The whole page."""
-    examples = {}
-    for path in EXAMPLES:
-        examples |= dict(_examples(tomllib.loads(path.read_text(encoding="utf-8"))))
+    examples = [tomllib.loads(path.read_text(encoding="utf-8")) for path in EXAMPLES]
     materials = "".join(f"| `{name}` | {_cell(entry.reference)} |\n" for name, entry in LIBRARY.items())
-    return _HEAD + "".join(_section(*table, examples) for table in TABLES) + _TAIL.format(materials=materials)
+    sections = "".join(_section(*table, _examples(table[0], table[2], examples)) for table in TABLES)
+    return _HEAD + sections + _TAIL.format(materials=materials)
 
 
 def _section(name: str, text: str, entry: type[schema.Entry], examples: dict[str, Any]) -> str:
@@ -125,15 +124,32 @@ def _example(key: str, examples: dict[str, Any]) -> str:
     return f"`{text}`" if len(text) < LONGEST_EXAMPLE else f"`{text[: LONGEST_EXAMPLE - 4]} ...`"
 
 
-def _examples(table: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def _examples(name: str, entry: type[schema.Entry], examples: list[dict[str, Any]]) -> dict[str, Any]:
+    """Value by key in the examples' tables of a name of :data:`TABLES`; where two have a key, of the fuller one."""
+    every = [one for example in examples for one in _tables(example)]
+    if name.startswith("{"):
+        first = name.strip("{ }").split(",")[0]
+        tables = [table for _, table in every if first in table]
+    else:
+        wanted = name.partition(" ")[0].strip("[]").split(".") if name else []
+        tables = [table for path, table in every if _fits(path, wanted)]
+        kind = entry.model_fields.get("kind")
+        if kind is not None and "sensors" in wanted:
+            tables = [table for table in tables if table.get("kind") in get_args(kind.annotation)]
+    return {key: value for table in sorted(tables, key=len) for key, value in table.items()}
+
+
+def _fits(path: tuple[str, ...], wanted: list[str]) -> bool:
+    return len(path) == len(wanted) and all(want in ("NAME", part) for part, want in zip(path, wanted, strict=True))
+
+
+def _tables(table: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], dict[str, Any]]]:
+    """Every table within a table with its path, those in lists too."""
+    yield path, table
     for key, value in table.items():
-        yield key, value
-        if isinstance(value, dict):
-            yield from _examples(value)
-        if isinstance(value, list):
-            for item in value:
-                if isinstance(item, dict):
-                    yield from _examples(item)
+        for inner in value if isinstance(value, list) else [value]:
+            if isinstance(inner, dict):
+                yield from _tables(inner, (*path, key))
 
 
 def _toml(value: object) -> str:

@@ -4,11 +4,11 @@ import codecs
 import os
 import signal
 import sys
-from threading import current_thread, main_thread
 
 from cyclopts import App, CycloptsError
 
 from femfit import __version__
+from femfit.cli.signals import WORDS, EndedError, ending_on_signals
 from femfit.core.errors import FemfitError, UsageError
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
@@ -79,7 +79,12 @@ def main() -> None:
     # a busy machine slow them down by up to twenty times.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _print_what_the_terminal_can_show()
-    before = signal.signal(signal.SIGTERM, _end) if current_thread() is main_thread() else None
+    with ending_on_signals():
+        _run()
+
+
+def _run() -> None:
+    """Run the command; the one place that catches errors."""
     try:
         build_app()(sys.argv[1:], exit_on_error=False)
     except CycloptsError:
@@ -96,23 +101,12 @@ def main() -> None:
         _fail(": ".join(filter(None, [error.strerror or str(error), str(error.filename or "")])))
     except MemoryError:
         _fail("the memory does not suffice. Use fewer --workers, a smaller table, or a machine with more memory.")
-    except _Ended:
-        _fail("ended by SIGTERM; what was finished is kept", 128 + signal.SIGTERM)
+    except EndedError:
+        _fail(WORDS[signal.SIGTERM], 128 + signal.SIGTERM)
     except KeyboardInterrupt:
-        _fail("interrupted; what was finished is kept", 128 + signal.SIGINT)
+        _fail(WORDS[signal.SIGINT], 128 + signal.SIGINT)
     except Exception as error:  # noqa: BLE001  the last net: a user is told what to do, and the traceback is kept
         _fail(_bug(error), BUG)
-    finally:
-        if before is not None:
-            signal.signal(signal.SIGTERM, before)
-
-
-class _Ended(BaseException):
-    """SIGTERM: not an Exception, so that nothing on the way takes it for an error of its own."""
-
-
-def _end(*_: object) -> None:
-    raise _Ended
 
 
 def _fail(text: str, code: int = 1) -> None:

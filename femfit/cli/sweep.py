@@ -40,11 +40,12 @@ def sweep(
     from femfit.cli.progress import sweep_progress
     from femfit.core.amount import counted
     from femfit.core.errors import FieldSolverError
+    from femfit.core.finding import listing
     from femfit.core.outputs import RESULT, require_outputs
     from femfit.device.summary import remarks
     from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import clipped_hall, summarise
+    from femfit.field.sweep_rows import clipped_hall, summarise, variants_without_a_point
 
     require_outputs([actuator], (json, RESULT))
     variants = read_variants(actuator)
@@ -76,6 +77,12 @@ def sweep(
         print(f"  {miss} not meet the tolerance; force_error_N says by how much")
     if summary["failed"] == summary["rows"]:
         raise FieldSolverError(f"No point of {actuator} could be solved; the reasons are above and in the table.")
+    if lost := variants_without_a_point(table):
+        raise FieldSolverError(
+            f"No point could be solved of {counted(len(lost), 'variant')} of {len(variants.variants)} "
+            f"({listing(map(str, lost), 10)}); the reasons are above and in the table, which has the others. Correct "
+            "those values of sweep.parameters, or leave them out."
+        )
 
 
 def _force(summary: Mapping[str, Any]) -> str:

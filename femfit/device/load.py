@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from femfit.core.errors import ActuatorFileError
+from femfit.core.paths import path_of
 from femfit.device.checks import (
     DrawnPart,
     check_collisions,
     check_hall_place,
     check_moving_body,
     check_overlaps,
+    check_thickness,
     check_zero_heights,
 )
 from femfit.device.complaints import AnyEntry, read_table
@@ -77,7 +79,7 @@ def read_actuator(path: str | Path) -> Actuator:
     >>> actuator.name, actuator.coil.turns
     ('emaws-rig', 308.0)
     """
-    path = Path(path)
+    path = path_of(path, "An actuator file")
     return actuator_from_toml(read_text(path), str(path), path.parent)
 
 
@@ -178,6 +180,7 @@ def _check_drawing(data: dict[str, Any], drawing: Drawing, distances: Sequence[f
     if is_schema_1(data):
         distances = [distance for distance in distances if distance > 0.0]
     standing, moving = drawing.standing, drawing.mover
+    check_thickness([*standing, *moving], problems)
     check_overlaps(standing, problems)
     check_overlaps(moving, problems)
     if drawing.complete:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from femfit.core.errors import ActuatorFileError
+from femfit.core.paths import path_of
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parameter_table import read_design
@@ -41,7 +42,7 @@ def read_variants(path: str | Path) -> VariantSweep:
     VariantSweep
         A variant that cannot be built, as one whose parts overlap, is one with its problem.
     """
-    path = Path(path)
+    path = path_of(path, "An actuator file")
     return variants_from_toml(read_text(path), str(path), path.parent)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from femfit.core.errors import FieldSolverError, RunDirectoryError
 from femfit.core.journal import Journal, JournalHeader
+from femfit.core.paths import path_of
 from femfit.device.parts import Actuator
 from femfit.device.variants import VariantSweep, only, read_variants
 from femfit.field.currents import swept_currents
@@ -80,10 +81,10 @@ def run_sweep(
     >>> len(table.rows), set(table.rows["status"])
     (50, {'ok'})
     """
-    if isinstance(sweep, str | Path):
-        sweep = read_variants(Path(sweep))
     sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
-    directory = Path(directory)
+    if not isinstance(sweep, VariantSweep):
+        sweep = read_variants(path_of(sweep, "The actuator file of a sweep"))
+    directory = path_of(directory, "The run directory")
     settings = settings or settings_for(sweep.actuator)
     tasks, failed = _plan(sweep, settings)
     configuration = _configuration(sweep, settings)

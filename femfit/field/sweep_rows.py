@@ -145,6 +145,14 @@ def summarise(table: SweepTable) -> dict[str, Any]:
     }
 
 
+def variants_without_a_point(table: SweepTable) -> list[int]:
+    """Numbers of the variants every row of which failed; none where the sweep has no parameters."""
+    if VARIANT not in table.rows:
+        return []
+    solved = (table.rows["status"] == "ok").groupby(table.rows[VARIANT]).any()
+    return [int(number) for number in solved.index[~solved]]
+
+
 def _near_force(rows: "pd.DataFrame") -> "pd.Series[float]":
     """Each row's force; beside a change of sign along the distance, the largest of it and those of another sign."""
     keys = [*(name for name in (VARIANT,) if name in rows), *current_names(rows)]

@@ -278,7 +278,7 @@ def _number(value: FloatArray | float) -> float:
 
 def _numbers(value: ArrayLike, sensors: int) -> list[float]:
     """The readings of one run."""
-    if sensors == 1 and type(value) is float:  # what a control loop gives
+    if sensors == 1 and isinstance(value, float):  # what a control loop gives
         return [value]
     found: list[float] = np.asarray(value, np.float64).ravel().tolist()
     if len(found) != sensors:

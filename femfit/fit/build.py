@@ -106,7 +106,7 @@ def fit_model(
         law, bounds, functions, {"mass_kg": mass_kg, "resistance_ohm": resistance_ohm, "inductance_H": inductance_H}
     )
     if not isinstance(table, SweepTable):
-        table = read_sweep_table(Path(table))
+        table = read_sweep_table(table)
     table = choose_variant(table, dict(where or {}))
     entry = actuator_entry(table.manifest.get("actuator"), actuator, mass_kg, resistance_ohm, supply_V)
     if len(current_names(table.rows)) > 1:

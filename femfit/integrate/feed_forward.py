@@ -3,6 +3,13 @@
 B_k = B_(k-1) + (T_s / A) ((v_k + v_(k-1)) / 2 - v_o). The offset v_o is nothing (trapezoid), the mean over a zero
 reading at the record's begin (FFA1), or the mean over the last second in which the field stood still (FFA2).
 P. Arpaia et al., Sensors 22 (2022) 182, (7) and section 3.
+
+An offset that is the mean of m samples with white noise s each is off by s / sqrt(m), and after the time T in which it
+is in use the field by T / A of that. Where W is the time for which these samples are integrated themselves, their sum
+in the field is W / A times the same mean, so that the two together have the variance (s^2 / m) (W - T)^2 / A^2. The
+samples' own noise, (s^2 / m) W^2 / A^2, is summed as it comes; the offset adds (s^2 / m) T (T - 2 W) / A^2. FFA2
+integrates its windows, W = m T_s, and the offsets of several windows add. FFA1 leaves the zero reading out but for half
+of its last sample, which stands in the first trapezoid: W = T_s / 2.
 """
 
 import math
@@ -60,7 +67,10 @@ class FeedForwardState:
     Parameters
     ----------
     field, variance, elapsed : float
-        B in T, its accumulated noise variance, and the integrated time in s.
+        B in T, the accumulated variance of the samples' noise, and the integrated time in s.
+    offset_samples, used, former : float
+        How many samples v_o is the mean of, 0 for none; the time in s in which it is in use; and the variance in T^2
+        that the offsets before it have brought.
     offset, still, level : float
         v_o in V; seconds since the last ramp, or since the record's begin; the last window's current, A.
     """
@@ -70,6 +80,9 @@ class FeedForwardState:
     still: float
     variance: float = 0.0
     elapsed: float = 0.0
+    offset_samples: int = 0
+    used: float = 0.0
+    former: float = 0.0
     offset: float = 0.0
     level: float = math.nan
     window: Window = Window()  # frozen
@@ -97,50 +110,61 @@ class FeedForwardIntegrator:
     def advance(self, state: FeedForwardState, block: CoilBlock) -> tuple[FeedForwardState, FieldBlock]:
         """Integrate a block."""
         last, steps = increments(state.last, block, self.coil, self.noise, self.sample_time)
-        now, offset, reading = (self._plateau_offsets if self.on_plateaus else self._zero_offsets)(
+        now, offset, reading, of_offset = (self._plateau_offsets if self.on_plateaus else self._zero_offsets)(
             state, block, steps.dt
         )
         live = 1.0 - reading
         field = state.field + np.cumsum(live * (steps.field - offset * steps.dt / self.coil.area_m2))
-        variance = state.variance + np.cumsum(live * steps.variance)
+        walked = state.variance + np.cumsum(live * steps.variance)
         elapsed = state.elapsed + np.cumsum(live * steps.dt)
+        variance = np.maximum(walked + of_offset, 0.0)  # a window's samples and its mean nearly cancel at T = W
         nothing, zero = np.full(len(block), np.nan), np.zeros(len(block))
         responses = Responses(field - self.initial_field, zero, zero, elapsed / self.coil.area_m2)
-        now = replace(now, last=last, field=float(field[-1]), variance=float(variance[-1]), elapsed=float(elapsed[-1]))
+        now = replace(now, last=last, field=float(field[-1]), variance=float(walked[-1]), elapsed=float(elapsed[-1]))
         return now, FieldBlock(block.time, field, variance, offset, nothing, nothing, responses)
+
+    def _of_offset(self, offset: FloatArray, samples: int, used: FloatArray, integrated: float) -> FloatArray:
+        """Variance in T^2 that an offset adds after times in s of use, its samples being integrated for a time too."""
+        of_mean = self.noise.voltage.variance(offset) / samples if samples else 0.0
+        return np.asarray(of_mean * used * (used - 2.0 * integrated) / self.coil.area_m2**2)
 
     def _zero_offsets(
         self, state: FeedForwardState, block: CoilBlock, dt: FloatArray
-    ) -> tuple[FeedForwardState, FloatArray, FloatArray]:
-        """The state, the mean of the zero reading up to each sample, and 1 for the samples that belong to it."""
+    ) -> tuple[FeedForwardState, FloatArray, FloatArray, FloatArray]:
+        """The state, the mean of the zero reading up to each sample, 1 for the samples that belong to it, its noise."""
         since = state.still + np.cumsum(dt)
         reading = (since < self.zero_reading - 1e-3 * self.sample_time).astype(np.float64)
         total = state.window.voltage_sum + np.cumsum(reading * block.voltage)
         samples = state.window.samples + np.cumsum(reading)
         offset = total / np.maximum(samples, 1.0)
+        used = state.used + np.cumsum((1.0 - reading) * dt)
         seen = Window(int(samples[-1]), float(total[-1]))
-        return replace(state, still=float(since[-1]), offset=float(offset[-1]), window=seen), offset, reading
+        now = replace(state, still=float(since[-1]), offset=float(offset[-1]), window=seen, used=float(used[-1]))
+        return now, offset, reading, self._of_offset(offset, seen.samples, used, 0.5 * self.sample_time)
 
     def _plateau_offsets(
         self, state: FeedForwardState, block: CoilBlock, dt: FloatArray
-    ) -> tuple[FeedForwardState, FloatArray, FloatArray]:
-        """The state, the last settled plateau's mean at each sample, and zeros: no sample is left out."""
+    ) -> tuple[FeedForwardState, FloatArray, FloatArray, FloatArray]:
+        """The state, the last settled plateau's mean at each sample, zeros as no sample is left out, and its noise."""
         size = max(1, round(self.window / self.sample_time))
         bin_size = min(max(1, round(BIN / self.sample_time)), size)
-        offset = np.zeros(len(block))
+        offset, of_offset = np.zeros(len(block)), np.zeros(len(block))
         now, begin = state, 0
         while begin < len(block):
             part = slice(begin, min(len(block), begin + size - now.window.samples))
-            offset[part] = now.offset
+            offset[part], used = now.offset, now.used + np.cumsum(dt[part])
+            integrated = now.offset_samples * self.sample_time
+            of_offset[part] = now.former + self._of_offset(offset[part], now.offset_samples, used, integrated)
             current = None if block.current is None else block.current[part]
-            now = replace(now, window=now.window.extended(block.voltage[part], current, bin_size))
+            window = now.window.extended(block.voltage[part], current, bin_size)
+            now = replace(now, window=window, used=float(used[-1]))
             if now.window.samples == size:
-                now = replace(self._updated(now), window=Window())
+                now = replace(self._updated(now, float(of_offset[part][-1])), window=Window())
             begin = part.stop
-        return now, offset, np.zeros(len(dt))
+        return now, offset, np.zeros(len(dt)), of_offset
 
-    def _updated(self, state: FeedForwardState) -> FeedForwardState:
-        """After a complete window, whose offset holds from the next sample on."""
+    def _updated(self, state: FeedForwardState, brought: float) -> FeedForwardState:
+        """After a complete window, whose offset holds from the next sample on; those before have brought a variance."""
         seen, still = state.window, state.still + self.window
         mean, level = seen.voltage_sum / seen.samples, 0.5 * (seen.current_min + seen.current_max)
         if math.isinf(seen.current_min):
@@ -150,5 +174,7 @@ class FeedForwardIntegrator:
             moves = max(seen.current_max - seen.current_min, since) > self.still_A
         if moves:
             return replace(state, still=0.0, level=level)
-        settled = state.still >= self.settling - 1e-9
-        return replace(state, offset=mean if settled else state.offset, still=still, level=level)
+        state, settled = replace(state, still=still, level=level), state.still >= self.settling - 1e-9
+        if not settled:
+            return state
+        return replace(state, offset=mean, offset_samples=seen.samples, used=0.0, former=brought)

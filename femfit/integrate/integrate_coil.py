@@ -122,7 +122,7 @@ def integrate_coil(
     if isinstance(record, pd.DataFrame):
         source: CoilRecord | pd.DataFrame = record
     else:
-        source = open_coil_record(Path(record), columns=columns, units=units, table=table)
+        source = open_coil_record(record, columns=columns, units=units, table=table)
     recorded = tuple(name for name in COLUMNS if name in source.columns)
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in recorded else "ffa2")
     given = {

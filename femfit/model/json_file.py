@@ -13,6 +13,7 @@ from femfit.core.atomic import write_text
 from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import ModelFileError
 from femfit.core.outputs import MODEL, require_outputs
+from femfit.core.paths import path_of
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.sensors import Sensor
 from femfit.effects.catalogue import effect_by_name
@@ -65,7 +66,7 @@ def write_model(model: ActuatorModel, path: str | Path) -> None:
             f"Model {model.name!r} cannot be written as JSON: {error}. Its numbers must be finite and its provenance "
             "made of texts, numbers, lists and mappings."
         ) from error
-    require_outputs([], (Path(path), MODEL))
+    require_outputs([], (path_of(path, "The model file"), MODEL))
     write_text(path, text)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError
 from femfit.core.outputs import PAGE, require_outputs
+from femfit.core.paths import path_of
 from femfit.device.summary import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
@@ -61,7 +62,7 @@ def write_report(result: Any, path: str | Path) -> Path:
     >>> ff.write_report("runs/rig", "rig.html").name
     'rig.html'
     """
-    require_outputs([], (Path(path), PAGE))
+    require_outputs([], (path_of(path, "The report"), PAGE))
     return write_page(_page(result), path)
 
 

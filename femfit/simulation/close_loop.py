@@ -14,7 +14,9 @@ from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
 from femfit.core.outputs import LOOP, require_outputs
+from femfit.core.paths import path_of
 from femfit.core.printed import Printed
+from femfit.core.quoted import quoted
 from femfit.core.random_numbers import random_generator
 from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
@@ -146,7 +148,7 @@ class LoopSummary(Printed):
 
     def write_csv(self, path: str | Path) -> None:
         """Write the recorded runs, one row a sample, up to the sample at which a run was lost."""
-        require_outputs([], (Path(path), LOOP))
+        require_outputs([], (path_of(path, "The table of the runs"), LOOP))
         series, rows = self.result.series, []
         for run in range(series.distance_m.shape[1]):
             known = np.flatnonzero(np.isfinite(series.distance_m[:, run]))
@@ -232,7 +234,7 @@ def close_loop(
     random = random_generator(rng)
     believed, truth = model_of(model), None if plant is None else model_of(plant)
     if targets_m is not None:
-        believed = replace(believed, reference_distances_m=tuple(float(d) for d in targets_m))
+        believed = replace(believed, reference_distances_m=_distances(targets_m))
     design = design_loop(believed, noise_V)
     experiment = Experiment(
         controller=controller,
@@ -246,6 +248,15 @@ def close_loop(
     )
     duration = float(len(design.targets_m)) if seconds is None else seconds
     return run_loops(design, experiment, random, runs=runs, duration_s=duration, recorded=recorded, plant=truth)
+
+
+def _distances(targets_m: Iterable[float]) -> tuple[float, ...]:
+    try:
+        return tuple(float(d) for d in targets_m)
+    except (TypeError, ValueError) as error:
+        raise DomainError(
+            f"targets_m must be a list of distances in m; instead received {quoted(targets_m)}. Give [0.02], say."
+        ) from error
 
 
 def run_loops(

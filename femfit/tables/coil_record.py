@@ -19,6 +19,7 @@ from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
+from femfit.core.paths import path_of
 from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
 from femfit.tables.columns import UsedColumn, recognise
@@ -162,7 +163,7 @@ def open_coil_record(
     of any dialect. ``columns``, ``units`` and ``table`` are as in
     :func:`femfit.tables.measurement_file.read_measurement`.
     """
-    path = Path(path)
+    path = path_of(path, "A coil record")
     if not path.is_file():
         raise TableError(
             f"There is no coil record {path}. Give a text, .parquet, .bin, .raw, .f32, .mat, .h5, .tdms or .wav file."

@@ -153,7 +153,7 @@ def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColum
 def used_column(header: str, name: str, unit: str | None, source: str, given: str | float | None = None) -> UsedColumn:
     """Return the use of a column in the unit that the user gives, or else the file."""
     _, si_unit = column_unit(name)
-    unit = str(given) if given not in {None, ""} else None if header.strip() == name else unit
+    unit = str(given) if given not in {None, ""} else None if header.strip() == name or not si_unit else unit
     if unit is None:
         return UsedColumn(header, name, 1.0, si_unit, assumed=bool(si_unit) and header.strip() != name)
     return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)

@@ -12,6 +12,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, match_columns, recognise
+from femfit.tables.header import parse_header
 from femfit.tables.measurement import (
     CHANNELS,
     SERIES_CHANNELS,
@@ -28,6 +29,7 @@ from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.suspected_units import suspected_by_size
 from femfit.tables.table_file import Wanted, parse_table
 from femfit.tables.time_series_checks import check_clock, check_readings
+from femfit.tables.units import unit_factor
 
 BENCH_NEEDS = tuple(frozenset(("distance_m", "current_A", channel)) for channel in CHANNELS)
 SERIES_NEEDS = tuple(frozenset(("time_s", channel)) for channel in SERIES_CHANNELS)
@@ -103,8 +105,14 @@ def read_measurement(
 
 
 def _step_of_moments(raw: RawTable, header: str) -> float:
-    """Median time in s between the times of day that somebody wrote down beside the readings; 0 for other columns."""
+    """Median time in s between the times of day, the minutes or the hours that somebody wrote beside the readings.
+
+    0 for other columns: a recorder counts in seconds or less.
+    """
     moments = clock_seconds(raw.text(header), header)
+    factor = unit_factor(parse_header(header).unit or "s", "s") or 1.0
+    if moments is None and factor >= 60.0:
+        moments = factor * raw.column(header)
     return 0.0 if moments is None or len(moments) < 2 else float(np.nanmedian(np.diff(np.sort(moments))))
 
 

@@ -14,6 +14,7 @@ from femfit.core.amount import counted
 from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
+from femfit.core.paths import path_of
 from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import is_current
@@ -119,7 +120,7 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     from femfit.tables.raw_table import check_width  # noqa: PLC0415
     from femfit.tables.suspected_units import suspected_by_size  # noqa: PLC0415
 
-    file = _table_file(Path(path))
+    file = _table_file(path_of(path, "A sweep table"))
     try:
         if file.suffix != ".parquet":
             with file.open("rb") as head:

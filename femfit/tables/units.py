@@ -47,7 +47,7 @@ _WORDS: dict[str, dict[str, float]] = {
     "J": {"joule joules": 1.0},
     "V": {"volt volts": 1.0},
     "degC": {"C degC °C celsius": 1.0},
-    "s": {"sec second seconds": 1.0},
+    "s": {"sec second seconds": 1.0, "min minute minutes": 60.0, "h hr hour hours": 3600.0},
     "ohm": {"ohm ohms Ω": 1.0, "mohm mohms mΩ milliohm": 1e-3, "kohm kohms kΩ": 1e3},
 }
 

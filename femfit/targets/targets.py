@@ -7,6 +7,7 @@ from typing import Any
 
 from femfit.core.amount import counted
 from femfit.core.errors import UsageError
+from femfit.core.paths import path_of
 from femfit.core.printed import Printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -82,4 +83,5 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
     if target is None:
         known = "; ".join(f"{target.name} ({target.description[:-1]})" for target in TARGETS)
         raise UsageError(f"Export target must be one of: {known}; instead received {to!r}.")
-    return Export(target.name, Path(directory), target.export(model_of(model), Path(directory)))
+    place = path_of(directory, "The directory of an export")
+    return Export(target.name, place, target.export(model_of(model), place))

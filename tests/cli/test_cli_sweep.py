@@ -21,10 +21,15 @@ def swept(tmp_path_factory):
 
 def test_a_sweep_says_how_many_variants_there_are_and_what_failed(swept):
     directory, result = swept
-    assert result.returncode == 0, result.stderr
     assert "45 points of 3 variants, 15 failed" in result.stdout
     assert "15 points failed: coil.r_mm must ascend" in result.stdout
     assert json.loads((directory / "summary.json").read_text())["failed"] == 15
+
+
+def test_a_variant_without_a_point_ends_the_sweep_as_an_error_that_numbers_it(swept):
+    _, result = swept
+    assert result.returncode == 1
+    assert "1 variant of 3 (2)" in result.stderr
 
 
 def test_a_fit_is_of_the_variant_that_is_chosen(swept, tmp_path):

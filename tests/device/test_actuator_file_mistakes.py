@@ -124,6 +124,11 @@ MISTAKES = {
         "",
         ["coil must lie off the axis"],
     ),
+    "foil that cannot be meshed": (
+        "z_mm = [0, 5]",
+        "z_mm = [0, 0.001]",
+        ["moving.regions.disc must be at least 1/1000 as thick", "0.001 mm by 5.5 mm", "at least 0.0055 mm"],
+    ),
     "overlapping fixed regions": (
         "[10, -5], [2.5, -5]]",
         "[10, -4], [2.5, -4]]",

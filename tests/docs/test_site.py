@@ -84,6 +84,23 @@ def test_the_example_file_uses_every_key():
     assert wanted - keys - tables <= {"regions", "parameters"}
 
 
+def test_a_key_of_the_actuator_file_has_an_example_from_its_own_table(site):
+    page = (site / "generated" / "actuator_file.html").read_text(encoding="utf-8")
+    sections = {part.split('"')[0]: part for part in page.split('<section id="')}
+    example = tomllib.loads((DOCS / "reference" / "every-key.toml").read_text())
+    ring, magnet = example["electromagnet"]["regions"]["ring"], example["moving"]["regions"]["magnet"]
+    for section, table, key in (
+        ("electromagnet-regions-name", ring, "r_mm"),
+        ("coil", example["coil"], "r_mm"),
+        ("coil", example["coil"], "temperature_C"),
+        ("moving-regions-name", magnet, "z_mm"),
+        ("moving-regions-name", magnet, "temperature_C"),
+        ("hall", example["hall"], "z_mm"),
+    ):
+        (row,) = [row for row in sections[section].split("<tr") if f">{key}<" in row]
+        assert re.sub("<[^>]*>", "", row.split("<td>")[-1]).strip() == str(table[key]), (section, key)
+
+
 def commands():
     """Every femfit command line that a page or a notebook shows."""
     blocks = re.compile(r"^ *```\w*\n(.*?)^ *```", flags=re.MULTILINE | re.DOTALL)

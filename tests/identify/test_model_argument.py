@@ -38,9 +38,10 @@ def test_no_effect_to_add_is_refused_with_what_to_give(files):
         add_effects(*files, [])
 
 
-def test_a_negative_number_of_clean_campaigns_is_refused(files):
-    with pytest.raises(TableError, match="-1"):
-        diagnose(*files, bootstrap=-1)
+@pytest.mark.parametrize("count", [-1, 1.5, None])
+def test_a_number_of_clean_campaigns_that_is_no_count_is_refused(count, files):
+    with pytest.raises(TableError, match=str(count)):
+        diagnose(*files, bootstrap=count)
 
 
 def test_a_result_in_place_of_a_model_or_a_measurement_is_refused_by_its_name(levitation_model, files):

@@ -37,6 +37,33 @@ def test_what_editors_see_is_what_is_loaded():
     assert imported == femfit._PLACES
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda model, _: femfit.read_actuator(None),
+        lambda model, place: femfit.run_sweep(None, place),
+        lambda model, _: femfit.run_sweep(GEOMETRY / "emaws-rig.toml", None),
+        lambda model, _: femfit.read_sweep(None),
+        lambda model, _: femfit.import_table(None),
+        lambda model, _: femfit.import_table([None]),
+        lambda model, _: femfit.fit_model(None),
+        lambda model, _: femfit.read_model(None),
+        lambda model, _: femfit.write_model(model, None),
+        lambda model, _: femfit.kalman_filter(None),
+        lambda model, _: femfit.close_loop(None),
+        lambda model, _: femfit.export(model, None),
+        lambda model, _: femfit.read_measurement(None),
+        lambda model, _: femfit.compare(model, None),
+        lambda model, _: femfit.write_report(model, None),
+        lambda model, place: femfit.write_report(None, place / "page.html"),
+        lambda model, _: femfit.integrate_coil(None),
+    ],
+)
+def test_nothing_in_place_of_a_path_is_refused_by_what_was_given(call, levitation_model, tmp_path):
+    with pytest.raises(femfit.FemfitError, match="NoneType"):
+        call(levitation_model, tmp_path)
+
+
 def test_a_wrong_name_is_answered_with_the_right_ones():
     with pytest.raises(AttributeError, match="read_actuator"):
         femfit.read_drawing  # noqa: B018

@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 
 import femfit as ff
+from femfit.identify.constants import CONTINUED
+from femfit.identify.noise.whitening import Whitening
 from support.actuators import GEOMETRY
 
 
@@ -105,6 +107,25 @@ def test_a_result_comes_back_from_a_pickle_and_a_copy_as_it_was(kind, results):
     for again in (unpickled(given), copy.deepcopy(given)):
         assert type(again) is type(given)
         assert str(again) == str(given)
+
+
+def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):
+    """Factors of the noise's covariance can be worked out again; what no refit goes on with has no use any more."""
+    found = results["diagnosis"]
+    whitening = found.campaign.whitening
+    fresh = Whitening(whitening.observations, whitening.noise, whitening.chains)
+    whitening.full(whitening.observations.residual)
+    assert len(pickle.dumps(whitening)) == len(pickle.dumps(fresh))
+    again = unpickled(whitening)
+    np.testing.assert_array_equal(
+        again.full(again.observations.residual), whitening.full(whitening.observations.residual)
+    )
+    group = found.campaign.patterns.groups[0]
+    assert group.basis.nbytes > 0
+    assert "basis" not in vars(unpickled(group))
+    np.testing.assert_array_equal(unpickled(group).basis, group.basis)
+    assert found.decision.candidates
+    assert max(len(one.beside) for one in found.decision.candidates) <= CONTINUED
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -215,6 +215,8 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
         ({"dropout": 3.0}, "dropout"),
         ({"stuck_after_s": -1.0}, "stuck"),
         ({"hall_offset_V": float("nan")}, "offset in V"),
+        ({"targets_m": 0.02}, "targets_m must be a list of distances in m; instead received 0.02"),
+        ({"targets_m": ("near",)}, "near"),
         ({"seconds": -1.0}, "seconds=-1"),
         ({"seconds": 0.0}, "seconds=0"),
         ({"seconds": float("nan")}, "seconds=nan"),

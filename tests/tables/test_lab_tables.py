@@ -244,6 +244,14 @@ def test_the_time_of_day_beside_each_reading_of_a_protocol_is_its_order(tmp_path
     assert "--column Uhrzeit=time_s" in said.text
 
 
+def test_minutes_beside_each_reading_of_a_protocol_are_its_order(tmp_path):
+    rows = [f"{k};2,{k};0,5;1,{k}" for k in (3, 1, 2, 0)]
+    table = read_measurement(written(tmp_path / "a.csv", "t [min];Luftspalt [mm];Strom [A];Kraft [N]", rows))
+    assert isinstance(table, BenchTable)
+    assert table.rows["force_N"].tolist() == [1.0, 1.1, 1.2, 1.3]
+    assert {one.code for one in table.findings} & {"protocol", "suspected-unit"} == {"protocol"}
+
+
 def test_a_column_of_times_without_a_number_says_what_it_holds(tmp_path):
     rows = [f"soon;2,{k};0,5;1,{k}" for k in range(4)]
     with pytest.raises(TableError, match=r"lacks time_s .* hold no number \('soon'\)"):

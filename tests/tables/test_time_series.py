@@ -137,3 +137,12 @@ def test_a_record_without_times_or_channel_is_refused_with_the_remedy(tmp_path):
         series(tmp_path, record().assign(time_s=np.nan))
     with pytest.raises(TableError, match="one of"):
         series(tmp_path, record().assign(humidity=40.0).drop(columns=["current_A", "distance_m"]))
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("min", 60.0), ("h", 3600.0), ("ms", 1e-3)])
+def test_a_clock_may_count_in_other_units_than_seconds(unit, seconds, tmp_path):
+    time = 0.01 * np.arange(50)
+    rows = "".join(f"{t / seconds!r},{0.5 + 0.1 * t},{0.02 + 0.001 * t},{0.03}\n" for t in time.tolist())
+    (tmp_path / "log.csv").write_text(f"t [{unit}],current_A,distance_m,force_N\n{rows}")
+    series = read_measurement(tmp_path / "log.csv")
+    np.testing.assert_allclose(series.rows["time_s"], time, rtol=1e-12, atol=1e-12)

@@ -8,12 +8,13 @@ References
 N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: lack of fit against pure error.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.ties import first_best
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
 from femfit.identify.constants import COARSE, SPANNED
@@ -43,8 +44,18 @@ def tail_probability(square: float, count: int, degrees_of_freedom: float) -> fl
 class Group:
     """Patterns that are tested together."""
 
-    basis: FloatArray  # Whitened, orthonormal; shape (M, k)
+    whitened: FloatArray  # All patterns, shape (M, n); groups share it
+    part: BoolArray  # Which of them are tested, shape (n,)
     degrees_of_freedom: float
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without the basis, which is worked out again on demand."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @cached_property
+    def basis(self) -> FloatArray:
+        """Whitened, orthonormal; shape (M, k)."""
+        return orthonormal_basis(self.whitened[:, self.part])
 
     def along(self, residual: FloatArray, fitted: FloatArray) -> tuple[float, int]:
         """Squared length of the residual in the patterns beside orthonormal fitted columns L, and their number.
@@ -121,8 +132,7 @@ def pattern_space(observations: Observations, whitening: Whitening) -> PatternSp
     picked += [*of_channel, patterns.degree <= COARSE[0], everything]
     distinct = {part.tobytes(): part for part in picked if part.any()}  # a single channel is all of them
     groups = [
-        Group(orthonormal_basis(columns[:, part]), float(np.sum(degrees[np.unique(patterns.channel[part])])))
-        for part in distinct.values()
+        Group(columns, part, float(np.sum(degrees[np.unique(patterns.channel[part])]))) for part in distinct.values()
     ]
     return PatternSpace(patterns, tuple(sorted(groups, key=lambda group: group.basis.shape[1])))
 

@@ -8,7 +8,7 @@ import numpy as np
 from femfit.core.ties import ranked
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.lack_of_fit import LackOfFit
-from femfit.identify.constants import LEVEL_AFTER, NONLINEAR_PRICE, ROUNDING, STRUCTURE_LEFT
+from femfit.identify.constants import CONTINUED, LEVEL_AFTER, NONLINEAR_PRICE, ROUNDING, STRUCTURE_LEFT
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.scoring import further_effects, parameter_price
 from femfit.identify.refit.refit import Refit, refit
@@ -27,7 +27,7 @@ class Candidate:
     # Probability of so large a residual, as recorded, where noise, mounts, runs and that misfit are all that is left
     as_recorded: float
     further: float  # Smallest p-value of a further effect beside it, with that allowance, times the amplitudes tried
-    beside: tuple[Start, ...]  # The other effects as they would go on from here, best first
+    beside: tuple[Start, ...]  # The best of the other effects as they would go on from here, best first
 
     def passes(self, level: float = LEVEL_AFTER) -> bool:
         """Whether it leaves neither structure beyond the model's own misfit nor anything for a further effect."""
@@ -42,16 +42,14 @@ def refitted_candidates(campaign: Campaign, starts: Sequence[Sequence[Start]]) -
     return ranked(candidates, lambda one: -one.cost, ROUNDING)
 
 
-def forward_pairs(singles: Sequence[Candidate], leading: int, wanted: int) -> list[list[Start]]:
+def forward_pairs(singles: Sequence[Candidate], leading: int) -> list[list[Start]]:
     """Pairs of a refitted effect, one of the leading ones, and what goes on best from it.
 
     A first-order score misses an effect whose nonlinear parameters are far from where its columns were taken; a refit
     does not.
     """
     return [
-        [one.fit.start[0].continued(one.fit.effects[0]), second]
-        for one in singles[:leading]
-        for second in one.beside[:wanted]
+        [one.fit.start[0].continued(one.fit.effects[0]), second] for one in singles[:leading] for second in one.beside
     ]
 
 
@@ -87,7 +85,7 @@ def _refitted(campaign: Campaign, start: Sequence[Start]) -> Candidate:
             campaign.observations.value - campaign.observations.predict(fit.effects)
         ),
         further=further,
-        beside=tuple(beside),
+        beside=tuple(beside[:CONTINUED]),  # a hundred columns of all readings each would be kept for nothing
     )
 
 

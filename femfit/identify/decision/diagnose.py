@@ -8,6 +8,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
+from femfit.core.quoted import quoted
 from femfit.core.random_numbers import random_generator
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
@@ -62,7 +63,7 @@ def diagnose(
     Raises
     ------
     TableError
-        If no reading can be compared, or ``bootstrap`` is negative.
+        If no reading can be compared, or ``bootstrap`` is no whole number >= 0.
     DomainError
         If ``rng`` is no seed.
 
@@ -73,10 +74,10 @@ def diagnose(
     ('named', ['coil_temperature', 'core_saturation'])
     """
     say = progress or (lambda _: None)
-    if bootstrap < 0:
+    if not isinstance(bootstrap, int | np.integer) or bootstrap < 0:
         raise TableError(
-            f"The number of simulated clean campaigns must be >= 0; instead received {bootstrap}. Give bootstrap=0 "
-            "for none."
+            "The number of simulated clean campaigns must be a whole number >= 0; instead received "
+            f"{quoted(bootstrap)}. Give bootstrap=0 for none."
         )
     rng = random_generator(rng)
     say("Reading")

@@ -68,7 +68,7 @@ def _search(campaign: Campaign, test: ModelTest) -> Decision:
     if chosen is not None:
         return _named(campaign, "named", chosen, singles, test)
     starts = best_pairs(campaign.whitened_residual, test.starts, PAIRED, REFITTED // 2)
-    starts += forward_pairs(singles, CONTINUED, CONTINUED)
+    starts += forward_pairs(singles, CONTINUED)
     pairs = refitted_candidates(campaign, _without_repeats(starts))
     pairs = [pair for pair in pairs if _both_needed(campaign, pair, singles, test.excess)]
     every = ranked([*singles, *pairs], lambda one: -one.cost, ROUNDING)

@@ -10,7 +10,7 @@ G. E. P. Box, G. M. Jenkins and G. C. Reinsel, Time Series Analysis (Wiley, 2008
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -77,6 +77,10 @@ class Whitening:
     observations: Observations
     noise: NoiseModel
     chains: Chains
+
+    def __getstate__(self) -> dict[str, object]:
+        """What it was made from: the factors below are many times as large, and are worked out again on demand."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def _share(self) -> FloatArray:

@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from femfit import __version__
 from femfit.core.amount import counted
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
+from femfit.core.paths import path_of
 from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
@@ -99,9 +100,9 @@ def import_table(
     >>> table = ff.import_table("forces.csv", units={"distance": "mm"})
     >>> model = ff.fit_model(table).model
     """
-    entry = sweep_manifest_entry(read_actuator(Path(actuator))) if actuator else None
-    sources = [paths] if isinstance(paths, str | Path) else paths
-    imported = read_foreign_table([Path(path) for path in sources], ImportOptions(**options))
+    entry = sweep_manifest_entry(read_actuator(actuator)) if actuator else None
+    sources = paths if isinstance(paths, Iterable) and not isinstance(paths, str) else [paths]
+    imported = read_foreign_table([path_of(path, "A table to import") for path in sources], ImportOptions(**options))
     return imported if entry is None else replace(imported, manifest={**imported.manifest, "actuator": dict(entry)})
 
 
