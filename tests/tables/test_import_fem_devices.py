@@ -217,7 +217,13 @@ def test_of_two_windings_the_smaller_moves_and_the_other_can_be_named():
     assert imported(drawing, moving_labels=(1,)).actuator.coils[0].moves
 
 
-def test_the_only_body_with_a_group_of_its_own_moves():
+def test_a_core_with_a_group_does_not_move_where_the_winding_has_one_too():
+    drawing = suspension()  # core, winding and magnet in groups 1, 2 and 3
+    drawing.relabel(MAGNET, group=0)
+    assert "'N40'" in said(imported(drawing), "mover").text
+
+
+def test_the_only_body_with_a_group_moves():
     drawing = suspension()
     drawing.relabel(STEEL, group=0)
     drawing.relabel(COPPER, group=0)
