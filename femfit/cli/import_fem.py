@@ -15,7 +15,7 @@ def import_fem(
     moving_label: Annotated[tuple[int, ...], Parameter(negative=())] = (),
     distance_mm: str | None = None,
     current_A: Annotated[str | None, Parameter(name="--current-A")] = None,
-    circuit: str | None = None,
+    circuit: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     mover_side: Literal["auto", "above", "below"] = "auto",
     face_mm: float | None = None,
     mass_g: float | None = None,
@@ -44,8 +44,8 @@ def import_fem(
         Distances of the sweep, start:stop:step or separated by commas; the file's own is added.
     current_A : str
         Currents of the sweep in each circuit, start:stop:step or separated by commas; the file's own is added.
-    circuit : str
-        The only circuit to take, where there are several.
+    circuit : tuple of str
+        A circuit to take; may be repeated. By default those with current.
     mover_side : str
         Where the moving part stands from the fixed parts in the file, higher or lower z.
     face_mm : float
@@ -76,7 +76,7 @@ def import_fem(
         moving_groups=moving_group,
         moving_blocks=moving_block,
         moving_labels=moving_label,
-        circuit=circuit,
+        circuits=circuit,
         mover_side=mover_side,
         face_mm=face_mm,
         distances_mm=axis_option(distance_mm, "--distance-mm"),

@@ -5,6 +5,7 @@ from importlib.metadata import entry_points
 
 from femfit.core.entry_catalogue import EntryCatalogue
 from femfit.effects.coil_temperature import COIL_TEMPERATURE
+from femfit.effects.core_remanence import CORE_REMANENCE
 from femfit.effects.core_saturation import CORE_SATURATION
 from femfit.effects.drawn_spring import SPRING_IN_FORCE, SPRING_PRELOAD, SPRING_STIFFNESS
 from femfit.effects.driver_dead_zone import DRIVER_DEAD_ZONE
@@ -12,7 +13,7 @@ from femfit.effects.eddy_current_lag import EDDY_CURRENT_LAG
 from femfit.effects.effect import Effect
 from femfit.effects.external_field import EXTERNAL_FIELD
 from femfit.effects.flux_integrator_drift import FLUX_INTEGRATOR_DRIFT
-from femfit.effects.friction import COULOMB_FRICTION, VISCOUS_FRICTION
+from femfit.effects.friction import COULOMB_FRICTION, FLUID_DRAG, VISCOUS_FRICTION
 from femfit.effects.hall_coil_pickup import HALL_COIL_PICKUP
 from femfit.effects.hall_element import HALL_DRIFT, HALL_SATURATION, HALL_TEMPERATURE
 from femfit.effects.hysteresis import HYSTERESIS
@@ -21,8 +22,10 @@ from femfit.effects.magnet import MAGNET_DEMAGNETISATION, MAGNET_TEMPERATURE
 from femfit.effects.mechanical_force import CONSTANT_FORCE, END_STOP_CONTACT
 from femfit.effects.motional_emf import MOTIONAL_EMF
 from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
+from femfit.effects.position_sensor import POSITION_DELAY, POSITION_NONLINEARITY
 from femfit.effects.sensor_delay import SENSOR_DELAY
 from femfit.effects.spring import SPRING
+from femfit.effects.supply_sag import SUPPLY_SAG
 from femfit.effects.tolerances import REMANENCE, RESISTANCE, TURNS
 from femfit.effects.zeros_and_scales import (
     CURRENT_GAIN,
@@ -56,16 +59,21 @@ BUILT_IN: tuple[Effect, ...] = (
     MAGNET_TEMPERATURE,
     CORE_SATURATION,
     HYSTERESIS,
+    CORE_REMANENCE,
     EDDY_CURRENT_LAG,
     LATERAL_MISALIGNMENT,
     COULOMB_FRICTION,
     END_STOP_CONTACT,
     CONSTANT_FORCE,
     VISCOUS_FRICTION,
+    FLUID_DRAG,
     POSITION_DEPENDENT_INDUCTANCE,
     MAGNET_DEMAGNETISATION,
     DRIVER_GAIN,
     DRIVER_DEAD_ZONE,
+    SUPPLY_SAG,
+    POSITION_DELAY,
+    POSITION_NONLINEARITY,
     SENSOR_DELAY,
     HALL_TEMPERATURE,
     HALL_COIL_PICKUP,

@@ -1,6 +1,7 @@
-"""Friction against the motion: dry, whatever the speed and larger where it starts, or in proportion to the velocity.
+"""Friction against the motion: dry, whatever the speed and larger where it starts, or growing with the velocity.
 
-Force towards the electromagnet = level weight sign(v), rounded at small speeds, or damping m v; v > 0 is falling away.
+Force towards the electromagnet = level weight sign(v), rounded at small speeds, damping m v of an oil film or of eddy
+currents, or drag m |v| v of a fluid that is displaced; v > 0 is falling away.
 """
 
 import numpy as np
@@ -81,4 +82,32 @@ VISCOUS_FRICTION = Effect(
     ),
     calibrations=(Calibration({"damping_per_s": 0.5}, 60.0, _SWING),),
     words=lambda p, nominal: [f"friction brakes with {amount(p['damping_per_s'] * nominal.mass_kg, 'N')} at 1 m/s"],
+)
+
+
+FLUID_DRAG = Effect(
+    name="fluid_drag",
+    symptom="Fast strokes take longer than the model's, slow ones do not.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            "drag_per_m",
+            unit="1/m",
+            bounds=(-10.0, 1e6),
+            plausible=(0.0, 200.0),
+            description="Drag over the model's mass and the velocity squared.",
+        ),
+    ),
+    needs=("time_s", "distance_m|hall_V"),
+    experiment="Repeat a fast stroke in air, or with the ports of the fluid open, and compare its time.",
+    reference="Batchelor, An Introduction to Fluid Dynamics (1967), section 5.11",
+    force=lambda d, i, conditions, p: (
+        p["drag_per_m"]
+        * conditions.nominal.mass_kg
+        * np.abs(conditions.velocity_m_s)
+        * like(conditions.velocity_m_s, d)
+    ),
+    words=lambda p, nominal: [
+        f"a fluid brakes with {amount(p['drag_per_m'] * nominal.mass_kg, 'N')} at 1 m/s, with the square of the speed"
+    ],
 )

@@ -45,7 +45,7 @@ SPRING = Effect(
         EffectParameter(
             "preload",
             bounds=(-100.0, 100.0),
-            plausible=(-1.0, 1.0),
+            plausible=(-0.5, 1.0),
             description="Push of the spring at the largest distance, as a part of the largest force.",
             words="the spring {pushes the body away|pulls the body back} with {size} at the largest distance",
             scale="force_N",

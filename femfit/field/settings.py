@@ -12,7 +12,7 @@ class SolverSettings:
     order: int = 5  # Polynomial order of the unknown; the error estimate uses ``order - 1`` on the same mesh
     # Element size at the corners of iron and magnets, as a fraction of the part's smallest extent. Fields are
     # singular there, and this sets the accuracy.
-    corner_fraction: float = 0.06
+    corner_fraction: float = 0.03
     region_fraction: float = 0.45  # Largest element size within a part, as a fraction of its smallest extent
     grading: float = 0.5  # How fast elements grow, Netgen's convention: 0 uniform, 1 fastest
     # Radius of the domain over the largest distance of any part from the origin. The boundary carries the exact

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.sweep_columns import flux_columns
 from femfit.fit.circuits_fit import CircuitRows, fit_circuits
+from femfit.fit.constants import COARSE
 from femfit.fit.misfit import as_written, import_notes
 from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number
 from femfit.fit.result import FitResult
@@ -37,6 +39,14 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     if motion is None:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
+    if fit.force_share > COARSE:
+        notes = (
+            *notes,
+            (
+                f"The sweep is too coarse for its force: the co-energy misses it by {amount(fit.force_share, '')} of "
+                "its rms. Sweep more distances, then fit again."
+            ),
+        )
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
         magnetics=fit.magnetics,

@@ -19,6 +19,7 @@ from femfit.fit.constants import (
     HELD_OUT_TARGET,
     NEARLY_BEST,
     NOT_QUADRATIC,
+    POOR_CIRCUIT,
     U_DEGREE,
 )
 from femfit.fit.rows import rms
@@ -97,9 +98,10 @@ def fit_circuits(rows: CircuitRows) -> CircuitsFit:
     Raises
     ------
     FitError
-        If the rows do not determine M, if force and flux linkages are no quadratic form in the currents because iron
-        saturates, or if the inductances are not positive definite everywhere.
+        If the rows do not determine M, if force or flux linkages are no quadratic form in the currents because iron
+        saturates, if they contradict each other, or if the inductances are not positive definite everywhere.
     """
+    _require_quadratic(rows)
     if len(rows.distances) < U_DEGREE + 1:
         raise FitError(
             f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received "
@@ -116,7 +118,7 @@ def fit_circuits(rows: CircuitRows) -> CircuitsFit:
     force = rms(magnetics.force(rows.distance, rows.currents) - rows.force) / rms(rows.force)
     flux = magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
     fit = CircuitsFit(magnetics, held_out, force, rms(flux) / rms(rows.flux_linkage))
-    _require_quadratic(fit)
+    _require_agreement(fit)
     _require_definite(magnetics, rows)
     return fit
 
@@ -176,14 +178,35 @@ def _solve(basis: _Basis, rows: CircuitRows, kept: BoolArray) -> FloatArray | No
     return coefficients.reshape(basis.count, entries)
 
 
-def _require_quadratic(fit: CircuitsFit) -> None:
-    for name, share in (("force", fit.force_share), ("flux linkages", fit.flux_linkage_share)):
+def _require_quadratic(rows: CircuitRows) -> None:
+    """Refuse what no quadratic form in the currents can meet at each distance by itself, as where iron saturates."""
+    v = np.concatenate([np.ones((len(rows.distance), 1)), rows.currents], axis=1)
+    a, b = np.triu_indices(v.shape[1])
+    for name, columns, values in (
+        ("force", v[:, a] * v[:, b], rows.force[:, None]),
+        ("flux linkages", v, rows.flux_linkage),
+    ):
+        left = np.zeros_like(values)
+        for d in rows.distances:
+            at = rows.distance == d
+            left[at] = columns[at] @ np.linalg.lstsq(columns[at], values[at], rcond=None)[0] - values[at]
+        share = rms(left) / rms(values)
         if share > NOT_QUADRATIC:
             raise FitError(
                 f"The {name} of several circuits must follow a quadratic form in their currents, as without "
                 f"saturation; instead the best one misses them by {amount(share, '')} of their rms. Sweep smaller "
-                "currents or more distances, or connect the coils as one circuit: with one, saturation is fitted."
+                "currents, or connect the coils as one circuit: with one, saturation is fitted."
             )
+
+
+def _require_agreement(fit: CircuitsFit) -> None:
+    """Refuse a force and flux linkages that no one co-energy has."""
+    worst = max(fit.force_share, fit.flux_linkage_share)
+    if worst > POOR_CIRCUIT:
+        raise FitError(
+            f"No co-energy meets force and flux linkages together: the best one misses them by {amount(worst, '')} of "
+            "their rms. Sweep more distances; if it stays, a sign or a unit of these columns is wrong."
+        )
 
 
 def _require_definite(magnetics: CoenergyMatrix, rows: CircuitRows) -> None:

@@ -114,9 +114,10 @@ def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float)
     suspected = suspected_by_size(rows[["distance_m"]], solved=True)
     if suspected:
         raise TableError(f"{suspected[0].text} Divide the column, or read it with femfit import --unit distance_m=mm.")
-    if len(distance) < FEWEST_ROWS or len(np.unique(distance)) < FEWEST_DISTANCES:
+    fewest = FEWEST_ROWS if current.any() else FEWEST_DISTANCES  # a pair of magnets has one row a distance
+    if len(distance) < fewest or len(np.unique(distance)) < FEWEST_DISTANCES:
         raise TableError(
-            f"A fit needs at least {FEWEST_ROWS} usable rows at {FEWEST_DISTANCES} distances; instead received "
+            f"A fit needs at least {fewest} usable rows at {FEWEST_DISTANCES} distances; instead received "
             f"{counted(len(distance), 'row')} at {counted(len(np.unique(distance)), 'distance')}. Sweep more distances."
         )
     duplicate = rows.duplicated(subset=["distance_m", "current_A"])

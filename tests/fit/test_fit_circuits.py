@@ -214,10 +214,16 @@ class Active(Bearing):
         return M, S
 
 
+class Contradicting(Bearing):
+    def force(self, d, i):
+        return 2.0 * super().force(d, i)
+
+
 @pytest.mark.parametrize(
     ("table", "error", "message"),
     [
-        (lambda: table_of(Saturating()), FitError, "quadratic form in their currents"),
+        (lambda: table_of(Saturating(), currents=(-2.0, -1.0, 0.0, 1.0, 2.0)), FitError, "quadratic form in their"),
+        (lambda: table_of(Contradicting()), FitError, "a sign or a unit"),
         (lambda: table_of(Active()), FitError, "must be positive definite"),
         (lambda: table_of(distances=DISTANCES[:4]), FitError, "at least 5 distances"),
         (lambda: table_of(currents=(0.0,)), FitError, "do not determine the inductances"),

@@ -130,8 +130,8 @@ def test_the_ranking_takes_the_law_that_passes_the_face():
     }
 
 
-def pair_table():
-    d = np.linspace(-0.015, 0.03, 19)
+def pair_table(count=19):
+    d = np.linspace(-0.015, 0.03, count)
     rows = pd.DataFrame({"current_A": 0.0, "distance_m": d, "force_N": ring_force(d), "status": "ok"})
     return SweepTable(rows, {"actuator": {"name": "pair", "mass_kg": MASS}})
 
@@ -149,6 +149,10 @@ def test_a_pair_of_magnets_has_a_force_and_no_circuit(law):
     assert "30 mm\n" in str(fit)
     with pytest.raises(DomainError):
         model.force(0.01, 0.1)
+
+
+def test_ten_distances_are_enough_for_a_pair():
+    assert fit_model(pair_table(10)).model.misfit.rows == 10
 
 
 def test_the_force_of_a_pair_is_the_slope_of_its_coenergy():

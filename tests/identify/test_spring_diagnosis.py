@@ -71,6 +71,7 @@ def test_a_drawn_spring_in_the_force_readings_is_no_further_spring():
     found = diagnose(drawn, table, **QUICK)
     assert (found.verdict, found.missing[0].name) == ("named", "spring_in_force")
     assert found.missing[0].parameters["share"] == pytest.approx(1.0, abs=0.05)
+    assert "drawn-spring" in {one.code for one in found.findings}
     assert "drawing has a spring" in why_untestable(effect_by_name("spring"), bench_observations(drawn, table))
 
 

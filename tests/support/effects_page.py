@@ -13,6 +13,10 @@ _HEAD = """\
 An effect is one physical reason why a bench may disagree with a model. `femfit diagnose` names effects, `femfit add`
 fits them, and simulation, filters and export run them. They stand in `femfit/effects`.
 
+Only effects that the device can have and the data can show are considered: a magnet's with a magnet, a core's with
+iron, a drawn spring's with a spring in `[mechanics]`, a lacking spring without one, a sensor's with its readings.
+`femfit diagnose` says of every other effect why it was left out.
+
 | effect | what one sees | where it acts | the measurement that isolates it |
 |---|---|---|---|
 """

@@ -69,6 +69,14 @@ def test_a_current_density_times_its_area_is_one_turn():
     assert "J = -12.5 MA/m^2" in said(result, "current-density").text
 
 
+def test_a_circuit_counts_before_a_current_density_beside_it():
+    drawing = suspension()
+    drawing.materials[COPPER]["J_re"] = 2.5
+    result = imported(drawing)
+    assert result.actuator == imported(suspension()).actuator
+    assert said(result, "circuit-and-density").size == pytest.approx(2.5 * 40)
+
+
 def test_a_current_density_gives_the_force_of_its_ampere_turns(tmp_path):
     drawing = suspension()
     expected = run_sweep(imported(drawing).actuator, tmp_path / "turns", workers=1).rows.iloc[0]
@@ -139,11 +147,14 @@ def test_circuits_with_current_are_all_taken_each_with_its_own():
 
 def test_a_circuit_can_be_taken_alone_and_idle_ones_are_left_out():
     drawing = two_circuits()
-    alone = imported(drawing, circuit="lift")
+    alone = imported(drawing, circuits=("lift",))
     assert [coil.turns for coil in alone.actuator.coils] == [10]
     assert "'coil' (2 A)" in said(alone, "left-circuits").text
     drawing.circuits["lift"]["TotalAmps_re"] = 0
-    assert "'lift'" in said(imported(drawing), "idle-circuits").text
+    idle = said(imported(drawing), "idle-circuits")
+    assert "'lift'" in idle.text
+    offered = tuple(re.findall(r"--circuit (\w+)", idle.remedy))
+    assert [circuit.name for circuit in imported(drawing, circuits=offered).actuator.circuits] == ["coil", "lift"]
     assert [coil.turns for coil in imported(drawing).actuator.coils] == [200]
     drawing.circuits["coil"]["TotalAmps_re"] = 0
     assert len(imported(drawing).actuator.circuits) == 2
@@ -206,7 +217,13 @@ def test_of_two_windings_the_smaller_moves_and_the_other_can_be_named():
     assert imported(drawing, moving_labels=(1,)).actuator.coils[0].moves
 
 
-def test_the_only_body_with_a_group_of_its_own_moves():
+def test_a_core_with_a_group_does_not_move_where_the_winding_has_one_too():
+    drawing = suspension()  # core, winding and magnet in groups 1, 2 and 3
+    drawing.relabel(MAGNET, group=0)
+    assert "'N40'" in said(imported(drawing), "mover").text
+
+
+def test_the_only_body_with_a_group_moves():
     drawing = suspension()
     drawing.relabel(STEEL, group=0)
     drawing.relabel(COPPER, group=0)

@@ -86,7 +86,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         declared_noise={name: sd for name, sd in declared.items() if name in channels},
         tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[channel],
         setting_columns=np.stack(uncertain, axis=1),
-        findings=(*table.findings, *findings, *_declared_settings(declared)),
+        findings=(*table.findings, *findings, *_declared_settings(declared), *_drawn_spring(nominal, channels)),
         present=tuple(added.effect.name for added in model.effects),
     )
 
@@ -128,6 +128,17 @@ def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:
         return []
     text = f"Each reading was set to {' and '.join(said)} (declared); its noise includes what that makes of it."
     return [Finding("uncertain-setting", "info", text)]
+
+
+def _drawn_spring(nominal: Nominal, channels: tuple[str, ...]) -> list[Finding]:
+    """Say what the force readings were taken for where a spring is drawn."""
+    if nominal.springs is None or "force_N" not in channels:
+        return []
+    text = (
+        "The drawing has a spring, and these data do not say whether the force sensor carries it. The readings were "
+        "compared with the magnetic force alone; where they hold the spring's, spring_in_force is missing."
+    )
+    return [Finding("drawn-spring", "info", text, column="force_N")]
 
 
 def _rows(which: BoolArray, words: str) -> str:

@@ -141,7 +141,7 @@ def _inferred(bodies: Sequence[Body], notes: Notes) -> Body:
     """The body that alone can be the moving one; of two, the one that is usually moved."""
     candidates = [body for body in bodies if not _wound(body)]
     rules: tuple[tuple[Callable[[Body], bool], str], ...] = (
-        (lambda body: _own_group(body, bodies) is not None, "the only body with a group of its own"),
+        (lambda body: _alone_in_a_group(body, bodies), "the only body with a group above 0"),
         (_magnet, "the only body with a magnet"),
         (lambda body: _clear(body, bodies), "the only body clear above or below the windings"),
         (_on_axis, "the only body on the axis"),
@@ -203,6 +203,12 @@ def _own_group(body: Body, bodies: Sequence[Body]) -> int | None:
     groups = {piece.group for piece in body}
     elsewhere = {piece.group for other in bodies if other is not body for piece in other}
     return next(iter(groups)) if len(groups) == 1 and 0 not in groups and not groups & elsewhere else None
+
+
+def _alone_in_a_group(body: Body, bodies: Sequence[Body]) -> bool:
+    """Whether a body has a group above 0 and all others have none: groups are what FEMM's scripts move."""
+    others = [piece for other in bodies if other is not body for piece in other]
+    return all(piece.group for piece in body) and not any(piece.group for piece in others)
 
 
 def _wound(body: Body) -> bool:

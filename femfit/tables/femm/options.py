@@ -27,7 +27,7 @@ class FemOptions:
     moving_groups: tuple[int, ...] = ()
     moving_blocks: tuple[str, ...] = ()
     moving_labels: tuple[int, ...] = ()
-    circuit: str | None = None
+    circuits: tuple[str, ...] = ()
     mover_side: MoverSide = "auto"
     face_mm: float | None = None
     distances_mm: tuple[float, ...] = ()

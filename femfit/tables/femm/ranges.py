@@ -7,7 +7,7 @@ from femfit.tables.femm.found import FemDevice
 from femfit.tables.femm.movers import outline_of
 
 STEPS_MM = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
-"""Ways that are tried from the file's own distance, the longest first."""
+"""Ways that are tried from the file's own distance, the longest first; none beyond the moving part's own size."""
 
 POINTS = 10
 """Steps of the distances that are offered."""
@@ -31,7 +31,8 @@ def _free_way(device: FemDevice, sign: float) -> float:
     """How far the moving part can go from where it stands, nearer (-1) or farther (+1); 0 for less than 0.01 mm."""
     fixed = outline_of(device.bodies.standing)
     moving = [piece.polygon for piece in device.bodies.mover]
-    for way in STEPS_MM:
+    _, low, radius, high = outline_of(device.bodies.mover).bounds
+    for way in (way for way in STEPS_MM if way <= max(high - low, 2.0 * radius)):
         shift = sign * device.frame.up * way
         track = unary_union([swept(polygon, min(0.0, shift), max(0.0, shift)) for polygon in moving])
         if track.distance(fixed) > 2 * CONTACT:

@@ -123,7 +123,7 @@ def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[Fe
     own = drop_surroundings(model, faces, notes)
     if own is None:
         return None
-    windings = find_windings(own, options.circuit, notes)
+    windings = find_windings(own, options.circuits, notes)
     coils = [coil for winding in windings for coil in winding.coils]
     if len(coils) > 1 and options.resistance_ohm is not None:
         notes.problem(f"--resistance-ohm is of one winding; there are {len(coils)}. Give --wire-diameter-mm instead.")

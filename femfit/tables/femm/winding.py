@@ -1,5 +1,6 @@
 """The windings of a FEMM model: regions of uniform current density, in series with each other or on their own."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -51,10 +52,10 @@ class FemWinding:
         return 1.0 if self.coils[0].turns > 0 else -1.0
 
 
-def find_windings(faces: Sequence[FemFace], name: str | None, notes: Notes) -> tuple[FemWinding, ...]:
+def find_windings(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> tuple[FemWinding, ...]:
     """The windings among the faces in the file's order; none for a model without current."""
     before = len(notes.problems)
-    chosen = _chosen(faces, name, notes)
+    chosen = _chosen(faces, names, notes)
     windings = []
     for circuit in chosen:
         blocks = [face for face in faces if face.label.circuit == circuit]
@@ -62,7 +63,7 @@ def find_windings(faces: Sequence[FemFace], name: str | None, notes: Notes) -> t
         if len(notes.problems) == before:
             windings.append(FemWinding(circuit, _coils([(b, b.label.turns / b.polygon.area) for b in blocks])))
             _say_solid(windings[-1], notes)
-    if name is None:
+    if not names:
         windings += _by_density(faces, notes)
     return () if len(notes.problems) > before else tuple(windings)
 
@@ -78,31 +79,42 @@ def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None
         if material is not None and material.magnetic:
             notes.problem(f"{block.label.place} is magnetic and in circuit {circuit.name!r}. Wind it with copper.")
         if material is not None and material.current_density:
-            notes.problem(
-                f"{block.label.place} is in circuit {circuit.name!r} and has a current density J too. Remove one."
+            own = material.current_density * block.polygon.area
+            notes.warn(
+                "circuit-and-density",
+                f"{block.label.place} is in circuit {circuit.name!r} and has a current density J = "
+                f"{material.current_density:g} MA/m^2 too, which FEMM adds; its {own:.4g} A are left out.",
+                "Compare with FEMM at J = 0.",
+                own,
             )
         if block.label.turns == 0:
             notes.problem(f"{block.label.place} has no turns in circuit {circuit.name!r}. Give their number.")
 
 
-def _chosen(faces: Sequence[FemFace], name: str | None, notes: Notes) -> list[FemCircuit]:
-    """The circuits that are taken: the one that the user names, else those with current, all of coils alone."""
+def _chosen(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> list[FemCircuit]:
+    """The circuits that are taken: those that the user names, else those with current, all of coils alone."""
     circuits = list(dict.fromkeys(face.label.circuit for face in faces if face.label.circuit is not None))
     materials = [face.label.material for face in faces if face.label.material is not None]
-    if name is None:
+    if not names:
         live = [circuit for circuit in circuits if circuit.current_A]
         coils_alone = not any(material.magnetic for material in materials)  # which feel no force but each other's
         driven = live or any(material.current_density for material in materials)
         taken = live if driven and not coils_alone else circuits
     else:
-        taken = [circuit for circuit in circuits if circuit.name == name]
-        if not taken:
+        taken = [circuit for circuit in circuits if circuit.name in names]
+        unknown = [repr(name) for name in names if name not in {circuit.name for circuit in circuits}]
+        if unknown:
             listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in circuits) or "none"
-            notes.problem(f"no circuit is named {name!r}: {listed}. Name one of these with --circuit.")
+            notes.problem(f"no circuit is named {' or '.join(unknown)}: {listed}. Name one of these with --circuit.")
     left = [circuit for circuit in circuits if circuit not in taken]
     idle = [circuit.name for circuit in left if not circuit.current_A]
     if idle and taken:
-        notes.info("idle-circuits", f"Circuits without current are left out: {', '.join(map(repr, idle))}.")
+        every = " ".join(f"--circuit {shlex.quote(circuit.name)}" for circuit in circuits)
+        notes.info(
+            "idle-circuits",
+            f"Circuits without current are left out: {', '.join(map(repr, idle))}.",
+            f"Take them too with {every}.",
+        )
     lost = [f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in left if circuit.current_A]
     if lost and taken:
         notes.warn(
