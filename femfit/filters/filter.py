@@ -276,7 +276,7 @@ def _number(value: FloatArray | float) -> float:
     return float(value.item() if isinstance(value, np.ndarray) else value)
 
 
-def _numbers(value: ArrayLike, sensors: int) -> list[float]:
+def _numbers(value: ArrayLike | float, sensors: int) -> list[float]:
     """The readings of one run."""
     if sensors == 1 and isinstance(value, float):  # what a control loop gives
         return [value]
