@@ -9,7 +9,7 @@ from femfit.core.errors import FemfitError
 from femfit.device.load import actuator_from_toml
 from femfit.tables.femm.options import FemOptions, axis_option
 from femfit.tables.femm.read import import_fem
-from support.fem_files import STEEL, suspension
+from support.fem_files import AIR, COPPER, MAGNET, STEEL, suspension
 
 MODEL = suspension()
 MODEL.materials[STEEL]["curve"] = ((0, 0), (1.1, 180.5), (1.6, 3000), (1.9, 16000), (2.2, 110000))
@@ -114,3 +114,42 @@ def test_axes_as_typed(text):
     except FemfitError:
         return
     assert list(values) == sorted(set(values))
+
+
+LABELS = st.fixed_dictionaries(
+    {},
+    optional={
+        "name": st.sampled_from([AIR, STEEL, MAGNET, COPPER, "Current", "Back"]),
+        "circuit": st.integers(0, 2),
+        "magdir": st.sampled_from([0, 45, 90, -90, 180]),
+        "group": st.integers(0, 3),
+        "turns": st.sampled_from([1, 100, -50]),
+        "flags": st.integers(0, 2),
+    },
+)
+
+
+@QUICK
+@given(
+    changes=st.dictionaries(st.sampled_from([AIR, STEEL, MAGNET, COPPER]), LABELS, max_size=4),
+    boxes=st.lists(
+        st.tuples(st.integers(0, 12), st.integers(1, 6), st.integers(-20, 30), st.integers(1, 10), LABELS), max_size=3
+    ),
+    arc=st.booleans(),
+    moving=st.lists(st.integers(1, 7), max_size=2),
+)
+def test_labels_and_bodies_of_every_kind(changes, boxes, arc, moving):
+    drawing = suspension(distance=5.0)
+    drawing.materials |= {"Current": {"J_re": 3}, "Back": {"J_re": -3}}
+    drawing.circuits["second"] = {"TotalAmps_re": -1, "CircuitType": 1}
+    for name, values in changes.items():
+        drawing.relabel(name, **values)
+    for r, width, z, height, values in boxes:
+        drawing.box(r, r + width, z, z + height)
+        drawing.label(
+            r + width / 2 + 0.01, z + height / 2 + 0.01, values.get("name", STEEL), group=values.get("group", 0)
+        )
+    if arc:
+        drawing.arc((0, 40), (0, 46), 180)
+        drawing.label(1, 43, STEEL, group=3)
+    outcome(drawing.content(), FemOptions(moving_labels=tuple(moving)))
