@@ -10,6 +10,7 @@ from femfit.core.errors import DomainError, FitError, ModelFileError
 from femfit.fit.build import fit_model
 from femfit.fit.coenergy import fit_coenergy
 from femfit.fit.rows import rows_of_table
+from femfit.model.dynamics import runge_kutta_step
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.tables.sweep_table import SweepTable
 from support.sweeps import ACTUATOR, MASS, force_table
@@ -161,3 +162,16 @@ def test_the_force_of_a_pair_is_the_slope_of_its_coenergy():
     slope = (magnetics.coenergy(d + step, 0.0) - magnetics.coenergy(d - step, 0.0)) / (2.0 * step)
     np.testing.assert_allclose(magnetics.force(d, 0.0), -slope, atol=1e-6)
     assert np.all(magnetics.inductance(d, 0.0) == 0.0)
+
+
+def test_a_magnet_that_moves_without_a_circuit_keeps_its_energy():
+    model = fit_model(pair_table()).model
+    weight = MASS * model.motion.gravity_m_s2
+    state, energies = np.array([[0.012, 0.0], [0.02, -0.1]]), []
+    for _ in range(200):
+        d, v = state.T
+        energies.append(0.5 * MASS * v**2 - weight * d - model.magnetics.coenergy(d, 0.0))
+        state = runge_kutta_step(model, state, np.zeros((2, 0)), 2e-5)
+    # Of fourth order: steps of 20 us lose nothing beside the energy's own change from one form to the other.
+    np.testing.assert_allclose(energies, np.broadcast_to(energies[0], (200, 2)), rtol=1e-5)
+    assert np.all(np.ptp(energies, axis=0) < 1e-6 * MASS)
