@@ -23,6 +23,7 @@ _PLACES = {
     "FitResult": "femfit.fit.result:FitResult",
     "ImportedTable": "femfit.tables.foreign.read:ImportedTable",
     "LoopSummary": "femfit.simulation.close_loop:LoopSummary",
+    "Observation": "femfit.replay.result:Observation",
     "OpenLoop": "femfit.open_loop.result:OpenLoop",
     "Profile": "femfit.open_loop.profile:Profile",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
@@ -48,6 +49,7 @@ _PLACES = {
     "diagnose": "femfit.identify.decision.diagnose:diagnose",
     "suggest": "femfit.identify.experiments.suggest:suggest",
     "add_effects": "femfit.identify.refit.add_effects:add_effects",
+    "observe": "femfit.replay.observe:observe",
     "list_effects": "femfit.effects.catalogue:all_effects",
     "write_report": "femfit.report.write:write_report",
     # Coil voltages

@@ -27,6 +27,8 @@ from femfit.model.json_file import write_model as write_model
 from femfit.open_loop.profile import Profile as Profile
 from femfit.open_loop.result import OpenLoop as OpenLoop
 from femfit.open_loop.simulate import simulate as simulate
+from femfit.replay.observe import observe as observe
+from femfit.replay.result import Observation as Observation
 from femfit.report.write import write_report as write_report
 from femfit.simulation.close_loop import LoopSummary as LoopSummary
 from femfit.simulation.close_loop import close_loop as close_loop
@@ -53,6 +55,7 @@ __all__ = [
     "FitResult",
     "ImportedTable",
     "LoopSummary",
+    "Observation",
     "OpenLoop",
     "Profile",
     "SweepTable",
@@ -69,6 +72,7 @@ __all__ = [
     "kalman_filter",
     "list_effects",
     "list_laws",
+    "observe",
     "read_actuator",
     "read_measurement",
     "read_model",

@@ -9,7 +9,9 @@ GROUPS = {
         "read_actuator run_sweep read_sweep import_table fit_model list_laws read_model write_model"
     ),
     "Filters, the loop and the target": "error_bound kalman_filter close_loop simulate export",
-    "Why the bench disagrees": ("read_measurement compare diagnose suggest add_effects list_effects write_report"),
+    "Why the bench disagrees": (
+        "read_measurement observe compare diagnose suggest add_effects list_effects write_report"
+    ),
     "Coil voltages": "integrate_coil",
 }
 

@@ -19,7 +19,7 @@ RAW_SIDECAR, NOTES, DRAWING, FEMM = "a raw record's sidecar", "a table's sidecar
 TABLE, PARQUET, RAW = "a table", "a Parquet table", "a binary record"
 SWEEP, BENCH = "a sweep table of femfit", "a bench table of femfit"
 INTEGRATED, LOOP = "an integrated record of femfit", "a simulated loop's record"
-OPEN_LOOP = "a simulated motion's record"
+OPEN_LOOP, REPLAYED = "a simulated motion's record", "a record with estimates"
 PAGE, PICTURE, PARAVIEW, TEXT = "an HTML page", "a picture", "a ParaView file", "a text"
 
 _BY_SUFFIX = {
@@ -34,7 +34,7 @@ _BY_SUFFIX = {
 _SUFFIXES = {
     **dict.fromkeys((MODEL, FIELD_MODEL, RESULT, MANIFEST), (".json",)),
     **dict.fromkeys((NOTES, DRAWING), (".toml",)),
-    **dict.fromkeys((BENCH, LOOP), (".csv",)),
+    **dict.fromkeys((BENCH, LOOP, REPLAYED), (".csv",)),
     PAGE: (".html", ".htm"),
 }
 """Kinds that are written in one format, and the suffixes that say so."""
@@ -48,8 +48,13 @@ _BY_MARK = (
     (PICTURE, (b"<svg",)),
     (FEMM, (b"[format]",)),
 )
-_OWN_COLUMNS = {LOOP: b"estimated_distance_m", INTEGRATED: b"offset_v", OPEN_LOOP: b"static_force_n"}
-"""Columns that only tables of femfit have: of simulate and integrate, in lower case."""
+_OWN_COLUMNS = {
+    LOOP: b"estimated_distance_m",
+    INTEGRATED: b"offset_v",
+    OPEN_LOOP: b"static_force_n",
+    REPLAYED: b"_innovation_",
+}
+"""Columns that only tables of femfit have: of simulate, observe and integrate, in lower case."""
 
 _OF_COLUMNS = (TABLE, PARQUET, RAW, RAW_SIDECAR)
 _NAMES = 2**16
@@ -88,7 +93,7 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
             raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
         _require_suffix(path, kind)
         wanted = kind or _BY_SUFFIX.get(path.suffix.lower(), TEXT)
-        if columns := kind in (SWEEP, BENCH, INTEGRATED, LOOP, OPEN_LOOP):
+        if columns := kind in (SWEEP, BENCH, INTEGRATED, LOOP, OPEN_LOOP, REPLAYED):
             by_suffix = _BY_SUFFIX.get(path.suffix.lower())
             wanted = by_suffix if by_suffix in (TABLE, PARQUET, RAW) else TABLE
         present = kind_of(path)

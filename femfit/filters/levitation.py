@@ -151,13 +151,18 @@ def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -
     result = np.empty(states.shape[::-1]).T
     result[:, :order] = euler_step(model, states[:, :order], voltage, model.sample_time_s)
     result[:, order:] = states[:, order:]
+    return kept_between_stops(model, result)
+
+
+def kept_between_stops(model: ActuatorModel, states: FloatArray) -> FloatArray:
+    """States (N, n) of which those beyond a stop lie on it, at rest if they went towards it; changes its argument."""
     near, far = model.require_motion().ends
     if (near, far) != (-np.inf, np.inf):
-        at_near, at_far = result[:, 0] <= near, result[:, 0] >= far
-        result[:, 0] = np.clip(result[:, 0], near, far)
-        result[at_near, 1] = np.maximum(result[at_near, 1], 0.0)
-        result[at_far, 1] = np.minimum(result[at_far, 1], 0.0)
-    return result
+        at_near, at_far = states[:, 0] <= near, states[:, 0] >= far
+        states[:, 0] = np.clip(states[:, 0], near, far)
+        states[at_near, 1] = np.maximum(states[at_near, 1], 0.0)
+        states[at_far, 1] = np.minimum(states[at_far, 1], 0.0)
+    return states
 
 
 def _transition_jacobian(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:

@@ -1,0 +1,92 @@
+"""``femfit observe``: a recorded log through the filters of a model."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+
+
+def observe(
+    model: Path,
+    record: Path,
+    *,
+    filters: Annotated[str, Parameter(name="--filter")] = "ukf",
+    sensors: str | None = None,
+    biases: str | None = None,
+    keep_noise: Annotated[bool, Parameter(negative=())] = False,
+    write_noise: Path | None = None,
+    picture: Path | None = None,
+    csv: Path | None = None,
+    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
+    json: Path | None = None,
+) -> None:
+    """Run a recorded log through filters: the estimate beside the record, innovations, and the noise in the record.
+
+    Parameters
+    ----------
+    model : Path
+        Model file with circuit and motion.
+    record : Path
+        Record over time with the commanded voltage: CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV.
+    filters : str
+        ukf, ekf, ukf4 or ekf4 (with a bias as a further state); several with commas are placed side by side.
+    sensors : str
+        Names of the sensors that the filters read, with commas; all that the record has if left out. Those that they
+        do not read check the estimate.
+    biases : str
+        Sensors whose bias ukf4 and ekf4 estimate, with commas.
+    keep_noise : bool
+        Do not look for the noise that the record shows.
+    write_noise : Path
+        Model file to write, with the noise found in the record.
+    picture : Path
+        PNG, SVG or PDF: estimates beside the record, and normalised innovations.
+    csv : Path
+        File for record, estimates, their deviations and normalised innovations.
+    json : Path
+        File for the result as JSON.
+    """
+    from femfit.cli.output import status, write_json
+    from femfit.core.atomic import write_text
+    from femfit.core.errors import UsageError
+    from femfit.core.outputs import MODEL, PICTURE, REPLAYED, RESULT, require_outputs
+    from femfit.model.json_file import write_model
+    from femfit.replay.find_noise import with_noise
+    from femfit.replay.observe import observe as observed
+    from femfit.tables.measurement_file import read_measurement
+
+    if keep_noise and write_noise is not None:
+        raise UsageError("--write-noise writes the noise that was found; remove --keep-noise.")
+    require_outputs([model, record], (write_noise, MODEL), (picture, PICTURE), (csv, REPLAYED), (json, RESULT))
+    with status("Filtering"):
+        measured = read_measurement(record, **table_options.keywords)
+        seen = observed(
+            model,
+            measured,
+            filter=_names(filters) or (),
+            sensors=_names(sensors),
+            biases=_names(biases),
+            find=not keep_noise,
+        )
+    written = []
+    if write_noise is not None and seen.noise is not None:
+        write_model(with_noise(seen.model, seen.noise), write_noise)
+        written.append(write_noise)
+    if picture is not None:
+        from femfit.report.replay_figure import write_replay_picture
+
+        write_replay_picture(seen, picture)
+        written.append(picture)
+    if csv is not None:
+        write_text(csv, seen.table.to_csv(index=False))
+        written.append(csv)
+    write_json(json, seen.to_dict())
+    print(seen)
+    for file in written:
+        print(f"written: {file}")
+
+
+def _names(text: str | None) -> tuple[str, ...] | None:
+    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())

@@ -1,0 +1,104 @@
+"""Whether innovations are as large as the filter says, and white; and whether a channel is late.
+
+References
+----------
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 5.4 (normalised innovations squared, whiteness).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.filters.theory import ConsistencyBand, consistency_band
+from femfit.replay.constants import DELAY_GAIN, LAGS
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """Of one sensor: mean square of the normalised innovations, which should be 1, and their autocorrelation."""
+
+    sensor: str
+    unit: str
+    count: int
+    mean_square: float
+    band: ConsistencyBand
+    autocorrelation: FloatArray  # At lags 1, 2, ...; of white innovations within +- the band's half-width in 95 %
+    correlation_band: float
+    rms: float  # Of the innovations themselves, in the sensor's unit
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the mean square lies in its 95 % band."""
+        return self.band.contains(self.mean_square)
+
+    @property
+    def white(self) -> bool:
+        """Whether the autocorrelation leaves its band no oftener than one lag in five, and nowhere by twice its width.
+
+        At 20 lags a white sequence leaves the 95 % band at more than four lags in 0.3 % of cases.
+        """
+        size = np.abs(self.autocorrelation)
+        outside = int((size > self.correlation_band).sum())
+        return outside <= len(size) // 5 and not (size > 2.0 * self.correlation_band).any()
+
+
+def innovations_of(sensor: str, unit: str, innovation: FloatArray, variance: FloatArray) -> Innovations | None:
+    """Judge the innovations of one sensor; None where it has fewer than a hundred."""
+    read = np.isfinite(innovation) & np.isfinite(variance)
+    count = int(read.sum())
+    if count < 100:
+        return None
+    normalised = np.where(read, innovation / np.sqrt(np.where(read, variance, 1.0)), 0.0)
+    power = float((normalised**2).sum())
+    lags = np.array([float((normalised[:-k] * normalised[k:]).sum()) for k in range(1, LAGS + 1)]) / power
+    return Innovations(
+        sensor=sensor,
+        unit=unit,
+        count=count,
+        mean_square=power / count,
+        band=consistency_band(count),
+        autocorrelation=lags,
+        correlation_band=1.96 / count**0.5,
+        rms=float(np.sqrt(np.mean(innovation[read] ** 2))),
+    )
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A recorded channel beside what the estimate says of it."""
+
+    column: str
+    used: bool  # Whether the filter read it
+    rms: float
+    mean: float  # Recorded less estimated
+    delay_s: float | None  # By which the record is late against the estimate; None where a shift explains little
+
+
+def beside(column: str, used: bool, recorded: FloatArray, estimated: FloatArray, step_s: float) -> Beside | None:
+    """Compare a channel with its estimate; None where it has fewer than a hundred samples."""
+    difference = recorded - estimated
+    read = np.isfinite(difference)
+    if int(read.sum()) < 100:
+        return None
+    left = difference[read]
+    delay = None if used else _delay(recorded, estimated, step_s)
+    return Beside(column, used, float(np.sqrt(np.mean(left**2))), float(left.mean()), delay)
+
+
+def _delay(recorded: FloatArray, estimated: FloatArray, step_s: float) -> float | None:
+    """Shift in s that brings the channel nearest to its estimate, their means taken off; by a parabola of the rms."""
+    size = len(recorded) - 2 * LAGS
+    if size < 100:
+        return None
+    middle = slice(LAGS, LAGS + size)
+    left = np.array(
+        [np.nanvar(recorded[LAGS + k : LAGS + k + size] - estimated[middle]) for k in range(-LAGS, LAGS + 1)]
+    )
+    best = int(np.argmin(left))
+    if not 0 < best < 2 * LAGS or not left[best] < DELAY_GAIN**2 * left[LAGS]:
+        return None
+    before, here, after = left[best - 1 : best + 2]
+    shift = 0.5 * (before - after) / (before - 2.0 * here + after)
+    return float((best - LAGS + shift) * step_s)

@@ -1,0 +1,39 @@
+"""Every number that decides how a record is run through a filter and judged, with its kind and source.
+
+Kinds: *derived* (from what is said), *conventional* (a usual choice, any near it would do), *calibrated* (on data that
+are named).
+"""
+
+SHORTEST_PIECE, LONGEST_PIECE = 250, 2000
+"""Conventional: samples of a piece of a record; pieces run side by side, and a filter forgets its start within one."""
+
+JOINED = 1e-3
+"""Conventional: a piece begins where the one before ended if no state differs by more than this of its deviation, and
+no variance by more than this of itself."""
+
+AT_STOP = 0.02
+"""Conventional: share of the validity domain within which a body counts as resting on a stop, or its deviation."""
+
+LAGS = 20
+"""Conventional: lags of the innovations' autocorrelation, and of a delay between channels, in samples."""
+
+DELAY_GAIN = 0.9
+"""Conventional: a shift counts as a delay if it takes the rms of what is left of a channel below this part."""
+
+SECOND_DIFFERENCE = 6.0
+"""Derived: variance of z[k - 1] - 2 z[k] + z[k + 1] over that of white noise."""
+
+MEDIAN_TO_DEVIATION = 1.4826
+"""Derived: standard deviation over the median of magnitudes of a Gaussian."""
+
+RUNGE_KUTTA_STEP = 1.0
+"""Derived: longest step of the classical Runge-Kutta method times R/L, a third of its limit of stability of 2.785."""
+
+NOISE_SAMPLES = 20_000
+"""Conventional: samples that the search for the noise looks at, from the first stretch on."""
+
+NOISE_PIECE, FORGOTTEN = 500, 100
+"""Conventional: samples of a piece in the search for the noise, and those at its begin that do not count."""
+
+UNKNOWN = 2.0
+"""Conventional: a noise whose logarithm is uncertain by more than this is said to be at most its upper limit."""

@@ -1,0 +1,273 @@
+"""Process and measurement noise from a record: the noises for which its innovations are most likely.
+
+A filter that ran with noises of its own leaves e = H eps + n with eps+ = F (eps - K e) + w: its prediction's error is a
+linear process with a known input, and a second Kalman filter over e gives the likelihood of any other Q and R. The
+Jacobians are those along the first filter's estimate. The logarithms of the noises are found by Newton's method on
+differences, and their intervals follow from the curvature.
+
+References
+----------
+R. K. Mehra, On the identification of variances and adaptive Kalman filtering, IEEE Trans. Automatic Control 15 (1970)
+175 (innovations of a suboptimal filter).
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 5.4 (likelihood of the innovations).
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from femfit.core.amount import amount
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FilterError
+from femfit.filters.filter import Filter
+from femfit.filters.noise import motion_rate, operating_distance
+from femfit.filters.process import FilterProcess
+from femfit.model.actuator_model import ActuatorModel, ProcessNoise
+from femfit.model.sensors import HALL
+from femfit.replay.constants import FORGOTTEN, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
+from femfit.replay.prepare import Prepared
+from femfit.replay.run_filter import Replayed
+
+NEWTON_STEPS = 30
+"""Conventional: it settles in about ten where the noises can be told apart."""
+
+STEP = 0.1
+"""Conventional: difference of a logarithm by which slopes and curvatures are taken."""
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """A standard deviation or density from a record."""
+
+    name: str  # acceleration, voltage, or a sensor's
+    unit: str
+    value: float
+    assumed: float  # What the filter was given
+    low: float  # 95 % interval
+    high: float
+    known: bool  # False where the record only says that it is no larger than ``high``
+
+
+@dataclass(frozen=True, eq=False)
+class FoundNoise:
+    """All noises of a record."""
+
+    estimates: tuple[NoiseEstimate, ...]
+    samples: int
+    force_N: float | None  # Force error that the acceleration noise amounts to
+    shares: dict[str, dict[str, float]]  # Of each sensor's innovations' variance, by what makes it
+
+    def lines(self) -> list[str]:
+        """In plain words."""
+        lines = [f"noise that the record shows ({self.samples} samples):"]
+        for one in self.estimates:
+            was = f"the filter was given {amount(one.assumed, one.unit)}"
+            if one.name == "acceleration":
+                what = "force that the model does not know"
+                was += f"; it amounts to {amount(self.force_N, 'N')}" if self.force_N is not None and one.known else ""
+            else:
+                what = (
+                    "voltage that the driver does not tell" if one.name == "voltage" else f"noise of sensor {one.name}"
+                )
+            if one.known:
+                low, high = amount(one.low, one.unit, 3), amount(one.high, one.unit, 3)
+                lines.append(f"  {what}: {amount(one.value, one.unit, 3)} ({low} to {high}); {was}")
+            else:
+                lines.append(f"  {what}: at most {amount(one.high, one.unit)}; {was}")
+        for sensor, parts in self.shares.items():
+            told = ", ".join(f"{100.0 * share:.0f} % {name}" for name, share in parts.items() if share >= 0.005)
+            lines.append(f"  the innovations of {sensor} are {told}")
+        return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return {"estimates": [vars(one) for one in self.estimates], "samples": self.samples, "shares": self.shares}
+
+
+def with_noise(model: ActuatorModel, found: FoundNoise) -> ActuatorModel:
+    """The model with the noises that a record showed; what the record could not tell stays."""
+    known = {one.name: one.value for one in found.estimates if one.known}
+    process = ProcessNoise(known["acceleration"] ** 2 if "acceleration" in known else None, known.get("voltage"))
+
+    def changed(one: ActuatorModel) -> ActuatorModel:
+        sensors = tuple(replace(s, noise=known.get(s.name, s.noise)) for s in one.other_sensors)
+        hall = one.sensor
+        if hall is not None and HALL in known:
+            rounding = hall.quantisation_step / 12.0**0.5
+            hall = replace(hall, noise_V=float(np.sqrt(max(known[HALL] ** 2 - rounding**2, 0.0))))
+        return replace(one, other_sensors=sensors, sensor=hall, process_noise=process)
+
+    held = changed(model)
+    return held if model.base is None else replace(held, base=changed(model.base))
+
+
+class _Windows(NamedTuple):
+    """Pieces of the record side by side: (steps, pieces, ...)."""
+
+    innovation: FloatArray  # (steps, pieces, sensors)
+    slope: FloatArray  # F from each sample to the next
+    outputs: FloatArray  # H, (steps, pieces, sensors, n)
+    shift: FloatArray  # K e, (steps, pieces, n)
+
+
+def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> FoundNoise:
+    """Maximise the likelihood of the innovations over acceleration, voltage and the sensors' noises."""
+    process = filter_.process
+    windows = _windows(process, prepared, replayed)
+    parts = _parts(process)
+    names = ["acceleration", "voltage", *(output.name for output in process.outputs)]
+    units = ["m/s^1.5", "V", *(output.unit for output in process.outputs)]
+    first = _assumed(process, prepared)
+    found, curvature = _newton(process, windows, parts, len(names))
+    spread = np.linalg.pinv(curvature)
+    deviation = np.sqrt(np.maximum(np.diag(spread), 0.0)) + np.where(np.diag(curvature) < 1e-3, np.inf, 0.0)
+    estimates = []
+    for k, name in enumerate(names):
+        value = first[k] * np.exp(found[k])
+        known = bool(deviation[k] < UNKNOWN)
+        high = value * np.exp(1.96 * min(float(deviation[k]), 3.0))
+        low = value * np.exp(-1.96 * float(deviation[k])) if known else 0.0
+        estimates.append(NoiseEstimate(name, units[k], float(value), float(first[k]), float(low), float(high), known))
+    model, motion = prepared.model, prepared.model.require_motion()
+    rate = motion_rate(model, operating_distance(model))
+    force = motion.mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate))
+    used = windows.innovation.shape[0] * windows.innovation.shape[1]
+    return FoundNoise(tuple(estimates), used, force, _shares(process, windows, parts, found, names))
+
+
+def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> _Windows:
+    begins = np.append(prepared.log.begins, len(prepared.time_s))
+    rows = [
+        np.arange(start, start + NOISE_PIECE)
+        for a, b in pairwise(begins)
+        for start in range(a + FORGOTTEN, b - NOISE_PIECE + 1, NOISE_PIECE - FORGOTTEN)
+    ]
+    healthy = [row for row in rows if not replayed.outcome[row].any() and np.isfinite(replayed.mean[row]).all()]
+    if not healthy:
+        raise FilterError(
+            f"The noise needs a stretch of {NOISE_PIECE + FORGOTTEN} samples in which the filter runs; there is none. "
+            "Give a longer record, or --keep-noise."
+        )
+    chosen = np.stack(healthy[: max(1, NOISE_SAMPLES // NOISE_PIECE)], axis=1)
+    flat = chosen.ravel()
+    order = process.order
+    following = np.minimum(flat + 1, len(prepared.time_s) - 1)
+    slope = process.state_jacobian(replayed.mean[flat], prepared.log.inputs[following])
+    outputs = np.stack([process.output_jacobian(replayed.predicted[flat], one) for one in process.outputs], axis=1)
+    shift = replayed.mean[flat] - replayed.predicted[flat]
+    size = chosen.shape
+    return _Windows(
+        replayed.innovation[flat].reshape(*size, -1),
+        slope.reshape(*size, order, order),
+        outputs.reshape(*size, -1, order),
+        shift.reshape(*size, order),
+    )
+
+
+def _parts(process: FilterProcess) -> list[FloatArray]:
+    """Q of the acceleration, of the voltage, and of what is not searched for."""
+    whole = process.process_covariance
+    acceleration, voltage = np.zeros_like(whole), np.zeros_like(whole)
+    acceleration[:2, :2] = whole[:2, :2]
+    biases = {k for k, name in enumerate(process.names) if "_bias_" in name}
+    electrical = [k for k in range(2, process.order) if k not in biases]
+    voltage[np.ix_(electrical, electrical)] = whole[np.ix_(electrical, electrical)]
+    return [acceleration, voltage, whole - acceleration - voltage]
+
+
+def _assumed(process: FilterProcess, prepared: Prepared) -> FloatArray:
+    """Noises as the filter was given them: sqrt of the acceleration's density, the voltage, the sensors."""
+    t, whole, model = process.step_s, process.process_covariance, prepared.model
+    box = model.validity
+    middle = np.asarray(0.5 * (box.current_min_A + box.current_max_A))
+    inductance = float(model.magnetics.inductance(np.asarray(operating_distance(model)), middle))
+    volts = np.sqrt(whole[2, 2]) * inductance / t
+    return np.array([np.sqrt(whole[1, 1] / t), volts, *(output.variance**0.5 for output in process.outputs)])
+
+
+def _likelihood(process: FilterProcess, windows: _Windows, parts: list[FloatArray], logs: FloatArray) -> FloatArray:
+    """Minus the logarithm of the likelihood for each row of logarithms of the noises' factors; shape (rows,)."""
+    factor = np.exp(2.0 * logs)
+    q = factor[:, 0, None, None] * parts[0] + factor[:, 1, None, None] * parts[1] + parts[2]
+    steps, pieces, sensors = windows.innovation.shape
+    order = process.order
+    error = np.zeros((len(logs), pieces, order))
+    first = q * steps
+    covariance = np.broadcast_to(first[:, None], (len(logs), pieces, order, order)).copy()
+    total = np.zeros(len(logs))
+    noise = np.array([output.variance for output in process.outputs])
+    for k in range(steps):
+        for s in range(sensors):
+            slope, reading = windows.outputs[k, :, s], windows.innovation[k, :, s]
+            read = np.isfinite(reading)
+            cross = np.einsum("bpij,pj->bpi", covariance, slope)
+            variance = np.einsum("bpi,pi->bp", cross, slope) + factor[:, 2 + s, None] * noise[s]
+            left = np.where(read, reading, 0.0) - np.einsum("bpi,pi->bp", error, slope)
+            if k >= FORGOTTEN:
+                total += 0.5 * np.where(read, left**2 / variance + np.log(variance / noise[s]), 0.0).sum(axis=1)
+            gain = np.where(read[:, None], cross / variance[..., None], 0.0)
+            error = error + gain * left[..., None]
+            covariance = covariance - gain[..., :, None] * cross[..., None, :]
+        f = windows.slope[k]
+        error = np.einsum("pij,bpj->bpi", f, error - windows.shift[k])
+        covariance = f @ covariance @ f.swapaxes(1, 2) + q[:, None]
+    return total
+
+
+def _newton(
+    process: FilterProcess, windows: _Windows, parts: list[FloatArray], count: int
+) -> tuple[FloatArray, FloatArray]:
+    """The most likely logarithms, and the curvature there."""
+    at, unit = np.zeros(count), STEP * np.eye(count)
+    pairs = [(a, b) for a in range(count) for b in range(a)]
+    curvature = np.zeros((count, count))
+    for _ in range(NEWTON_STEPS):
+        probes = np.concatenate([[at], at + unit, at - unit, *([at + unit[a] + unit[b]] for a, b in pairs)])
+        values = _likelihood(process, windows, parts, probes)
+        here, up, down, both = np.split(values, [1, 1 + count, 1 + 2 * count])
+        slope = (up - down) / (2.0 * STEP)
+        curvature[range(count), range(count)] = (up - 2.0 * here + down) / STEP**2
+        for (a, b), value in zip(pairs, both, strict=True):
+            curvature[a, b] = curvature[b, a] = (value - up[a] - up[b] + here[0]) / STEP**2
+        sizes, axes = np.linalg.eigh(curvature)
+        step = -axes @ ((axes.T @ slope) / np.maximum(np.abs(sizes), 1.0))
+        step *= min(1.0, 1.5 / max(float(np.abs(step).max()), 1e-12))
+        tries = at + np.array([1.0, 0.5, 0.25, 0.1, 0.0])[:, None] * step
+        best = int(np.argmin(_likelihood(process, windows, parts, tries)))
+        at = np.clip(tries[best], -12.0, 12.0)
+        if np.abs(step).max() < 1e-3 or best == len(tries) - 1:
+            break
+    return at, curvature
+
+
+def _shares(
+    process: FilterProcess, windows: _Windows, parts: list[FloatArray], logs: FloatArray, names: list[str]
+) -> dict[str, dict[str, float]]:
+    """What the innovations come from in the steady state: each noise alone through the filter found."""
+    factor = np.exp(2.0 * logs)
+    slope, outputs = np.median(windows.slope, axis=(0, 1)), np.median(windows.outputs, axis=(0, 1))
+    q = factor[0] * parts[0] + factor[1] * parts[1] + parts[2]
+    r = factor[2:] * [output.variance for output in process.outputs]
+    covariance = process.require_start_covariance()
+    causes = [factor[0] * parts[0], factor[1] * parts[1], *(np.zeros_like(q) for _ in r), parts[2]]
+    own = [np.zeros_like(q) for _ in causes]
+    for _ in range(2 * NOISE_PIECE):
+        innovation = outputs @ covariance @ outputs.T + np.diag(r)
+        gain = np.linalg.solve(innovation, outputs @ covariance).T
+        kept = slope - slope @ gain @ outputs
+        covariance = kept @ covariance @ slope.T + q
+        covariance = 0.5 * (covariance + covariance.T)
+        own = [kept @ one @ kept.T + cause for one, cause in zip(own, causes, strict=True)]
+        for s, variance in enumerate(r):
+            column = slope @ gain[:, s]
+            own[2 + s] = own[2 + s] + variance * np.outer(column, column)
+    words = ["unknown force", "unknown voltage", *(f"noise of {name}" for name in names[2:]), "drift of the bias"]
+    found = {}
+    for k, name in enumerate(names[2:]):
+        shares = [float(outputs[k] @ one @ outputs[k]) for one in own]
+        shares[2 + k] += float(r[k])
+        found[name] = {word: share / sum(shares) for word, share in zip(words, shares, strict=True)}
+    return found

@@ -1,0 +1,198 @@
+"""A recorded log through the filters of a model."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from femfit.core.amount import counted
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FilterError, TableError
+from femfit.core.finding import Finding
+from femfit.filters.filter import Filter
+from femfit.filters.filter_state import FilterOutcome
+from femfit.filters.kalman_filter import FilterKind, kalman_filter
+from femfit.filters.levitation import kept_between_stops
+from femfit.filters.noise import FilterNoise, default_noise, operating_distance
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.dynamics import runge_kutta_step
+from femfit.model.json_file import model_of
+from femfit.model.sensors import HALL, predict_sensor, reading_of, sensors_of
+from femfit.replay.consistency import beside, innovations_of
+from femfit.replay.constants import AT_STOP, RUNGE_KUTTA_STEP
+from femfit.replay.find_noise import find_noise
+from femfit.replay.prepare import Prepared, prepare
+from femfit.replay.result import Observation, OneFilter
+from femfit.replay.run_filter import Replayed, replay
+from femfit.tables.measurement import Measurement, TimeSeries
+from femfit.tables.measurement_file import read_measurement
+
+FILTERS: dict[str, tuple[FilterKind, bool]] = {
+    "ukf": ("ukf", False),
+    "ekf": ("ekf", False),
+    "ukf4": ("ukf", True),
+    "ekf4": ("ekf", True),
+}
+"""Name -> kind, and whether a bias is a further state."""
+
+
+def observe(
+    model: ActuatorModel | str | Path,
+    record: Measurement | str | Path,
+    *,
+    filter: str | Sequence[str] = "ukf",  # noqa: A002  the word that users look for
+    sensors: Sequence[str] | None = None,
+    biases: Sequence[str] | None = None,
+    noise: FilterNoise | None = None,
+    find: bool = True,
+) -> Observation:
+    """Run a recorded log through one or more filters: estimate, innovations, and the noise that the log shows.
+
+    Parameters
+    ----------
+    model : ActuatorModel, str or Path
+        With circuit and motion.
+    record : TimeSeries, str or Path
+        With the commanded voltage, and a channel that a sensor of the model reads; a current or a distance is a sensor
+        of its own where the model has none.
+    filter : str or sequence of str
+        ``ukf``, ``ekf``, or ``ukf4`` and ``ekf4``, which estimate a bias as well; several are placed side by side.
+    sensors : sequence of str or None
+        Which sensors the filter reads; all that the record has where None. Those it does not read check it.
+    biases : sequence of str or None
+        Whose bias ``ukf4`` and ``ekf4`` estimate; the Hall element's, or else the first sensor's that reads no current.
+    noise : FilterNoise or None
+        Derived from the model and the record where None.
+    find : bool
+        Whether to look for the noise that the record shows.
+
+    Raises
+    ------
+    TableError
+        If the record lacks the voltage or every sensor.
+    FilterError
+        If a filter is unknown, or the coil too fast for the record's step.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ff.observe("model.json", "bench.csv")
+    Traceback (most recent call last):
+    ...
+    femfit.core.errors.TableError: ...
+    """
+    model = model_of(model)
+    series = read_measurement(record) if isinstance(record, str | Path) else record
+    if not isinstance(series, TimeSeries):
+        raise TableError(
+            f"A filter needs a record over time; {series.source} has no column time_s. Say which column it is with "
+            "--column HEADER=time_s."
+        )
+    names = (filter,) if isinstance(filter, str) else tuple(filter)
+    unknown = [name for name in names if name not in FILTERS]
+    if unknown or not names:
+        raise FilterError(f"A filter must be one of {', '.join(FILTERS)}; instead received {filter!r}.")
+    prepared = prepare(model, series, sensors)
+    noise = _noise(prepared, noise)
+    runs = []
+    for name in names:
+        built = _filter(prepared, name, biases, noise)
+        runs.append(_one(prepared, name, built, replay(built, prepared.log)))
+    return Observation(
+        model=replace(prepared.model, sample_time_s=model.sample_time_s),
+        source=series.source,
+        sensors=prepared.sensors,
+        time_s=prepared.time_s,
+        recorded=prepared.recorded,
+        filters=tuple(runs),
+        findings=(*prepared.findings, *_told_by_estimate(prepared, runs[0])),
+        noise=find_noise(runs[0].built, prepared, runs[0].replayed) if find else None,
+    )
+
+
+def _noise(prepared: Prepared, noise: FilterNoise | None) -> FilterNoise:
+    noise = default_noise(prepared.model) if noise is None else noise
+    hall = prepared.noise.get(HALL, noise.hall_V)
+    return replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
+
+
+def _filter(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> Filter:
+    """The filter with steps of Runge and Kutta, since an estimate offline is not in a hurry."""
+    kind, biased = FILTERS[name]
+    chosen: Sequence[str] = ()
+    if biased:
+        chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
+    model = prepared.model
+    built = kalman_filter(model, kind, sensors=prepared.sensors, biases=chosen, noise=noise)
+    box = model.validity
+    currents = np.linspace(box.current_min_A, box.current_max_A, 5)
+    least = float(model.magnetics.inductance(np.full(5, operating_distance(model)), currents).min())
+    rate = model.require_circuit().resistance_ohm / least
+    substeps = max(1, int(np.ceil(model.sample_time_s * rate / RUNGE_KUTTA_STEP)))
+    process = replace(built.process, transition=partial(_advance, model, substeps), transition_columns=None)
+    return replace(built, process=process)
+
+
+def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
+    order = 3 + len(model.memory_names)
+    moved = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, substeps)
+    return kept_between_stops(model, np.concatenate([moved, states[:, order:]], axis=1))
+
+
+def _one(prepared: Prepared, name: str, built: Filter, replayed: Replayed) -> OneFilter:
+    model, order = prepared.model, 3 + len(prepared.model.memory_names)
+    judged = [
+        innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
+        for k, reading in enumerate(prepared.readings)
+    ]
+    used = {reading.column for reading in prepared.readings}
+    estimates = {}
+    for sensor_name, sensor in sensors_of(model).items():
+        column = reading_of(sensor_name, sensor).column
+        if column in prepared.recorded and column not in estimates:
+            estimates[column] = predict_sensor(model, sensor, replayed.mean[:, :order])
+    compared = [
+        beside(column, column in used, prepared.recorded[column], values, model.sample_time_s)
+        for column, values in estimates.items()
+    ]
+    lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)
+    return OneFilter(
+        name=name,
+        built=built,
+        replayed=replayed,
+        innovations=tuple(one for one in judged if one is not None),
+        beside=tuple(one for one in compared if one is not None),
+        estimates=estimates,
+        lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
+        outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if len(lost) else FilterOutcome.RUNNING,
+    )
+
+
+def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
+    """Rests on a stop, and where the model leaves its validity domain."""
+    model, mean, found = prepared.model, one.replayed.mean, []
+    near, far = model.require_motion().ends
+    samples = len(mean)
+    box, deviation = model.validity, one.replayed.deviation
+    close = np.minimum(deviation[:, 0], AT_STOP * (box.distance_max_m - box.distance_min_m))
+    for side, stop in (("near", near), ("far", far)):
+        resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
+        if resting.any():
+            share = f"{100.0 * resting.mean():.3g} % of the {counted(samples, 'sample')}"
+            found.append(Finding("at-stop", "info", f"The body rests on the {side} stop in {share}."))
+    with np.errstate(invalid="ignore"):
+        outside = ~model.validity.contains(mean[:, 0], mean[:, 2])
+    if outside.any():
+        found.append(
+            Finding(
+                "outside-domain",
+                "warning",
+                f"{counted(int(outside.sum()), 'estimate')} of {samples} lie outside of the model's validity domain, "
+                f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm and {box.current_min_A:.3g} to "
+                f"{box.current_max_A:.3g} A.",
+                "Sweep wider, or leave the stretch out.",
+            )
+        )
+    return found

@@ -1,0 +1,178 @@
+"""From a record to what a filter is fed with: sensors and their noise, inputs, readings, and what is said first."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femfit.core.amount import amount, amount_range, counted
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding
+from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.filters.noise import operating_distance
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.sensors import OtherSensor, Reading, reading_of, sensor_named, sensors_of
+from femfit.replay.constants import MEDIAN_TO_DEVIATION, SECOND_DIFFERENCE
+from femfit.replay.run_filter import Log
+from femfit.tables.measurement import TimeSeries
+
+RECORDED = {"current_A": "current", "distance_m": "distance"}
+"""Columns that are a sensor of their own where the model has none that reads them, and its name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A record as a filter takes it."""
+
+    model: ActuatorModel  # With the record's step as its sample time, and the record's sensors
+    sensors: tuple[str, ...]
+    readings: tuple[Reading, ...]
+    time_s: FloatArray
+    log: Log
+    recorded: dict[str, FloatArray]  # Every channel of the record, one entry a sample
+    findings: tuple[Finding, ...]
+    noise: dict[str, float]  # White noise of each sensor
+
+
+def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
+    """Choose sensors, take the record's step, and set aside what no filter should believe."""
+    rows = series.rows
+    if "voltage_V" not in series.given:
+        raise TableError(
+            f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
+            f"{', '.join(series.given)}. Record voltage_V, or say which column it is with --column HEADER=voltage_V."
+        )
+    model, findings = _with_recorded_sensors(model, series), list(series.findings)
+    names = _chosen(model, series, sensors)
+    readings = tuple(reading_of(name, sensor_named(model, name)) for name in names)
+    time, recorded = rows["time_s"].to_numpy(), {}
+    for name in series.given:
+        if name not in {"run", "time_s"}:
+            recorded[name] = rows[name].to_numpy(copy=True)
+    begins = np.flatnonzero(np.r_[True, np.diff(rows["segment"].to_numpy()) != 0])
+    inside = np.delete(np.diff(time), begins[1:] - 1)
+    step = float(np.median(inside)) if len(inside) else model.sample_time_s
+    inputs, said = _inputs(model, recorded["voltage_V"], begins)
+    findings += said
+    columns, noise = [], {}
+    for name, reading in zip(names, readings, strict=True):
+        column, said = _kept(recorded[str(reading.column)], reading)
+        findings += said
+        columns.append(column)
+        noise[name], said = _noise(series, column, reading)
+        findings += said
+    log = Log(inputs, np.stack(columns, axis=1), begins, _guesses(model, recorded, len(time)))
+    return Prepared(replace(model, sample_time_s=step), names, readings, time, log, recorded, tuple(findings), noise)
+
+
+def _with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
+    """The model with a sensor for each recorded current or distance that none of its own reads."""
+    known = sensors_of(model)
+    read = {reading_of(name, sensor).column for name, sensor in known.items()}
+    added: list[OtherSensor] = []
+    for column, name in RECORDED.items():
+        if column in series.given and column not in read and name not in known:
+            if name == "current":
+                added.append(CurrentSensor(name=name, circuit="coil"))
+            else:
+                added.append(PositionSensor(name=name, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m"))
+    return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
+
+
+def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> tuple[str, ...]:
+    can = {name: reading_of(name, sensor).column for name, sensor in sensors_of(model).items()}
+    usable = [name for name, column in can.items() if column in series.given]
+    wanted = tuple(usable) if sensors is None else tuple(sensors)
+    for name in wanted:
+        sensor_named(model, name)
+    lacking = [name for name in wanted if name not in usable]
+    if lacking or not wanted:
+        raise TableError(
+            f"A filter needs the readings of its sensors ({', '.join(lacking) or 'one at least'}); {series.source} "
+            f"holds {', '.join(series.given)}, of which the model's sensors read "
+            f"{', '.join(usable) or 'none'}. Name one of those with --sensors, or the column with --column."
+        )
+    return wanted
+
+
+def _inputs(model: ActuatorModel, volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:
+    """The voltage held from the sample before to each one, as the driver passes it on."""
+    circuit, findings = model.require_circuit(), []
+    beyond = int(np.count_nonzero((volts < circuit.voltage_min_V) | (volts > circuit.voltage_max_V)))
+    missing = int(np.isnan(volts).sum())
+    if beyond:
+        limits = amount_range(circuit.voltage_min_V, circuit.voltage_max_V, "V")
+        findings.append(
+            Finding(
+                "clamped",
+                "warning",
+                f"{counted(beyond, 'command')} of {len(volts)} lie beyond the supply's {limits}; the filter was given "
+                "what the driver can pass on.",
+                "If the driver can do more, change [supply] in the drawing.",
+            )
+        )
+    if missing:
+        findings.append(
+            Finding("held-command", "warning", f"{counted(missing, 'command')} are missing; the last one was held.")
+        )
+    known = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))))
+    held = np.nan_to_num(np.clip(volts[known], circuit.voltage_min_V, circuit.voltage_max_V))
+    before = np.r_[held[:1], held[:-1]]
+    before[begins] = held[begins]
+    return before, findings
+
+
+def _kept(column: FloatArray, reading: Reading) -> tuple[FloatArray, list[Finding]]:
+    """Readings, missing where they stand at an end of the range."""
+    column, findings = column.copy(), []
+    slack = 1e-9 * (reading.high - reading.low) if np.isfinite(reading.high - reading.low) else 0.0
+    clipped = (column <= reading.low + slack) | (column >= reading.high - slack)
+    if clipped.any():
+        limits = amount_range(reading.low, reading.high, reading.unit) if slack else "its range"
+        findings.append(
+            Finding(
+                "clipped",
+                "warning",
+                f"{counted(int(clipped.sum()), 'reading')} of {len(column)} of sensor {reading.name} stand at an end "
+                f"of {limits} and count as missing.",
+                column=str(reading.column),
+            )
+        )
+        column[clipped] = np.nan
+    return column, findings
+
+
+def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:
+    """Declared with the record, else the model's, else guessed from second differences."""
+    declared = series.declared_noise.get(str(reading.column))
+    if declared or reading.white > 0.0:
+        return float(declared or reading.white), []
+    second = np.diff(column, 2)
+    second = second[np.isfinite(second)]
+    scatter = MEDIAN_TO_DEVIATION * float(np.median(np.abs(second))) if len(second) else 0.0
+    guess = scatter / SECOND_DIFFERENCE**0.5
+    if not guess > 0.0:  # more than half of the readings repeat: one step of the converter
+        steps = np.abs(np.diff(column))
+        steps = steps[steps > 0.0]
+        guess = float(steps.min()) / 12.0**0.5 if len(steps) else 0.0
+    if not guess > 0.0:
+        raise TableError(
+            f"The noise of {reading.column} must be known; its readings do not vary. Give --noise "
+            f"{reading.column}=STANDARD DEVIATION."
+        )
+    said = f"The noise of sensor {reading.name} is guessed from its second differences: {amount(guess, reading.unit)}."
+    return guess, [Finding("guessed-noise", "info", said, "Give it with --noise.", column=str(reading.column))]
+
+
+def _guesses(model: ActuatorModel, recorded: dict[str, FloatArray], samples: int) -> FloatArray:
+    """Recorded distance and current, kept in the model's domain; else the far stop or the operating point."""
+    box, motion = model.validity, model.require_motion()
+    result = np.zeros((samples, 3))
+    rest = operating_distance(model) if motion.far_stop is None else motion.far_stop.distance_m
+    distance = recorded.get("distance_m", np.full(samples, np.nan))
+    result[:, 0] = np.clip(np.where(np.isfinite(distance), distance, rest), box.distance_min_m, box.distance_max_m)
+    result[:, 2] = np.nan_to_num(recorded.get("current_A", np.zeros(samples)))
+    result[:, 2] = np.clip(result[:, 2], box.current_min_A, box.current_max_A)
+    return result

@@ -1,0 +1,150 @@
+"""What filters saw of a record."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.amount import amount, amount_range, counted
+from femfit.core.arrays import FloatArray
+from femfit.core.finding import Finding
+from femfit.core.printed import Printed
+from femfit.filters.filter import Filter
+from femfit.filters.filter_state import FilterOutcome
+from femfit.model.actuator_model import ActuatorModel
+from femfit.replay.consistency import Beside, Innovations
+from femfit.replay.find_noise import FoundNoise
+from femfit.replay.run_filter import Replayed
+
+
+@dataclass(frozen=True, eq=False)
+class OneFilter:
+    """A record as one filter saw it."""
+
+    name: str
+    built: Filter
+    replayed: Replayed
+    innovations: tuple[Innovations, ...]
+    beside: tuple[Beside, ...]
+    estimates: Mapping[str, FloatArray]  # What the estimate says of each recorded channel
+    lost_at_s: float | None
+    outcome: FilterOutcome
+
+    @property
+    def trusted(self) -> bool:
+        """Whether it ran through, and its innovations are as large as it says and white."""
+        return self.lost_at_s is None and all(one.consistent and one.white for one in self.innovations)
+
+    def lines(self) -> list[str]:
+        """What became of it."""
+        settled = self.replayed.deviation[len(self.replayed.deviation) // 2 :, 0]
+        certain = amount(float(np.nanmedian(settled)), "m") if np.isfinite(settled).any() else "unknown"
+        if self.lost_at_s is not None:
+            head = f"{self.name}: lost at {amount(self.lost_at_s, 's', 4)}. {self.outcome.sentence}"
+        elif self.trusted:
+            head = f"{self.name}: consistent. It claims the distance to {certain}."
+        else:
+            head = (
+                f"{self.name}: not consistent with its noise. It claims the distance to {certain}; do not rely on it."
+            )
+        lines = [head]
+        for one in self.innovations:
+            band = f"{one.band.lower:.3g} to {one.band.upper:.3g}"
+            worst = int(np.argmax(np.abs(one.autocorrelation)))
+            white = "white" if one.white else f"not white ({one.autocorrelation[worst]:+.2f} at lag {worst + 1})"
+            size = f"{amount(one.rms, one.unit)} rms, mean square {one.mean_square:.3g} (should be {band})"
+            lines.append(f"  innovations of {one.sensor}: {size}, {white}")
+        for channel in self.beside:
+            unit = channel.column.rpartition("_")[2]
+            what = "read by the filter" if channel.used else "not read by the filter: a check"
+            late = ""
+            if channel.delay_s is not None:
+                when = "late" if channel.delay_s > 0.0 else "early"
+                late = f", {amount(abs(channel.delay_s), 's')} {when}"
+            lines.append(
+                f"  {channel.column} beside the estimate ({what}): {amount(channel.rms, unit)} rms, mean "
+                f"{amount(channel.mean, unit)}{late}"
+            )
+        return lines
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observation(Printed):
+    """A recorded log as filters saw it."""
+
+    model: ActuatorModel
+    source: str
+    sensors: tuple[str, ...]
+    time_s: FloatArray
+    recorded: Mapping[str, FloatArray]
+    filters: tuple[OneFilter, ...]
+    findings: tuple[Finding, ...]
+    noise: FoundNoise | None
+
+    def __str__(self) -> str:
+        first, *others = self.filters
+        span = amount_range(float(self.time_s.min()), float(self.time_s.max()), "s", 3)
+        lines = first.lines()
+        lines[1:1] = [f"check first: {one}" for one in self.findings if one.severity != "info"]
+        for other in others:
+            lines += other.lines()
+        if self.noise is not None:
+            lines += self.noise.lines()
+        lines.append(
+            f"{self.source}: {counted(len(self.time_s), 'sample')} from {span}, read through {', '.join(self.sensors)}"
+        )
+        return "\n".join([*lines, *(f"note: {one}" for one in self.findings if one.severity == "info")])
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Recorded channels, and for each filter its estimate, deviations and normalised innovations."""
+        columns: dict[str, FloatArray] = {"time_s": self.time_s, **self.recorded}
+        for one in self.filters:
+            for k, name in enumerate(one.built.process.names):
+                columns[f"{one.name}_{name}"] = one.replayed.mean[:, k]
+                columns[f"{one.name}_deviation_{name}"] = one.replayed.deviation[:, k]
+            for k, output in enumerate(one.built.process.outputs):
+                ratio = one.replayed.innovation[:, k] / np.sqrt(one.replayed.variance[:, k])
+                columns[f"{one.name}_innovation_{output.name}"] = ratio
+        return pd.DataFrame(columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as JSON-ready data, without the series."""
+        return {
+            "source": self.source,
+            "samples": len(self.time_s),
+            "sensors": list(self.sensors),
+            "filters": [_filter_data(one) for one in self.filters],
+            "noise": None if self.noise is None else self.noise.to_dict(),
+            "findings": [str(one) for one in self.findings],
+        }
+
+
+def _filter_data(one: OneFilter) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "trusted": one.trusted,
+        "lost_at_s": one.lost_at_s,
+        "states": list(one.built.process.names),
+        "innovations": [
+            {
+                "sensor": each.sensor,
+                "unit": each.unit,
+                "count": each.count,
+                "rms": each.rms,
+                "mean_square": each.mean_square,
+                "band": [each.band.lower, each.band.upper],
+                "autocorrelation": each.autocorrelation.tolist(),
+                "correlation_band": each.correlation_band,
+                "consistent": each.consistent,
+                "white": each.white,
+            }
+            for each in one.innovations
+        ],
+        "beside": [
+            {"column": each.column, "used": each.used, "rms": each.rms, "mean": each.mean, "delay_s": each.delay_s}
+            for each in one.beside
+        ],
+    }

@@ -1,0 +1,50 @@
+"""The picture of a record that filters have seen."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femfit.core.atomic import replacing
+from femfit.core.outputs import PICTURE, require_outputs
+from femfit.replay.result import Observation
+from femfit.report.style import BLUE, DPI, GREEN, INK, MUTED, ORANGE, VERMILION, new_figure, style, styled, words
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
+_POINTS = 20_000
+"""Conventional: points of a line; more are not seen."""
+
+
+@styled
+def replay_figure(seen: Observation) -> "Figure":
+    """Draw distance and current as recorded and estimated, and the normalised innovations with their band."""
+    figure = new_figure(6.0)
+    panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
+    every = slice(None, None, max(1, len(seen.time_s) // _POINTS))
+    time = seen.time_s[every]
+    for axes, column, state, factor in ((panels[0], "distance_m", 0, 1e3), (panels[1], "current_A", 2, 1.0)):
+        if column in seen.recorded:
+            label = words("replay", "recorded")
+            axes.plot(time, factor * seen.recorded[column][every], color=MUTED, linewidth=0.7, label=label)
+        for one, colour in zip(seen.filters, _COLOURS, strict=False):
+            axes.plot(time, factor * one.replayed.mean[every, state], color=colour, label=words("loop", one.name))
+        axes.set_ylabel(words("replay", column))
+    panels[0].legend(ncols=3)
+    for one, colour in zip(seen.filters, _COLOURS, strict=False):
+        ratio = one.replayed.innovation[every] / np.sqrt(one.replayed.variance[every])
+        panels[2].plot(time, ratio, ".", color=colour, markersize=1.0)
+    for limit in (-1.96, 1.96):
+        panels[2].axhline(limit, color=INK, linewidth=0.7, dashes=(2, 2))
+    panels[2].set(ylabel=words("replay", "innovation"), xlabel=words("replay", "time"), ylim=(-6.0, 6.0))
+    figure.align_ylabels()
+    return figure
+
+
+def write_replay_picture(seen: Observation, path: Path) -> None:
+    """Write the picture as PNG, SVG or PDF, by the file's suffix."""
+    require_outputs([], (path, PICTURE))
+    with style(), replacing(path) as unfinished:
+        replay_figure(seen).savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
