@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.device.mechanics import Spring
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect, Effect, Memory, Parameters
@@ -73,6 +74,9 @@ def effect_signature(
     effect = effect_by_name(effect) if isinstance(effect, str) else effect
     values = effect.null() | dict(typical_parameters(effect) if parameters is None else parameters)
     added, base, box = AddedEffect(effect, values), model.without_effects, model.validity
+    drawn = ""
+    if "spring" in effect.needs and base.motion is not None:
+        base, drawn = _with_spring(base), " A spring is drawn."
     distance = np.linspace(box.distance_min_m, box.distance_max_m, distances)
     current = np.linspace(box.current_min_A, box.current_max_A, currents)
     d, i = (x.ravel() for x in np.meshgrid(distance, current, indexing="ij"))
@@ -93,8 +97,18 @@ def effect_signature(
             if moving
             else f"At rest, the current rising, the winding {_WARMER_C['coil_temperature_C']:.0f} K and a magnet "
             f"{_WARMER_C['magnet_temperature_C']:.0f} K warm, after {_READINGS:.0f} readings of a run."
-        ),
+        )
+        + drawn,
     )
+
+
+def _with_spring(base: ActuatorModel) -> ActuatorModel:
+    """The model with a spring as stiff as its force falls over the range, for effects of a spring that is drawn."""
+    motion = base.require_motion()
+    weight = motion.mass_kg * abs(motion.gravity_m_s2)
+    stroke = base.validity.distance_max_m - base.validity.distance_min_m
+    spring = Spring(weight / stroke, weight, base.validity.distance_max_m)
+    return replace(base, motion=replace(motion, springs=(spring,)))
 
 
 def typical_parameters(effect: Effect) -> dict[str, float]:

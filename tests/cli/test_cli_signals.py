@@ -9,7 +9,8 @@ import pytest
 from femfit.cli.signals import PATIENCE
 
 IN_C = """
-import sys, threading, ctypes
+import sys, threading, ctypes, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs begin with it ignored
 from femfit.cli import main
 def app():
     def command(*_, **__):

@@ -56,7 +56,7 @@ def test_help_imports_nothing_heavy():
 def test_every_command_explains_itself(name):
     result = femfit(name, "--help")
     assert result.returncode == 0
-    assert "--json" in result.stdout
+    assert "--json" in result.stdout or name == "new"  # which makes a drawing and has no result
 
 
 @pytest.mark.parametrize("arguments", [("nosuch",), ("sweep",), ("fit",), ("sweep", RIG, "--workers", "0")])

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from femfit.device.hall_range import where_clipped
-from femfit.device.parts import HallElement
+from femfit.device.sensors import HallElement
 from femfit.device.variants import only, read_variants
 from femfit.field.sweep_rows import clipped_hall
 from femfit.tables.sweep_table import SweepTable
@@ -43,7 +43,7 @@ def test_a_sweep_says_where_its_element_is_clipped(grid):
     table = SweepTable(pd.DataFrame(dict(zip(names, grid, strict=True))).assign(force_N=1.0, status="ok"), {})
     sweep = read_variants(GEOMETRY / "emaws-rig.toml")
     assert sweep.actuator.hall is not None
-    actuator = replace(sweep.actuator, hall=HALL)
+    actuator = replace(sweep.actuator, sensors=(HALL,))
     (said,) = clipped_hall(only(actuator), table)
     assert where_clipped(HALL, *grid) in said
-    assert clipped_hall(only(replace(actuator, hall=None)), table) == []
+    assert clipped_hall(only(replace(actuator, sensors=())), table) == []

@@ -90,7 +90,7 @@ def test_a_key_of_the_actuator_file_has_an_example_from_its_own_table(site):
     example = tomllib.loads((DOCS / "reference" / "every-key.toml").read_text())
     ring, magnet = example["electromagnet"]["regions"]["ring"], example["moving"]["regions"]["magnet"]
     for section, table, key in (
-        ("electromagnet-regions-name", ring, "r_mm"),
+        ("fixed-regions-name", ring, "r_mm"),
         ("coil", example["coil"], "r_mm"),
         ("coil", example["coil"], "temperature_C"),
         ("moving-regions-name", magnet, "z_mm"),

@@ -119,6 +119,6 @@ def test_an_actuators_record_gives_the_actuator(name):
 
 def test_a_damaged_record_is_refused_with_its_key():
     record = asdict(read_actuator(GEOMETRY / "emaws-rig.toml"))
-    record["coil"]["turns"] = "many"
-    with pytest.raises(ActuatorFileError, match=r"coil\.turns"):
+    record["coils"][0]["turns"] = "many"
+    with pytest.raises(ActuatorFileError, match=r"coils\.0\.turns"):
         actuator_from_record(record, "manifest")
