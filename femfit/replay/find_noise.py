@@ -23,6 +23,7 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
 from femfit.filters.filter import Filter
+from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import motion_rate, operating_distance
 from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel, ProcessNoise
@@ -134,7 +135,7 @@ def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> Found
     model, motion = prepared.model, prepared.model.require_motion()
     rate = motion_rate(model, operating_distance(model))
     force = motion.mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate))
-    used = windows.innovation.shape[0] * windows.innovation.shape[1]
+    used = (NOISE_PIECE - FORGOTTEN) * windows.innovation.shape[1]
     return FoundNoise(tuple(estimates), used, force, _shares(process, windows, parts, found, names))
 
 
@@ -145,7 +146,9 @@ def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> 
         for a, b in pairwise(begins)
         for start in range(a + FORGOTTEN, b - NOISE_PIECE + 1, NOISE_PIECE - FORGOTTEN)
     ]
-    healthy = [row for row in rows if not replayed.outcome[row].any() and np.isfinite(replayed.mean[row]).all()]
+    # Innovations out of their band are what a wrong noise makes, and do not speak against a stretch
+    runs = np.isin(replayed.outcome, (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND))
+    healthy = [row for row in rows if runs[row].all() and np.isfinite(replayed.mean[row]).all()]
     if not healthy:
         raise FilterError(
             f"The noise needs a stretch of {NOISE_PIECE + FORGOTTEN} samples in which the filter runs; there is none. "

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import femfit as ff
 from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model, write_model
 from femfit.tables.inductance_table import read_inductance_table
@@ -151,3 +152,13 @@ def test_the_page_states_these_figures():
     page = PAGE.read_text(encoding="utf-8")
     for figure in ("-2.9 to 13 %", "-4.2 to 0.4 %", "18 %", "70 mN", "unexplained"):
         assert figure in page, figure
+
+
+def test_a_filter_over_the_record_finds_the_sensors_noise_and_that_it_is_not_consistent(rig):
+    seen = ff.observe(rig / "steady.json", rig / "record.csv", sensors=("current", "distance"))
+    values = {one.name: one.value for one in seen.noise.estimates}
+    assert values["current"] == pytest.approx(6.0e-3, rel=0.02)
+    assert values["distance"] == pytest.approx(16.6e-6, rel=0.02)
+    assert values["voltage"] == pytest.approx(0.32, rel=0.03)
+    assert seen.noise.force_N == pytest.approx(0.016, rel=0.05)
+    assert not seen.filters[0].trusted

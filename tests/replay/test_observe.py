@@ -152,3 +152,10 @@ def test_what_cannot_be_filtered_is_refused_with_what_is_needed(log, options, co
     record = replace(log[1], given=("time_s", *columns))
     with pytest.raises((FilterError, TableError, MissingPartError), match=said):
         ff.observe(damped(), record, **options)
+
+
+def test_a_noise_that_is_far_too_small_is_found_although_the_innovations_left_their_band(log):
+    found = ff.observe(damped({**TRUE, "current": 1e-4, "laser": 1e-6}), log[1])
+    assert found.filters[0].outcome is FilterOutcome.INNOVATIONS_OUT_OF_BAND
+    values = {one.name: one.value for one in found.noise.estimates}
+    assert values["laser"] == pytest.approx(TRUE["laser"], rel=0.1)
