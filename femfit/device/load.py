@@ -186,6 +186,10 @@ def _check_drawing(data: dict[str, Any], drawing: Drawing, distances: Sequence[f
     if drawing.complete:
         if not moving:
             problems.append("moving.regions must hold a part; it is empty. Give a table [moving.regions.NAME].")
+        if not standing:
+            problems.append(
+                "fixed.regions must hold a part; nothing stands still. Give [fixed.regions.NAME] or a coil."
+            )
         check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
         check_moving_body(drawing.moving, [one.part for one in drawing.windings if one.moves], problems)
     check_collisions(standing, moving, distances, problems)

@@ -228,6 +228,11 @@ MISTAKES = {
         ("[supply]\nvoltage_min_V = 0\nvoltage_max_V = 24\ndiode_V = 0.7\n", ""),
         ["supply is missing"],
     ),
+    "nothing that stands still": (
+        PAIR,
+        ('[fixed.regions.ring]\nmaterial = "n42"\nmagnetization = "+r"\nr_mm = [6, 10]\nz_mm = [-5, 0]\n', ""),
+        ["fixed.regions must hold a part"],
+    ),
     "direction of no length": (PAIR, ("[1, 1]", "[0, 0]"), ["magnetization must have a direction"]),
     "ball beside the axis": (PAIR, ("[0, 4, 4]", "[1, 4, 4]"), ["centre on the axis"]),
     "schema 1 with tables of schema 2": (PAIR, ("schema = 2", "schema = 1"), ["needs schema = 2"]),

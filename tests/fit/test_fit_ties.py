@@ -8,6 +8,7 @@ import pytest
 from femfit.fit import coenergy_choice, hall, law_fit, ranking
 from femfit.laws.catalogue import all_laws
 from femfit.laws.dipole_loop import DIPOLE_LOOP
+from femfit.model.coordinate import DistanceCoordinate
 
 LITTLE_LESS = 1.0 - 1e-9
 """A solver's last step, and an order of summation, change as much."""
@@ -42,10 +43,11 @@ def test_the_first_of_equal_starts_gives_a_laws_shape(monkeypatch):
 def test_the_first_of_equal_shifts_holds_the_hall_field(monkeypatch):
     errors = iter((1e-6, LITTLE_LESS * 1e-6, LITTLE_LESS**2 * 1e-6))
     monkeypatch.setattr(hall, "_held_out", lambda *_: next(errors))
-    monkeypatch.setattr(hall, "SHIFTS", (0.0, 0.1, 0.2))
-    rows = SimpleNamespace(currents=np.array([0.0, 1.0]), distances=np.linspace(0.01, 0.02, 8))
+    coordinates = [DistanceCoordinate(0.02, shift) for shift in (0.0, 0.1, 0.2)]
+    monkeypatch.setattr(hall, "distance_coordinates", lambda _: coordinates)
+    rows = SimpleNamespace(currents=np.array([0.0, 1.0]), distances=np.linspace(0.01, 0.02, 8), without_current=False)
     basis, _ = hall._choose(rows, np.zeros(1), 1.0)
-    assert basis.shift == 0.0
+    assert basis.coordinate is coordinates[0]
 
 
 @pytest.mark.parametrize("errors", [
