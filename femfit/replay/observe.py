@@ -78,10 +78,11 @@ def observe(
     Examples
     --------
     >>> import femfit as ff
-    >>> ff.observe("model.json", "bench.csv")
-    Traceback (most recent call last):
-    ...
-    femfit.core.errors.TableError: ...
+    >>> loop = ff.close_loop("model.json", runs=1, seconds=0.5, rng=1)
+    >>> loop.write_csv("log.csv")
+    >>> seen = ff.observe("model.json", "log.csv", sensors=("hall",), find=False)
+    >>> print(str(seen).splitlines()[0])
+    ukf: consistent. It claims the distance to 26 µm.
     """
     model = model_of(model)
     series = read_measurement(record) if isinstance(record, str | Path) else record

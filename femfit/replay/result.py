@@ -72,7 +72,16 @@ class OneFilter:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observation(Printed):
-    """A recorded log as filters saw it."""
+    """A recorded log as filters saw it.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ff.close_loop("model.json", runs=1, seconds=0.5, rng=1).write_csv("log.csv")
+    >>> seen = ff.observe("model.json", "log.csv", sensors=("hall",), find=False)
+    >>> seen.filters[0].trusted
+    True
+    """
 
     model: ActuatorModel
     source: str

@@ -88,9 +88,10 @@ def test_a_key_of_the_actuator_file_has_an_example_from_its_own_table(site):
     page = (site / "generated" / "actuator_file.html").read_text(encoding="utf-8")
     sections = {part.split('"')[0]: part for part in page.split('<section id="')}
     example = tomllib.loads((DOCS / "reference" / "every-key.toml").read_text())
-    ring, magnet = example["electromagnet"]["regions"]["ring"], example["moving"]["regions"]["magnet"]
+    later = tomllib.loads((DOCS / "reference" / "every-key-2.toml").read_text())
+    fixed, magnet = later["fixed"]["regions"]["magnet"], example["moving"]["regions"]["magnet"]
     for section, table, key in (
-        ("fixed-regions-name", ring, "r_mm"),
+        ("fixed-regions-name", fixed, "r_mm"),
         ("coil", example["coil"], "r_mm"),
         ("coil", example["coil"], "temperature_C"),
         ("moving-regions-name", magnet, "z_mm"),

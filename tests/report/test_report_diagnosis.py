@@ -169,8 +169,8 @@ def test_without_a_noise_floor_the_page_says_what_to_measure(levitation_model):
 def test_a_guessed_noise_is_said(levitation_model):
     table = campaign(levitation_model, 65, [HALL], runs=1, **SIZE)
     rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
-    content, page = page_of(levitation_model, rising)
-    (guessed,) = [one for one in content.diagnosis.findings if one.code == "guessed-noise"]
+    diagnosis, _, page = page_of(levitation_model, rising)
+    (guessed,) = [one for one in diagnosis.findings if one.code == "guessed-noise"]
     assert str(guessed) in page.text
 
 

@@ -78,7 +78,7 @@ def add_effects(
     >>> for one in better.fall.channels:
     ...     print(f"{one.channel}: {one.before_over_noise:.1f} -> {one.after_over_noise:.1f} times the noise")
     force_N: 2.3 -> 1.1 times the noise
-    flux_linkage_Wb: 10.6 -> 1.0 times the noise
+    flux_linkage_Wb: 10.7 -> 1.0 times the noise
     hall_V: 1.6 -> 1.4 times the noise
     voltage_V: 15.1 -> 1.0 times the noise
     >>> ff.write_model(better.model, "better.json")
