@@ -49,6 +49,8 @@ class CarriedRange:
             feed = f"{self.voltage_max_V:g} V with the coil at {self.coil_C:g} °C"
         weight = f"the moving part's weight of {amount(self.weight_N, 'N', 3)}"
         weight += " with its springs and load" if self.sprung else ""
+        if self.weight_N == 0.0:  # the body lies flat, or weight is left out
+            weight = "its springs and load" if self.sprung else "the moving part, on which nothing else pulls,"
         if self.low_m is None or self.high_m is None:
             return f"{feed} can balance {weight} nowhere"
         return f"{feed} can balance {weight} from {amount(self.low_m, 'm', 3)} to {amount(self.high_m, 'm', 3)}"

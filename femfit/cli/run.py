@@ -194,9 +194,16 @@ def _export(model: "ActuatorModel", directory: Path) -> str:
 
 
 def _law_line(ranked: "FitResult") -> str:
+    from femfit.model.network_magnetics import NETWORK
+
     ranking = ranked.ranking
     if ranking is None:
         return "none"
+    if ranked.network is not None:
+        return (
+            f"{NETWORK} is taken, {100 * ranked.network.left_out:.2f} % of the rms force on points left out; the best "
+            f"of the others, {ranking.recommended.law.name}, {100 * ranking.recommended.error:.2f} % of the {ranking.of}"
+        )
     verdict = "is recommended" if ranking.reached else "is the best and not good enough"
     return f"{ranking.recommended.law.name} {verdict}, {100 * ranking.recommended.error:.2f} % of the {ranking.of}"
 

@@ -19,6 +19,7 @@ from femfit.fit.law_fit import LawFit
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.network_magnetics import NETWORK, OPERATIONS
 from femfit.report.content import ReportContent
 from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
@@ -230,6 +231,9 @@ def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] |
     candidates = fit.ranking.candidates
     return {
         "ranking": fit.ranking,
+        "network": fit.network,  # Where it is better than the laws that are ranked
+        "network_name": NETWORK,
+        "network_operations": OPERATIONS,
         "best": fit.ranking.recommended,
         "fitted": sum(c.fit is not None for c in candidates),
         "target": TARGET,
