@@ -199,13 +199,11 @@ def _law_line(ranked: "FitResult") -> str:
     ranking = ranked.ranking
     if ranking is None:
         return "none"
+    best = f"{ranking.recommended.law.name} {{}}{100 * ranking.recommended.error:.2f} % of the {ranking.of}"
     if ranked.network is not None:
-        return (
-            f"{NETWORK} is taken, {100 * ranked.network.left_out:.2f} % of the rms force on points left out; the best "
-            f"of the others, {ranking.recommended.law.name}, {100 * ranking.recommended.error:.2f} % of the {ranking.of}"
-        )
-    verdict = "is recommended" if ranking.reached else "is the best and not good enough"
-    return f"{ranking.recommended.law.name} {verdict}, {100 * ranking.recommended.error:.2f} % of the {ranking.of}"
+        left_out = f"{100 * ranked.network.left_out:.2f} % of the rms force on points left out"
+        return f"{NETWORK} is taken, {left_out}; of the others {best.format('is the best, ')}"
+    return best.format("is recommended, " if ranking.reached else "is the best and not good enough, ")
 
 
 def _loop_line(study: "ClosedLoopStudy | None", no_study: str) -> str:
