@@ -138,9 +138,7 @@ class SweepAxes:
     """The grid of the sweep."""
 
     currents_A: tuple[float, ...]  # Of the first circuit; (0,) where there is none
-    distances_m: tuple[
-        float, ...
-    ]  # Ascending; from the fixed part's reference face, zero and below where bodies pass it
+    distances_m: tuple[float, ...]  # Ascending, from the fixed part's reference face; zero and below beyond it
     further_A: tuple[tuple[float, ...], ...] = ()  # Of each further circuit; all combinations are swept
 
 

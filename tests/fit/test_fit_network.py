@@ -16,6 +16,7 @@ from femfit.laws.catalogue import BUILT_IN
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.network_magnetics import OPERATIONS, NetworkMagnetics
 from femfit.tables.sweep_table import SweepTable
+from support.counting import Counting
 
 SWEEPS = pd.read_csv(Path(__file__).with_name("saturating_plungers.csv"), comment="#")
 DEVICES = ("push", "pull", "relay")
@@ -92,25 +93,6 @@ def test_each_derivative_is_the_difference_quotient_of_the_one_below(order):
 def test_far_below_saturation_the_current_pulls_with_its_square():
     small = LAW.force(DISTANCE, 1e-4 * CURRENT)
     np.testing.assert_allclose(LAW.force(DISTANCE, 2e-4 * CURRENT), 4.0 * small, rtol=5e-3)
-
-
-class Counting:
-    """A number that counts the floating-point operations done with it."""
-
-    def __init__(self, counter):
-        self.counter = counter
-
-    def _one(self, *_):
-        self.counter[0] += 1
-        return Counting(self.counter)
-
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = sqrt = _one
-
-    def exp(self):
-        self.counter[0] += 20
-        return Counting(self.counter)
-
-    log = exp
 
 
 def test_operation_count_is_what_one_force_does():

@@ -10,6 +10,7 @@ from scipy.integrate import quad
 import femfit.laws
 from femfit.fit.law_columns import FUNCTIONS
 from femfit.laws.catalogue import BUILT_IN
+from support.counting import Counting
 
 ROWS = pd.read_csv(Path(__file__).with_name("reference_rows.csv"), comment="#", keep_default_na=False)
 ROWS = ROWS.set_index("law")
@@ -107,23 +108,6 @@ def test_unit_of_each_coefficient_makes_a_newton(law):
     for k, unit in enumerate(law.coefficient_units):
         n = 0 if unit == "N" else int(unit.removeprefix("N m^"))
         np.testing.assert_allclose(powers[:, k], n, atol=1e-9)
-
-
-class Counting:
-    """A number that counts the floating-point operations done with it."""
-
-    def __init__(self, counter):
-        self.counter = counter
-
-    def _one(self, *_):
-        self.counter[0] += 1
-        return Counting(self.counter)
-
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = sqrt = _one
-
-    def exp(self):
-        self.counter[0] += 20
-        return Counting(self.counter)
 
 
 @every_law
