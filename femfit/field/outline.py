@@ -19,10 +19,14 @@ COINCIDENT = 1e-9
 """Points closer than this, in m, are one."""
 
 
+def part_corners(part: Region | Coil) -> tuple[tuple[float, float], ...]:
+    """Corners of the part in m, with chords for its arcs."""
+    return tuple(flattened(part.vertices_m, part.bulges if isinstance(part, Region) else ()))
+
+
 def polygon(part: Region | Coil) -> shapely.Polygon:
     """The part's section, as drawn."""
-    bulges = part.bulges if isinstance(part, Region) else ()
-    return shapely.Polygon(flattened(part.vertices_m, bulges))
+    return shapely.Polygon(part_corners(part))
 
 
 def moving_parts(actuator: Actuator) -> list[Region | Coil]:

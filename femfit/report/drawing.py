@@ -6,6 +6,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator, Coil, LinearMaterial, NonlinearMaterial, Region
+from femfit.field.outline import part_corners
 from femfit.report.numbers import plain, significant
 from femfit.report.parts import (
     COLOURS,
@@ -14,7 +15,6 @@ from femfit.report.parts import (
     half_sections,
     kind_of,
     moving_corners,
-    outline_of,
     standing_corners,
 )
 from femfit.report.rating import knee_T
@@ -112,7 +112,7 @@ def _magnetisation(axes: "Axes", region: Region, shift: float) -> None:
     if not isinstance(region.material, LinearMaterial) or not region.material.remanence_T:
         return
     radial, axial = np.sign(region.material.remanence_T) * np.asarray(region.material.direction)
-    for outline in full_section(outline_of(region), shift):
+    for outline in full_section(part_corners(region), shift):
         low, high = outline.min(axis=0), outline.max(axis=0)
         middle, size = 0.5 * (low + high), 0.7 * (high - low)
         # On the left side of the section what points outwards points to the left; across the axis nothing is one way

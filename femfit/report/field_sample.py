@@ -8,8 +8,9 @@ import shapely
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator, Region
+from femfit.field.outline import polygon
 from femfit.field.settings import SolverSettings, settings_for
-from femfit.report.parts import all_regions, moving_corners, outline_of, standing_corners
+from femfit.report.parts import all_regions, moving_corners, standing_corners
 
 COLUMNS = 260
 """Points along the radius; a picture of 2 x 260 columns shows no steps at the page's width."""
@@ -111,7 +112,7 @@ def _largest(
     actuator: Actuator, distance: float, r: FloatArray, z: FloatArray, magnitude: FloatArray
 ) -> dict[str, float]:
     def inside(region: Region, shift: float) -> FloatArray:
-        return np.asarray(magnitude[shapely.contains_xy(shapely.Polygon(outline_of(region)), r, z - shift)])
+        return np.asarray(magnitude[shapely.contains_xy(polygon(region), r, z - shift)])
 
     found = {r.name: inside(r, 0.0 if r in actuator.fixed else distance) for r in all_regions(actuator)}
     return {name: float(np.percentile(values, CORNER_PERCENTILE)) for name, values in found.items() if values.size}

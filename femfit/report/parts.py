@@ -4,8 +4,8 @@ import numpy as np
 import shapely
 
 from femfit.core.arrays import FloatArray
-from femfit.device.outlines import flattened
 from femfit.device.parts import Actuator, Material, NonlinearMaterial, Region
+from femfit.field.outline import fixed_parts, moving_parts, part_corners
 
 Outline = tuple[tuple[float, float], ...]
 
@@ -50,14 +50,9 @@ def is_iron(material: Material) -> bool:
 
 def half_sections(actuator: Actuator, distance: float) -> list[tuple[Outline, float, str]]:
     """Corners, shift along z and kind of each part: fixed ones, windings, moving ones."""
-    parts = [(outline_of(r), 0.0, kind_of(r.material, moving=False)) for r in actuator.fixed]
+    parts = [(part_corners(r), 0.0, kind_of(r.material, moving=False)) for r in actuator.fixed]
     parts += [(coil.vertices_m, distance if coil.moves else 0.0, "winding") for coil in actuator.coils]
-    return parts + [(outline_of(r), distance, kind_of(r.material, moving=True)) for r in actuator.moving.regions]
-
-
-def outline_of(region: Region) -> Outline:
-    """Corners of a region in m, with chords for its arcs."""
-    return tuple(flattened(region.vertices_m, region.bulges))
+    return parts + [(part_corners(r), distance, kind_of(r.material, moving=True)) for r in actuator.moving.regions]
 
 
 def full_section(vertices: Outline, shift: float = 0.0) -> tuple[FloatArray, ...]:
@@ -75,12 +70,10 @@ def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatA
 
 def standing_corners(actuator: Actuator) -> FloatArray:
     """Corners (r, z) of what stands still in m, shape (n, 2)."""
-    outlines = [*map(outline_of, actuator.fixed), *(coil.vertices_m for coil in actuator.coils if not coil.moves)]
-    return np.concatenate([np.asarray(vertices) for vertices in outlines])
+    return np.concatenate([np.asarray(part_corners(part)) for part in fixed_parts(actuator)])
 
 
 def moving_corners(actuator: Actuator, distance: float) -> FloatArray:
     """Corners (r, z) of the moving part at a distance in m, shape (n, 2)."""
-    outlines = [*map(outline_of, actuator.moving.regions), *(coil.vertices_m for coil in actuator.coils if coil.moves)]
-    corners = np.concatenate([np.asarray(vertices) for vertices in outlines])
-    return np.asarray(corners + np.array([0.0, distance]))
+    drawn = np.concatenate([np.asarray(part_corners(part)) for part in moving_parts(actuator)])
+    return np.asarray(drawn + np.array([0.0, distance]))
