@@ -11,10 +11,14 @@ import pytest
 
 from femfit.device.mechanics import Mechanics
 from femfit.field.sweep import run_sweep
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ValidityBox
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.circuit import Circuit
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import CoenergySpline
+from femfit.model.misfit import Misfit
+from femfit.model.validity import ValidityBox
 from support.actuators import GEOMETRY
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 

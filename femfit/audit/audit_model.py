@@ -13,10 +13,12 @@ from femfit.core.errors import ModelFileError, TableError
 from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
-from femfit.model.actuator_model import ActuatorModel, HallSensor, Misfit
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
+from femfit.model.misfit import Misfit
 from femfit.tables.sweep_table import TABLE_STEM, read_sweep_table
 
 _GRID = (41, 15)

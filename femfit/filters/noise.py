@@ -31,8 +31,9 @@ from femfit.filters.constants import (
     UNKNOWN_FORCE_ERROR,
 )
 from femfit.filters.theory import unstable_pole
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import state_derivative
+from femfit.model.hall_sensor import HallSensor
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.constants import BIAS_DEVIATION_V, BIAS_SHARE, BIAS_SHARE_PER_ROOT_S
 from femfit.filters.noise import FilterNoise
 from femfit.filters.process import Output
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.float_steps import float_reading
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.sensors import HALL, AnySensor, piece_slope, predict_sensor, reading_of, sensor_named
 
 

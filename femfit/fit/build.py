@@ -33,9 +33,11 @@ from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.laws.catalogue import all_laws, law_by_name
-from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Magnetics
+from femfit.model.misfit import Misfit
 from femfit.model.network_magnetics import NETWORK
+from femfit.model.validity import ValidityBox
 from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
 from femfit.tables.variant_choice import choose_variant
 

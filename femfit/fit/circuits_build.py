@@ -17,7 +17,9 @@ from femfit.fit.misfit import as_written, import_notes
 from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rms
-from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.misfit import Misfit
+from femfit.model.validity import ValidityBox
 from femfit.tables.sweep_table import SweepTable, current_names
 
 

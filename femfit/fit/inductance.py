@@ -29,8 +29,9 @@ from femfit.fit.model_parts import actuator_entry, circuit_and_motion, sample_ti
 from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
-from femfit.model.actuator_model import ActuatorModel, ValidityBox
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.validity import ValidityBox
 from femfit.tables.inductance_table import InductanceTable
 
 

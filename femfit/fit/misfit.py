@@ -9,9 +9,10 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.fit.constants import COARSE, POOR_CIRCUIT
 from femfit.fit.rows import FitRows, rms
-from femfit.model.actuator_model import ActuatorModel, Misfit
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import CoenergySpline, Magnetics
+from femfit.model.misfit import Misfit
 from femfit.tables.sweep_table import SweepTable
 
 

@@ -18,8 +18,9 @@ from femfit.device.summary import sweep_manifest_entry
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor
-from femfit.model.drive import Drive
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.circuit import Circuit, Drive
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.sensors import OtherSensor
 
 Part = TypeVar("Part")

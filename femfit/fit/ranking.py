@@ -27,8 +27,10 @@ from femfit.fit.law_fit import LawFit, fit_law, fit_shape, law_magnetics, law_si
 from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.fit.rows import FitRows, rms
 from femfit.laws.law import ForceLaw
-from femfit.model.actuator_model import ActuatorModel, Misfit, ValidityBox
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
+from femfit.model.misfit import Misfit
+from femfit.model.validity import ValidityBox
 
 
 @dataclass(frozen=True, eq=False)

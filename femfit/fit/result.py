@@ -15,8 +15,9 @@ from femfit.fit.misfit import finer_settings
 from femfit.fit.network_fit import NetworkFit
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
-from femfit.model.actuator_model import ActuatorModel, Misfit
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import CoenergySpline
+from femfit.model.misfit import Misfit
 from femfit.model.model_text import fit_lines
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.printed import Printed
 from femfit.device.mechanics import Mechanics
@@ -17,136 +17,14 @@ from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.drive import BRIDGE, Drive
+from femfit.model.circuit import Circuit
 from femfit.model.effect_dynamics import EffectDynamics
-from femfit.model.hall import HallField
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import Magnetics
+from femfit.model.misfit import Misfit
 from femfit.model.model_text import model_lines
-
-# Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
-
-
-@dataclass(frozen=True)
-class Circuit:
-    """The winding and its driver: U = R i + d(flux linkage)/dt."""
-
-    resistance_ohm: float = limited(metadata={"positive": True})
-    voltage_min_V: float
-    voltage_max_V: float = limited(metadata={"not_below": "voltage_min_V"})
-    drive: Drive = BRIDGE
-    name: str = "coil"
-    inductance_H: float = 0.0  # In series, outside of the field
-
-
-@dataclass(frozen=True)
-class HallSensor:
-    """The Hall element: field, linear output, converter."""
-
-    field: HallField
-    sensitivity_V_per_T: float
-    quiescent_V: float
-    output_min_V: float
-    output_max_V: float = limited(metadata={"not_below": "output_min_V"})
-    adc_bits: int = limited(metadata={"within": (0, 64)})
-    noise_V: float = limited(default=0.0, metadata={"lower": 0.0})
-
-    @property
-    def quantisation_step(self) -> float:
-        """One step of the converter in V; 0 where there is none."""
-        return (self.output_max_V - self.output_min_V) / 2.0**self.adc_bits if self.adc_bits else 0.0
-
-    def voltage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """Output in V without noise, clipping or quantisation."""
-        return self.quiescent_V + self.sensitivity_V_per_T * self.field.field(distance, current)
-
-
-@dataclass(frozen=True)
-class ValidityBox:
-    """Where the model was fitted."""
-
-    distance_min_m: float
-    distance_max_m: float
-    current_min_A: float
-    current_max_A: float
-    further_A: tuple[tuple[float, float], ...] = ()  # Of each further circuit; currents then have the shape (..., n)
-
-    def of_each(self, current: FloatArray) -> list[tuple[FloatArray, float, float]]:
-        """Currents of each circuit and their limits."""
-        limits = [(self.current_min_A, self.current_max_A), *self.further_A]
-        if not self.further_A:
-            return [(current, *limits[0])]
-        if np.ndim(current) == 0 or np.shape(current)[-1] != len(limits):
-            raise DomainError(
-                f"Currents must have the shape (..., {len(limits)}), one for each circuit in the model's order; "
-                f"instead received the shape {np.shape(current)}."
-            )
-        return [(np.asarray(current)[..., k], *pair) for k, pair in enumerate(limits)]
-
-    def contains(self, distance: FloatArray, current: FloatArray) -> BoolArray:
-        """Whether each point lies in the domain (to 1e-9 of its width); NaN does not."""
-        slack_d = 1e-9 * (self.distance_max_m - self.distance_min_m)
-        inside = (distance >= self.distance_min_m - slack_d) & (distance <= self.distance_max_m + slack_d)
-        for one, low, high in self.of_each(current):
-            slack_i = 1e-9 * (high - low)
-            inside = inside & (one >= low - slack_i) & (one <= high + slack_i)
-        return np.asarray(inside)
-
-    def require(self, distance: FloatArray, current: FloatArray) -> None:
-        """Refuse points outside of the domain."""
-        inside = self.contains(distance, current)
-        if not np.all(inside):
-            where = np.flatnonzero(~np.atleast_1d(inside).ravel())[0]
-            each = self.of_each(current)
-            d, *i = (np.broadcast_to(one, inside.shape).ravel()[where] for one in (distance, *(e[0] for e in each)))
-            ranges = ", ".join(f"{low:g}..{high:g} A" for _, low, high in each)
-            raise DomainError(
-                f"Distance and current must lie in {1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm and "
-                f"{ranges}, where the model was fitted; instead received "
-                f"{1e3 * d:g} mm and {', '.join(f'{one:g} A' for one in i)}. Sweep and fit a wider range."
-            )
-
-
-@dataclass(frozen=True)
-class ProcessNoise:
-    """What a record told of the noise that moves body and current; None for what it could not tell."""
-
-    acceleration_density: float | None = None  # White acceleration, m^2/s^3
-    voltage_V: float | None = None  # White from sample to sample
-
-
-@dataclass(frozen=True)
-class Misfit:
-    """How far the model, as it is written, is from the table that it was fitted to.
-
-    Parameters
-    ----------
-    force_rms_N, force_max_N : float
-        Root mean square and maximum of model minus table.
-    force_rms_relative : float
-        Root mean square of (model - table) / table over the rows.
-    force_rms_of_weight : float or None
-        ``force_rms_N`` over the moving part's weight, where it can hang within the sweep.
-    flux_linkage_rms_Wb, inductance_rms_H, hall_rms_T : float or None
-        The same for what else the table has. The inductance is the flux linkage's difference over that of the current,
-        from each current to the next.
-    against : str
-        What it was compared with, for example ``sweep``.
-    force_share, flux_linkage_share, inductance_share : float or None
-        Each rms over the rms of the table's own values; None in files of earlier versions.
-    """
-
-    force_rms_N: float
-    force_max_N: float
-    force_rms_relative: float
-    force_rms_of_weight: float | None
-    flux_linkage_rms_Wb: float | None
-    hall_rms_T: float | None
-    rows: int
-    against: str
-    inductance_rms_H: float | None = None
-    force_share: float | None = None
-    flux_linkage_share: float | None = None
-    inductance_share: float | None = None
+from femfit.model.process_noise import ProcessNoise
+from femfit.model.validity import ValidityBox
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,10 +11,11 @@ from math import inf
 from operator import add
 
 from femfit.device.sensors import CurrentSensor, PositionSensor, Sensor
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import FloatFunction
 from femfit.model.coordinate import FloatPlaces
 from femfit.model.hall import HallSpline
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import CoenergySpline
 
 Columns = list[list[float]]

@@ -20,16 +20,20 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor, Misfit, ProcessNoise, ValidityBox
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.circuit import BRIDGE, Circuit, Drive
 from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.drive import BRIDGE, Drive
 from femfit.model.hall import HallSpline
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.json_magnetics import NETWORK_KIND, magnetics_from, matrix_to, spline_from, spline_to
 from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
 from femfit.model.json_section import Section
 from femfit.model.json_sensors import sensors_from
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
+from femfit.model.misfit import Misfit
 from femfit.model.network_magnetics import NetworkMagnetics
+from femfit.model.process_noise import ProcessNoise
+from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import with_effects
 
 

@@ -4,7 +4,7 @@ from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING
 
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
-from femfit.model.drive import Drive
+from femfit.model.circuit import Drive
 from femfit.model.json_section import Section
 
 if TYPE_CHECKING:

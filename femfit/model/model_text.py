@@ -7,7 +7,8 @@ from femfit.model.magnetics import LawMagnetics
 from femfit.model.network_magnetics import FORMULA, NETWORK, NetworkMagnetics
 
 if TYPE_CHECKING:
-    from femfit.model.actuator_model import ActuatorModel, Misfit
+    from femfit.model.actuator_model import ActuatorModel
+    from femfit.model.misfit import Misfit
 
 
 def model_lines(model: "ActuatorModel") -> list[str]:

@@ -15,8 +15,9 @@ import numpy as np
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import MissingPartError
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import hall_voltage, state_derivative
+from femfit.model.hall_sensor import HallSensor
 
 OtherSensor: TypeAlias = CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor
 """A sensor that reads the state of a model without a field of its own."""

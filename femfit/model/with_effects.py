@@ -11,11 +11,12 @@ from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import Magnetics
 
 

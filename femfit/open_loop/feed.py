@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.model.actuator_model import Circuit
+from femfit.model.circuit import Circuit
 from femfit.open_loop.equations import Equations, Point
 
 CONDUCTING, BLOCKED, FOLLOWING, AT_MAX, AT_MIN = "conducting", "blocked", "following", "at_max", "at_min"

@@ -12,7 +12,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.device.mechanics import Mechanics, Stop
-from femfit.model.actuator_model import ValidityBox
+from femfit.model.validity import ValidityBox
 from femfit.open_loop.contact import damping, push
 from femfit.open_loop.feed import AT_MAX, AT_MIN, BLOCKED, FOLLOWING, Feed, Line
 

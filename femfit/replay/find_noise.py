@@ -26,7 +26,8 @@ from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import motion_rate, operating_distance
 from femfit.filters.process import FilterProcess
-from femfit.model.actuator_model import ActuatorModel, ProcessNoise
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.process_noise import ProcessNoise
 from femfit.model.sensors import HALL
 from femfit.replay.constants import FORGOTTEN, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
 from femfit.replay.prepare import Prepared

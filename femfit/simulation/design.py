@@ -12,7 +12,9 @@ from femfit.filters.constants import FIRST_DEVIATION_M
 from femfit.filters.direct import hall_inverse
 from femfit.filters.kalman_filter import FilterKind, kalman_filter
 from femfit.filters.noise import default_noise
-from femfit.model.actuator_model import ActuatorModel, Circuit, HallSensor
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.circuit import Circuit
+from femfit.model.hall_sensor import HallSensor
 from femfit.simulation.constants import COVERED_PART, DESIGN_POINTS, UNKNOWN_NOISE_PART
 from femfit.simulation.controllers import Backstepping, Controller, Pid, design_backstepping, design_pid
 from femfit.simulation.observers import DirectObserver, Observer

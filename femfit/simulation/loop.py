@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.model.actuator_model import ActuatorModel, HallSensor
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import hall_voltage
+from femfit.model.hall_sensor import HallSensor
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import Observer
 from femfit.simulation.plant import Plant

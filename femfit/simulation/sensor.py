@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.model.actuator_model import HallSensor
+from femfit.model.hall_sensor import HallSensor
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from femfit.model.drive import Drive
+from femfit.model.circuit import Drive
 from femfit.model.json_file import write_model
 from support.command import femfit
 from support.solenoids import solenoid

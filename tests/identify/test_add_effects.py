@@ -19,10 +19,10 @@ from femfit.identify.refit import checked_refit as checked
 from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.refit.refit import refit
 from femfit.identify.refit.start import starting_point
-from femfit.model.actuator_model import ValidityBox
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
+from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 from femfit.tables.measurement import CHANNELS
 from support.campaign import NOISE, campaign

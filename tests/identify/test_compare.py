@@ -16,8 +16,8 @@ from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.refit.add_effects import add_effects
-from femfit.model.actuator_model import Misfit
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.misfit import Misfit
 from support.campaign import NOISE, campaign
 
 HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})

@@ -13,8 +13,9 @@ from femfit.identify.decision.diagnosis import CleanCampaigns
 from femfit.identify.decision.naming import decide
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.bench import bench_observations
-from femfit.model.actuator_model import Misfit, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.misfit import Misfit
+from femfit.model.validity import ValidityBox
 from support.campaign import NOISE, campaign
 
 QUICK = {"bootstrap": 0}

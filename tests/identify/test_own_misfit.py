@@ -17,8 +17,9 @@ from femfit.identify.decision.magnitude import detectable_magnitudes
 from femfit.identify.decision.model_test import judge_model
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.readings.bench import bench_observations
-from femfit.model.actuator_model import Misfit, ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.misfit import Misfit
+from femfit.model.validity import ValidityBox
 from support.campaign import campaign
 
 POT = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2.2e-6, "N m^2 / A^2"),), {}, 0.03)

@@ -10,9 +10,9 @@ from femfit.identify.constants import GUESS_WIDER
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.smoothness import guessed_noise
 from femfit.identify.readings.bench import bench_observations
-from femfit.model.actuator_model import ValidityBox
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline
+from femfit.model.validity import ValidityBox
 from support.campaign import NOISE, campaign
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 

@@ -14,8 +14,8 @@ from femfit.identify.comparison.where import where_it_fails
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
-from femfit.model.actuator_model import ValidityBox
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.validity import ValidityBox
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from support.campaign import NOISE, campaign
 

@@ -7,7 +7,7 @@ import pytest
 
 from femfit.device.mechanics import Mechanics
 from femfit.laws.catalogue import BUILT_IN
-from femfit.model.actuator_model import Circuit
+from femfit.model.circuit import Circuit
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.dynamics import (
     euler_jacobian,

@@ -7,8 +7,8 @@ import pytest
 
 from femfit.core.errors import DomainError, TableError, UsageError
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.model.actuator_model import ValidityBox
-from femfit.model.drive import Drive
+from femfit.model.circuit import Drive
+from femfit.model.validity import ValidityBox
 from femfit.open_loop.profile import Profile, read_profile
 from femfit.open_loop.simulate import simulate
 from support.solenoids import NoField, solenoid

@@ -8,8 +8,7 @@ import pytest
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.model.actuator_model import Circuit
-from femfit.model.drive import Drive
+from femfit.model.circuit import Circuit, Drive
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.open_loop.profile import Profile

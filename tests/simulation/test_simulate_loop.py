@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.model.actuator_model import ValidityBox
 from femfit.model.json_file import write_model
+from femfit.model.validity import ValidityBox
 from femfit.simulation.close_loop import SERIES_COLUMNS, close_loop, run_loops
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments

@@ -7,9 +7,9 @@ import pytest
 import scipy.linalg
 
 from femfit.core.errors import DomainError, FilterError, MissingPartError
-from femfit.model.actuator_model import ValidityBox
 from femfit.model.dynamics import state_derivative
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.validity import ValidityBox
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.operating_point import current_for_force, operating_point, zero_order_hold

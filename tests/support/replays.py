@@ -7,8 +7,8 @@ import pandas as pd
 
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.noise import FilterNoise, process_covariance
-from femfit.model.actuator_model import ProcessNoise
 from femfit.model.dynamics import runge_kutta_step
+from femfit.model.process_noise import ProcessNoise
 from femfit.model.sensors import predict_sensors
 from femfit.tables.measurement import TimeSeries
 from tests.support.solenoids import solenoid

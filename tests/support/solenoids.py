@@ -3,11 +3,12 @@
 import numpy as np
 
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.model.actuator_model import ActuatorModel, Circuit, ValidityBox
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.circuit import Circuit, Drive
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.drive import Drive
 from femfit.model.magnetics import CoenergySpline, Magnetics
+from femfit.model.validity import ValidityBox
 
 LEAKAGE_H, REACH_H_M, SHIFT_M, REFERENCE_M = 5e-3, 3e-5, 1e-3, 2e-3
 """L(d) = LEAKAGE_H + REACH_H_M / (d + SHIFT_M): 35 mH closed, 11 mH at 4 mm."""

@@ -17,9 +17,11 @@ from femfit.identify.readings.suspected_scales import (
     suspected_weight,
     suspected_zero,
 )
-from femfit.model.actuator_model import ActuatorModel, HallSensor, ValidityBox
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
+from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import without_outliers

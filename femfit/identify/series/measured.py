@@ -13,7 +13,8 @@ from femfit.identify.series.constants import EVEN, METHOD_ACCURACY
 from femfit.identify.series.noise import SensorNoise, carried, converter_step, propagated, white_noise
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
-from femfit.model.actuator_model import ActuatorModel, Circuit
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.circuit import Circuit
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,10 @@
-"""What feeds a winding: a bridge, a one-sided driver with a freewheel diode, or a current amplifier."""
+"""A winding and what feeds it: a bridge, a one-sided driver with a freewheel diode, or a current amplifier."""
 
 from dataclasses import dataclass
+from dataclasses import field as limited
 from typing import Literal
+
+# Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
 
 
 @dataclass(frozen=True)
@@ -23,3 +26,15 @@ class Drive:
 
 BRIDGE = Drive()
 """Gives voltages of both signs, as far as the circuit's limits go."""
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """The winding and its driver: U = R i + d(flux linkage)/dt."""
+
+    resistance_ohm: float = limited(metadata={"positive": True})
+    voltage_min_V: float
+    voltage_max_V: float = limited(metadata={"not_below": "voltage_min_V"})
+    drive: Drive = BRIDGE
+    name: str = "coil"
+    inductance_H: float = 0.0  # In series, outside of the field

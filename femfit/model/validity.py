@@ -1,0 +1,54 @@
+"""The distances and currents that a model was fitted to, outside of which it is not evaluated."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import DomainError
+
+
+@dataclass(frozen=True)
+class ValidityBox:
+    """Where the model was fitted."""
+
+    distance_min_m: float
+    distance_max_m: float
+    current_min_A: float
+    current_max_A: float
+    further_A: tuple[tuple[float, float], ...] = ()  # Of each further circuit; currents then have the shape (..., n)
+
+    def of_each(self, current: FloatArray) -> list[tuple[FloatArray, float, float]]:
+        """Currents of each circuit and their limits."""
+        limits = [(self.current_min_A, self.current_max_A), *self.further_A]
+        if not self.further_A:
+            return [(current, *limits[0])]
+        if np.ndim(current) == 0 or np.shape(current)[-1] != len(limits):
+            raise DomainError(
+                f"Currents must have the shape (..., {len(limits)}), one for each circuit in the model's order; "
+                f"instead received the shape {np.shape(current)}."
+            )
+        return [(np.asarray(current)[..., k], *pair) for k, pair in enumerate(limits)]
+
+    def contains(self, distance: FloatArray, current: FloatArray) -> BoolArray:
+        """Whether each point lies in the domain (to 1e-9 of its width); NaN does not."""
+        slack_d = 1e-9 * (self.distance_max_m - self.distance_min_m)
+        inside = (distance >= self.distance_min_m - slack_d) & (distance <= self.distance_max_m + slack_d)
+        for one, low, high in self.of_each(current):
+            slack_i = 1e-9 * (high - low)
+            inside = inside & (one >= low - slack_i) & (one <= high + slack_i)
+        return np.asarray(inside)
+
+    def require(self, distance: FloatArray, current: FloatArray) -> None:
+        """Refuse points outside of the domain."""
+        inside = self.contains(distance, current)
+        if not np.all(inside):
+            where = np.flatnonzero(~np.atleast_1d(inside).ravel())[0]
+            each = self.of_each(current)
+            d, *i = (np.broadcast_to(one, inside.shape).ravel()[where] for one in (distance, *(e[0] for e in each)))
+            ranges = ", ".join(f"{low:g}..{high:g} A" for _, low, high in each)
+            raise DomainError(
+                f"Distance and current must lie in {1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm and "
+                f"{ranges}, where the model was fitted; instead received "
+                f"{1e3 * d:g} mm and {', '.join(f'{one:g} A' for one in i)}. Sweep and fit a wider range."
+            )
