@@ -50,10 +50,11 @@ def observe(
     """
     from femfit.cli.output import status, write_json
     from femfit.core.atomic import write_text
-    from femfit.core.errors import UsageError
+    from femfit.core.errors import TableError, UsageError
     from femfit.core.outputs import MODEL, PICTURE, REPLAYED, RESULT, require_outputs
     from femfit.model.json_file import write_model
     from femfit.replay.find_noise import with_noise
+    from femfit.replay.observe import NO_NOISE_FOUND
     from femfit.replay.observe import observe as observed
     from femfit.tables.measurement_file import read_measurement
 
@@ -71,7 +72,9 @@ def observe(
             find=not keep_noise,
         )
     written = []
-    if write_noise is not None and seen.noise is not None:
+    if write_noise is not None:
+        if seen.noise is None:
+            raise TableError(f"--write-noise needs a noise that the record shows. {NO_NOISE_FOUND}")
         write_model(with_noise(seen.model, seen.noise), write_noise)
         written.append(write_noise)
     if picture is not None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.filters.theory import ConsistencyBand, consistency_band
-from femfit.replay.constants import DELAY_GAIN, LAGS
+from femfit.replay.constants import DELAY_GAIN, LAGS, LEAST_JUDGED
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +45,10 @@ class Innovations:
 
 
 def innovations_of(sensor: str, unit: str, innovation: FloatArray, variance: FloatArray) -> Innovations | None:
-    """Judge the innovations of one sensor; None where it has fewer than a hundred."""
+    """Judge the innovations of one sensor; None where it has fewer than :data:`LEAST_JUDGED`."""
     read = np.isfinite(innovation) & np.isfinite(variance)
     count = int(read.sum())
-    if count < 100:
+    if count < LEAST_JUDGED:
         return None
     normalised = np.where(read, innovation / np.sqrt(np.where(read, variance, 1.0)), 0.0)
     power = float((normalised**2).sum())
@@ -77,10 +77,10 @@ class Beside:
 
 
 def beside(column: str, used: bool, recorded: FloatArray, estimated: FloatArray, step_s: float) -> Beside | None:
-    """Compare a channel with its estimate; None where it has fewer than a hundred samples."""
+    """Compare a channel with its estimate; None where it has fewer than :data:`LEAST_JUDGED` samples."""
     difference = recorded - estimated
     read = np.isfinite(difference)
-    if int(read.sum()) < 100:
+    if int(read.sum()) < LEAST_JUDGED:
         return None
     left = difference[read]
     delay = None if used else _delay(recorded, estimated, step_s)

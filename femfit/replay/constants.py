@@ -35,5 +35,11 @@ NOISE_SAMPLES = 20_000
 NOISE_PIECE, FORGOTTEN = 500, 100
 """Conventional: samples of a piece in the search for the noise, and those at its begin that do not count."""
 
+FORGOTTEN_SHARE = 1.0 / 6.0
+"""Conventional: of a record that is shorter than that, the part that does not count."""
+
+LEAST_JUDGED = 60
+"""Conventional: readings from which innovations are judged and a noise is sought; 60 tell a deviation to 9 %."""
+
 UNKNOWN = 2.0
 """Conventional: a noise whose logarithm is uncertain by more than this is said to be at most its upper limit."""

@@ -14,14 +14,12 @@ section 5.4 (likelihood of the innovations).
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import FilterError
 from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import motion_rate, operating_distance
@@ -29,7 +27,7 @@ from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.process_noise import ProcessNoise
 from femfit.model.sensors import HALL
-from femfit.replay.constants import FORGOTTEN, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
+from femfit.replay.constants import FORGOTTEN, FORGOTTEN_SHARE, LEAST_JUDGED, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
 from femfit.replay.prepare import Prepared
 from femfit.replay.run_filter import Replayed
 
@@ -113,12 +111,18 @@ class _Windows(NamedTuple):
     slope: FloatArray  # F from each sample to the next
     outputs: FloatArray  # H, (steps, pieces, sensors, n)
     shift: FloatArray  # K e, (steps, pieces, n)
+    forgotten: int  # Steps at the begin of a piece that do not count
 
 
-def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> FoundNoise:
-    """Maximise the likelihood of the innovations over acceleration, voltage and the sensors' noises."""
+def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> FoundNoise | None:
+    """Maximise the likelihood of the innovations over acceleration, voltage and the sensors' noises.
+
+    None where the filter runs through no stretch that is long enough to judge.
+    """
     process = filter_.process
     windows = _windows(process, prepared, replayed)
+    if windows is None:
+        return None
     parts = _parts(process)
     names = ["acceleration", "voltage", *(output.name for output in process.outputs)]
     units = ["m/s^1.5", "V", *(output.unit for output in process.outputs)]
@@ -136,26 +140,27 @@ def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> Found
     model, motion = prepared.model, prepared.model.require_motion()
     rate = motion_rate(model, operating_distance(model))
     force = motion.mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate))
-    used = (NOISE_PIECE - FORGOTTEN) * windows.innovation.shape[1]
+    used = (windows.innovation.shape[0] - windows.forgotten) * windows.innovation.shape[1]
     return FoundNoise(tuple(estimates), used, force, _shares(process, windows, parts, found, names))
 
 
-def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> _Windows:
-    begins = np.append(prepared.log.begins, len(prepared.time_s))
-    rows = [
-        np.arange(start, start + NOISE_PIECE)
-        for a, b in pairwise(begins)
-        for start in range(a + FORGOTTEN, b - NOISE_PIECE + 1, NOISE_PIECE - FORGOTTEN)
-    ]
+def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> _Windows | None:
     # Innovations out of their band are what a wrong noise makes, and do not speak against a stretch
     runs = np.isin(replayed.outcome, (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND))
-    healthy = [row for row in rows if runs[row].all() and np.isfinite(replayed.mean[row]).all()]
-    if not healthy:
-        raise FilterError(
-            f"The noise needs a stretch of {NOISE_PIECE + FORGOTTEN} samples in which the filter runs; there is none. "
-            "Give a longer record, or --keep-noise."
-        )
-    chosen = np.stack(healthy[: max(1, NOISE_SAMPLES // NOISE_PIECE)], axis=1)
+    runs &= np.isfinite(replayed.mean).all(axis=1)
+    number = np.cumsum(np.diff(runs, prepend=runs[:1]) | np.isin(np.arange(len(runs)), prepared.log.begins))
+    stretches = [np.flatnonzero((number == k) & runs) for k in np.unique(number[runs])]
+    longest = max(map(len, stretches), default=0)
+    if longest < LEAST_JUDGED:
+        return None
+    forgotten = min(FORGOTTEN, int(FORGOTTEN_SHARE * longest))
+    piece = min(NOISE_PIECE, longest - forgotten)
+    healthy = [
+        np.arange(start, start + piece)
+        for rows in stretches
+        for start in range(rows[0] + forgotten, rows[-1] - piece + 2, piece - forgotten)
+    ]
+    chosen = np.stack(healthy[: max(1, NOISE_SAMPLES // piece)], axis=1)
     flat = chosen.ravel()
     order = process.order
     following = np.minimum(flat + 1, len(prepared.time_s) - 1)
@@ -168,6 +173,7 @@ def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> 
         slope.reshape(*size, order, order),
         outputs.reshape(*size, -1, order),
         shift.reshape(*size, order),
+        forgotten,
     )
 
 
@@ -210,7 +216,7 @@ def _likelihood(process: FilterProcess, windows: _Windows, parts: list[FloatArra
             cross = np.einsum("bpij,pj->bpi", covariance, slope)
             variance = np.einsum("bpi,pi->bp", cross, slope) + factor[:, 2 + s, None] * noise[s]
             left = np.where(read, reading, 0.0) - np.einsum("bpi,pi->bp", error, slope)
-            if k >= FORGOTTEN:
+            if k >= windows.forgotten:
                 total += 0.5 * np.where(read, left**2 / variance + np.log(variance / noise[s]), 0.0).sum(axis=1)
             gain = np.where(read[:, None], cross / variance[..., None], 0.0)
             error = error + gain * left[..., None]

@@ -21,7 +21,7 @@ from femfit.model.dynamics import runge_kutta_step
 from femfit.model.json_file import model_of
 from femfit.model.sensors import HALL, predict_sensor, reading_of, sensors_of
 from femfit.replay.consistency import beside, innovations_of
-from femfit.replay.constants import AT_STOP, RUNGE_KUTTA_STEP
+from femfit.replay.constants import AT_STOP, LEAST_JUDGED, RUNGE_KUTTA_STEP
 from femfit.replay.find_noise import find_noise
 from femfit.replay.prepare import Prepared, prepare
 from femfit.replay.result import Observation, OneFilter
@@ -36,6 +36,13 @@ FILTERS: dict[str, tuple[FilterKind, bool]] = {
     "ekf4": ("ekf", True),
 }
 """Name -> kind, and whether a bias is a further state."""
+
+NO_NOISE_FOUND = Finding(
+    "no-noise-found",
+    "warning",
+    f"The filter runs through no stretch of {LEAST_JUDGED} samples, so the noise in the record was not sought.",
+    "Give a longer record, or one with a shorter step.",
+)
 
 
 def observe(
@@ -101,6 +108,7 @@ def observe(
     for name in names:
         built = _filter(prepared, name, biases, noise)
         runs.append(_one(prepared, name, built, replay(built, prepared.log)))
+    found = find_noise(runs[0].built, prepared, runs[0].replayed) if find else None
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
         source=series.source,
@@ -108,8 +116,12 @@ def observe(
         time_s=prepared.time_s,
         recorded=prepared.recorded,
         filters=tuple(runs),
-        findings=(*prepared.findings, *_told_by_estimate(prepared, runs[0])),
-        noise=find_noise(runs[0].built, prepared, runs[0].replayed) if find else None,
+        findings=(
+            *prepared.findings,
+            *_told_by_estimate(prepared, runs[0]),
+            *([NO_NOISE_FOUND] if find and found is None else []),
+        ),
+        noise=found,
     )
 
 

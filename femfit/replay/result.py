@@ -15,6 +15,7 @@ from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.model.actuator_model import ActuatorModel
 from femfit.replay.consistency import Beside, Innovations
+from femfit.replay.constants import LEAST_JUDGED
 from femfit.replay.find_noise import FoundNoise
 from femfit.replay.run_filter import Replayed
 
@@ -34,8 +35,9 @@ class OneFilter:
 
     @property
     def trusted(self) -> bool:
-        """Whether it ran through, and its innovations are as large as it says and white."""
-        return self.lost_at_s is None and all(one.consistent and one.white for one in self.innovations)
+        """Whether it ran through, and its innovations are as large as it says and white; not without any judged."""
+        judged = self.innovations
+        return self.lost_at_s is None and bool(judged) and all(one.consistent and one.white for one in judged)
 
     def lines(self) -> list[str]:
         """What became of it."""
@@ -45,6 +47,11 @@ class OneFilter:
             head = f"{self.name}: lost at {amount(self.lost_at_s, 's', 4)}. {self.outcome.sentence}"
         elif self.trusted:
             head = f"{self.name}: consistent. It claims the distance to {certain}."
+        elif not self.innovations:
+            head = (
+                f"{self.name}: not judged, because no sensor has {LEAST_JUDGED} readings. It claims the distance to "
+                f"{certain}."
+            )
         else:
             head = (
                 f"{self.name}: not consistent with its noise. It claims the distance to {certain}; do not rely on it."

@@ -159,3 +159,19 @@ def test_a_noise_that_is_far_too_small_is_found_although_the_innovations_left_th
     assert found.filters[0].outcome is FilterOutcome.INNOVATIONS_OUT_OF_BAND
     values = {one.name: one.value for one in found.noise.estimates}
     assert values["laser"] == pytest.approx(TRUE["laser"], rel=0.1)
+
+
+@pytest.mark.parametrize("samples", [40, 126, 550])
+def test_a_short_record_is_filtered_and_its_noise_is_sought_where_there_is_enough(log, samples):
+    """The stroke of a relay at 0.1 ms a sample is 126 samples."""
+    short = replace(log[1], rows=log[1].rows[:samples])
+    found = ff.observe(damped(), short)
+    one = found.filters[0]
+    assert one.lost_at_s is None
+    if samples < 60:
+        assert found.noise is None
+        assert "no-noise-found" in {each.code for each in found.findings}
+        assert not one.trusted  # nothing was judged
+    else:
+        assert one.innovations[0].count == samples
+        assert all(each.low <= TRUE[each.name] <= each.high for each in found.noise.estimates if each.known)
