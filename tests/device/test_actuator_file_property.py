@@ -13,6 +13,7 @@ from femfit.device.load import actuator_from_toml
 
 PATHS = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 FILES = [path.read_text(encoding="utf-8") for path in PATHS]
+(PLUNGER,) = (text for text, path in zip(FILES, PATHS, strict=True) if path.stem == "plunger-solenoid")
 TOKENS = [
     *("nan", "inf", "-inf", "0", "-1", "2.5", "1e308", "-1e308", "1e-320", "1" * 400),
     *("true", '"text"', "'+z'", "1979-05-27", "[]", "{}", "[[]]", "[0, 5.5]", "[[0, 0]]", "[[0, 0], [1, 0], [0, 1]]"),
@@ -24,10 +25,11 @@ SETTINGS = settings(max_examples=150, deadline=None, derandomize=True)
 def load_or_refuse(text: str) -> None:
     with contextlib.suppress(ActuatorFileError):
         actuator = actuator_from_toml(text)
-        values = [*actuator.sweep.currents_A, *actuator.sweep.distances_m, actuator.coil.resistance_ohm]
+        values = [*actuator.sweep.currents_A, *actuator.sweep.distances_m]
+        values += [circuit.resistance_ohm for circuit in actuator.circuits]
         assert all(math.isfinite(value) for value in values)
-        assert min(actuator.sweep.distances_m) > 0
-        assert actuator.coil.turns > 0 < actuator.coil.resistance_ohm
+        assert list(actuator.sweep.distances_m) == sorted(actuator.sweep.distances_m)
+        assert all(coil.turns > 0 < coil.resistance_ohm for coil in actuator.coils)
 
 
 @SETTINGS
@@ -65,7 +67,7 @@ NUMBERS = st.floats(-30, 60, allow_nan=False).map(lambda value: round(value, 2))
 @SETTINGS
 @given(st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=8))
 def test_any_polygon_is_drawn_or_refused(corners):
-    text = FILES[-1]
+    text = PLUNGER
     assert "r_mm = [0, 5]\nz_mm = [0, 35]" in text
     polygon = f"polygon_mm = {[list(corner) for corner in corners]}"
     load_or_refuse(text.replace("r_mm = [0, 5]\nz_mm = [0, 35]", polygon))
@@ -76,7 +78,7 @@ def test_any_polygon_is_drawn_or_refused(corners):
 def test_a_range_is_the_decimals_counted_by_hand(start, count, step, digits):
     scale = 10**digits
     axis = f"{{ start = {start / scale}, stop = {(start + count * step) / scale}, step = {step / scale} }}"
-    text = FILES[-1].replace("{ start = 0, stop = 1, step = 0.25 }", axis)
+    text = PLUNGER.replace("{ start = 0, stop = 1, step = 0.25 }", axis)
     currents = actuator_from_toml(text).sweep.currents_A
     # Integers divided once are the doubles nearest to the decimals.
     assert currents == tuple((start + k * step) / scale for k in range(count + 1))
