@@ -62,7 +62,7 @@ def simulate(
     duration_ms : float
         Of the open loop; default: up to the table's last time, or 100.
     start_mm : float
-        Where the body begins in open loop; default: on the stop that its weight and springs press it to.
+        Where the body begins in open loop; default: where it rests without current.
     extrapolate : bool
         Go on in open loop where distance or current leave the validity domain.
     picture : Path

@@ -16,6 +16,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.open_loop.energy import EnergyBalance
 from femfit.open_loop.profile import Profile
 from femfit.open_loop.run import Event
+from femfit.open_loop.step_response import StepResponse, step_response
 from femfit.open_loop.switching import Switching
 
 _WORDS = {"pull_in": "Pull-in", "drop_out": "Drop-out"}
@@ -72,6 +73,17 @@ class OpenLoop(Printed):
     def __str__(self) -> str:
         return "\n".join([*self._domain_lines(), *self._switching_lines(), *self.notes, *self._energy_lines()])
 
+    @property
+    def step(self) -> StepResponse | None:
+        """Rise, overshoot and settling where one constant command moved the body and no stop was in its way."""
+        if (
+            len(self.profile.value) > 1
+            or self.left_domain
+            or any("near" in e.name or "far" in e.name for e in self.events)
+        ):
+            return None
+        return step_response(self.table["time_s"], self.table["distance_m"])
+
     def _domain_lines(self) -> list[str]:
         lines = []
         for name, time in self.left_domain:
@@ -89,8 +101,12 @@ class OpenLoop(Printed):
             end = f"at the end the current is {amount(i[-1], 'A', 3)}"
             if np.all(d == d[0]):
                 return [f"The body stays at {amount(d[0], 'm', 3)} for {amount(self.end_s, 's', 3)}; {end}."]
+            if self.step is not None:
+                return [f"{self.step} {end[0].upper()}{end[1:]}."]
             where = f"the body is at {amount(d[-1], 'm', 3)} and moves with {amount(v[-1], 'm')}/s"
-            return [f"The body reaches no stop in {amount(self.end_s, 's', 3)}; {end}, {where}."]
+            touched = any(event.name.startswith("hits") for event in self.events)
+            way = "comes back to its stop" if touched else "reaches no stop"
+            return [f"The body {way} in {amount(self.end_s, 's', 3)}; {end}, {where}."]
         lines = []
         for one in self.switchings:
             bounces = counted(one.bounces, "bounce") if one.bounces else "no bounce"
@@ -134,6 +150,7 @@ class OpenLoop(Printed):
             "end_s": self.end_s,
             "switchings": [asdict(one) | {"switching_time_s": one.switching_time_s} for one in self.switchings],
             "events": [asdict(event) for event in self.events],
+            "step": None if self.step is None else asdict(self.step),
             "energy": self.energy.to_dict(),
             "left_domain": [{"name": name, "time_s": time} for name, time in self.left_domain],
             "extrapolated": self.extrapolated,

@@ -16,6 +16,7 @@ from femfit.open_loop.energy import balance
 from femfit.open_loop.equations import equations_of
 from femfit.open_loop.feed import CONDUCTING, Feed
 from femfit.open_loop.profile import Interpolation, Profile, read_profile
+from femfit.open_loop.rest import rest_distance
 from femfit.open_loop.result import OpenLoop
 from femfit.open_loop.run import Run, Stretch, run
 from femfit.open_loop.switching import switchings
@@ -57,7 +58,7 @@ def simulate(
     duration_s : float or None
         Up to the last time of ``drive``, or 0.1 s, where None.
     start_m : float or None
-        Where the body begins; on the stop that its weight and springs press it to where None.
+        Where the body begins; where it rests without current, on a stop or between springs, where None.
     mechanics : Mechanics or None
         In place of the model's.
     interpolation : str
@@ -92,7 +93,7 @@ def simulate(
     duration = _duration(duration_s, profile)
     system = _system(model, profile)
     notes = _limits(system.feed, profile)
-    start = _start(model, system) if start_m is None else _on_stop(system, start_m)
+    start = rest_distance(model, system) if start_m is None else _on_stop(system, start_m)
     if outside not in {"stop", "extrapolate"}:
         raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
     if outside == "stop":
@@ -176,21 +177,6 @@ def _limits(feed: Feed, profile: Profile) -> tuple[str, ...]:
     limits = amount_range(low, high, unit, 3) if np.isfinite(low + high) else f"{low:g} to {high:g} {unit}"
     note = f"The command of {asked} exceeds what the driver gives, {limits}; it is cut there. Change the supply in the "
     return (note + "drawing to simulate a stronger one.",)
-
-
-def _start(model: ActuatorModel, system: System) -> float:
-    """The stop on which the body rests without current; without stops the first reference, or the domain's middle."""
-    near, far, box = system.mechanics.near_stop, system.mechanics.far_stop, model.validity
-    if near is not None and far is not None:
-        at = np.array([far.distance_m])
-        pressed = system.mechanics.static_force(at) - model.magnetics.force(at, np.zeros(1))
-        return far.distance_m if pressed[0] >= -system.breakaway() else near.distance_m
-    only = far or near
-    if only is not None:
-        return only.distance_m
-    if model.reference_distances_m:
-        return model.reference_distances_m[0]
-    return 0.5 * (box.distance_min_m + box.distance_max_m)
 
 
 def _on_stop(system: System, start: float) -> float:

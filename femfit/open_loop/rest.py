@@ -1,0 +1,41 @@
+"""Where a body is at rest before the command: without current, under weight, springs, load and magnets alone."""
+
+import numpy as np
+from scipy.optimize import brentq
+
+from femfit.model.actuator_model import ActuatorModel
+from femfit.open_loop.system import System
+
+PLACES = 401
+"""Conventional: places of the travel between which a change of sign of the force is looked for."""
+
+
+def rest_distance(model: ActuatorModel, system: System) -> float:
+    """The far stop if the body is pressed to it, else a stable equilibrium, else the near stop.
+
+    Of several equilibria the one that is farthest away. Where there is neither a stop nor an equilibrium, the model's
+    first reference distance, or the middle of its validity domain.
+    """
+    near, far, box = system.mechanics.near_stop, system.mechanics.far_stop, model.validity
+
+    def outwards(distance: float) -> float:
+        at = np.array([distance])
+        idle = np.zeros((1, len(model.circuits)) if len(model.circuits) > 1 else 1)
+        return float((system.mechanics.static_force(at) - model.magnetics.force(at, idle))[0])
+
+    if far is not None and outwards(far.distance_m) >= -system.breakaway():
+        return far.distance_m
+    low = box.distance_min_m if near is None else near.distance_m
+    high = box.distance_max_m if far is None else far.distance_m
+    places = np.linspace(low, high, PLACES)
+    forces = np.array([outwards(place) for place in places])
+    stable = np.flatnonzero((forces[:-1] > 0.0) & (forces[1:] <= 0.0))
+    if len(stable):
+        return float(brentq(outwards, places[stable[-1]], places[stable[-1] + 1]))
+    if near is not None:
+        return near.distance_m
+    if far is not None:
+        return far.distance_m
+    if model.reference_distances_m:
+        return model.reference_distances_m[0]
+    return 0.5 * (box.distance_min_m + box.distance_max_m)

@@ -1,0 +1,58 @@
+"""A body that reaches no stop: where it begins, and its rise, overshoot and settling against closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.device.mechanics import Mechanics, Spring, Stop
+from femfit.open_loop.simulate import simulate
+from femfit.open_loop.step_response import step_response
+from support.solenoids import NoField, solenoid
+
+STOPS = {"near_stop": Stop(1e-3), "far_stop": Stop(5e-3)}
+
+
+@pytest.mark.parametrize(
+    ("mechanics", "start"),
+    [
+        ({"springs": (Spring(500.0, 0.0, 2e-3),)} | STOPS, 2e-3),  # between the stops
+        ({"springs": (Spring(500.0, 0.0, 2e-3),)}, 2e-3),  # without stops
+        ({"springs": (Spring(500.0, 0.0, 2e-3),), "load_N": 0.5} | STOPS, 3e-3),
+        ({"springs": (Spring(500.0, 0.0, 9e-3),)} | STOPS, 5e-3),  # pressed to the far stop
+        ({"springs": (Spring(500.0, 0.0, 0.0),), "load_N": -1.0} | STOPS, 1e-3),  # to the near one
+    ],
+)
+def test_a_body_begins_where_it_rests_without_current(mechanics, start):
+    model = replace(solenoid(), magnetics=NoField(), motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **mechanics))
+    found = simulate(model, voltage_V=0.0, duration_s=0.01)
+    assert found.table["distance_m"] == pytest.approx(np.full(2001, start), abs=1e-9)
+    assert "stays at" in str(found)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.6, 1.0, 3.0])
+def test_rise_overshoot_and_settling_of_a_second_order_system(ratio):
+    time = np.linspace(0.0, 80.0, 400_001)
+    poles = np.roots([1.0, 2.0 * ratio * (1.0 + 1e-9), 1.0])
+    way = 1.0 - ((poles[1] * np.exp(poles[0] * time) - poles[0] * np.exp(poles[1] * time)) / (poles[1] - poles[0])).real
+    found = step_response(time, 5e-3 - 2e-3 * way)
+    assert (found.start_m, found.end_m) == pytest.approx((5e-3, 3e-3), rel=1e-4)
+    closed = np.exp(-np.pi * ratio / np.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0
+    assert found.overshoot == pytest.approx(closed, abs=1e-4)
+    outside = time[np.abs(way - 1.0) > 0.02]
+    assert found.settling_s == pytest.approx(outside[-1], abs=1e-3)
+    assert time[np.argmax(way > 0.9)] - time[np.argmax(way > 0.1)] == pytest.approx(found.rise_s, abs=1e-3)
+
+
+def test_what_has_not_settled_or_does_not_move_has_no_step_response():
+    time = np.linspace(0.0, 1.0, 1001)
+    assert step_response(time, 1e-3 * time) is None
+    assert step_response(time, np.full(1001, 1e-3)) is None
+
+
+def test_a_motion_onto_a_stop_is_no_step_response():
+    springs = {"springs": (Spring(500.0, 0.0, 3e-3),), "viscous_N_s_per_m": 5.0}
+    free = replace(solenoid(), motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **springs))
+    stopped = replace(free, motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **springs, near_stop=Stop(2.9e-3)))
+    assert simulate(free, current_A=0.4, duration_s=0.3).step is not None
+    assert simulate(stopped, current_A=1.0, duration_s=0.3).step is None
