@@ -73,8 +73,10 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
             np.linspace(domain.current_min_A, domain.current_max_A, _GRID[1]),
         )
     )
-    findings += [*_misfit(model, rows, d, i), *_signs(model, d, i), *_circuit(model, d, i)]
-    findings += [_reciprocity(model.magnetics, d, i), *_bounds(model)]
+    findings += [*_misfit(model, rows, d, i), *_positive(model), *_circuit(model, d, i)]
+    if model.has_winding:
+        findings += [*_signs(model, d, i), _reciprocity(model.magnetics, d, i)]
+    findings += _bounds(model)
     findings += _single_precision(model.without_effects.magnetics, d, i)
     if model.circuit is not None and model.motion is not None and not any(one.code == "positive" for one in findings):
         findings += held_body(model)
@@ -170,6 +172,11 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
     if least <= 0.0:
         text += " It must be > 0: fit to a table with flux linkage, or give --inductance-H."
     findings.append(AuditFinding("inductance", "holds" if least > 0.0 else "wrong", "flux linkage", text, None, least))
+    return findings
+
+
+def _positive(model: ActuatorModel) -> list[AuditFinding]:
+    """What must be above zero in circuit and motion."""
     negative = []
     if model.circuit is not None:
         span = model.circuit.voltage_max_V - model.circuit.voltage_min_V
@@ -177,7 +184,7 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
         negative += [name for name, value in values.items() if value <= 0.0]
     if model.motion is not None and model.motion.mass_kg <= 0.0:
         negative.append("mass_kg")
-    return findings + [AuditFinding("positive", "wrong", name, "it must be > 0.") for name in negative]
+    return [AuditFinding("positive", "wrong", name, "it must be > 0.") for name in negative]
 
 
 def _reciprocity(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> AuditFinding:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 STEP_WIDTH = 26  # of the steps' names on the terminal
 NO_HALL = "the actuator has no Hall element to tell an estimator the distance."
+NO_COIL = "the drawing has no coil, so that there is nothing to control."
 
 
 def run(
@@ -126,6 +127,7 @@ def _single_actuator(path: Path) -> "Actuator":
     from femfit.core.errors import ActuatorFileError
     from femfit.device.variants import read_variants
     from femfit.fit.coenergy_choice import check_grid
+    from femfit.fit.constants import FEWEST_CURRENTS
 
     sweep = read_variants(path)
     if len(sweep.variants) > 1 or sweep.columns:
@@ -135,7 +137,8 @@ def _single_actuator(path: Path) -> "Actuator":
         )
         raise ActuatorFileError(str(path), [problem])
     axes = sweep.actuator.sweep
-    check_grid(len(axes.currents_A), len(axes.distances_m))
+    # Without a circuit the co-energy depends on the distance alone.
+    check_grid(len(axes.currents_A) if sweep.actuator.circuits else FEWEST_CURRENTS, len(axes.distances_m))
     return sweep.actuator
 
 
@@ -170,7 +173,7 @@ def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":
 def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | None, str]":
     """The study, or why there is none: an actuator that cannot levitate is no failure of the run."""
     if model.sensor is None:
-        return None, NO_HALL
+        return None, NO_HALL if model.has_winding else NO_COIL
     from femfit.core.errors import DomainError, FilterError, MissingPartError
     from femfit.simulation.study import closed_loop_study
 
@@ -184,6 +187,8 @@ def _export(model: "ActuatorModel", directory: Path) -> str:
     from femfit.core.errors import DomainError, FilterError, MissingPartError
     from femfit.targets.estimator import export_estimator
 
+    if not model.has_winding:
+        return f"none: {NO_COIL}"
     if model.sensor is None:
         return f"none: {NO_HALL} Describe one by [hall] in the actuator file."
     try:
@@ -208,7 +213,7 @@ def _law_line(ranked: "FitResult") -> str:
 
 def _loop_line(study: "ClosedLoopStudy | None", no_study: str) -> str:
     if study is None:
-        return "none, for the same reason" if no_study == NO_HALL else f"none: {no_study}"
+        return "none, for the same reason" if no_study in {NO_HALL, NO_COIL} else f"none: {no_study}"
     rows = [row for row in study.holds if row.filter == "ukf" and row.held]
     if not rows:
         return "every run was lost; the report says how"

@@ -59,7 +59,7 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
     element = entry.get("hall")
     if hall is None or not element:
         note = "No sensor in the model: it needs hall_T in the table and [hall] in the actuator file."
-        return circuit, motion, None, (*notes, note)
+        return circuit, motion, None, (*notes, note) if has_coil else notes
     names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
     values = {name: number(element, name) for name in names}
     sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)

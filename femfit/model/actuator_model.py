@@ -162,6 +162,12 @@ class ActuatorModel(Printed):
         return self.magnet_known and self.without_effects.share_without_current() >= NO_MAGNET
 
     @property
+    def has_winding(self) -> bool:
+        """Whether a current flows anywhere; none does in a pair of magnets."""
+        box = self.validity
+        return bool(self.circuits) or box.current_min_A < 0.0 or box.current_max_A > 0.0
+
+    @property
     def magnet_known(self) -> bool:
         """Whether a drawing, or a validity domain with a current of zero, can tell if there is a magnet."""
         domain = self.validity
@@ -222,6 +228,8 @@ class ActuatorModel(Printed):
                 f"{', '.join(one.name for one in self.circuits)}. Take a drawing with one circuit, for example both "
                 "coils in series."
             )
+        if not self.has_winding:
+            raise MissingPartError(f"Model {self.name!r} must have a circuit for this; its drawing has no coil.")
         if self.circuit is None:
             raise MissingPartError(self._missing("circuit (winding resistance and supply)", "[coil] and [supply]"))
         return self.circuit

@@ -55,8 +55,10 @@ def predict_readings(
     bridge = "inductance_H" in channels
     series = changed_coenergy(coenergy, added, conditions)(d, i, 1, 2 if bridge else 1)
     force = with_further_force(added, -series.derivative(1, 0), d, i, conditions)
-    values = {"force_N": force, "flux_linkage_Wb": series.derivative(0, 1)}
-    if bridge:
+    values = {"force_N": force}
+    if base.has_winding:
+        values["flux_linkage_Wb"] = series.derivative(0, 1)
+    if bridge and base.has_winding:
         values["inductance_H"] = series.derivative(0, 2)
     if base.sensor is not None:
         field = hall_field(series, coenergy, added, d, i, conditions)

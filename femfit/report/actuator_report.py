@@ -124,11 +124,12 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     if grid is not None:
         weight = content.weight if content.levitates else None
         figures["force-curves"] = partial(force_curves_figure, grid, weight)
-        figures["force-map"] = partial(force_map_figure, grid, weight)
+        if grid.is_plane:
+            figures["force-map"] = partial(force_map_figure, grid, weight)
     ranking = None if content.fit is None else content.fit.ranking
     if rows is not None and ranking is not None and ranking.recommended.fit is not None:
         figures["ranking"] = partial(ranking_figure, ranking)
-        if grid is not None:
+        if grid is not None and grid.is_plane:
             figures["residuals"] = partial(residual_figure, rows, _fitted_forces(content, rows, ranking))
     if rows is not None and rows.hall is not None and model.sensor is not None:
         figures["hall"] = partial(hall_figure, model, rows)

@@ -22,6 +22,11 @@ class SweepGrid:
     force_scale: FloatArray  # What an error is a part of: the force, but for its passages through zero
     flux_linkage: FloatArray | None
 
+    @property
+    def is_plane(self) -> bool:
+        """Whether a map can show it: a pair of magnets has one current, none."""
+        return len(self.currents) > 1 and len(self.distances) > 1
+
 
 def sweep_grid(rows: FitRows) -> SweepGrid | None:
     """Arrange rows on their grid."""

@@ -99,6 +99,7 @@ def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesig
         raise DomainError(
             f"The noise of a Hall sample must be >= 0 V; instead received {noise_V:g} V. Leave it out for the model's."
         )
+    model.require_circuit()
     model.require_motion()
     sensor = model.require_sensor()
     model = replace(model, circuit=_covered(model))

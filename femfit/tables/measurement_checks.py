@@ -1,4 +1,4 @@
-"""Checks of a bench table: order of measuring, copies, stuck channels, distances that are none, lone outliers."""
+"""Checks of a bench table: order of measuring, copies, stuck channels, lone outliers."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,6 +8,7 @@ import pandas as pd
 
 from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.distance_scale import even_scale
 from femfit.core.finding import Finding
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.tables.outliers import isolated_outliers
@@ -47,8 +48,7 @@ _JUMP = 50.0
 def checked(table: BenchTable) -> BenchTable:
     """Set aside what cannot be right in a table, and suspect its units from the sizes of its numbers."""
     findings = suspected_by_size(table.rows)
-    rows, said = _sensible_distances(table.rows)
-    findings += said
+    rows = table.rows
     for name in table.channels:
         values, said = _without_stuck(rows, name)
         findings += said
@@ -99,19 +99,6 @@ def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataF
     text = f"{count} row{'s' * (count > 1)} repeat{'s' * (count == 1)} an earlier one in every column and "
     text += f"{'was' if count == 1 else 'were'} left out."
     return rows[~copies].reset_index(drop=True), [Finding("copies", "info", text, size=float(count))]
-
-
-def _sensible_distances(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
-    wrong = (rows["distance_m"] <= 0.0).to_numpy()
-    if not wrong.any():
-        return rows, []
-    count, low = int(wrong.sum()), float(rows["distance_m"].min())
-    text = (
-        f"{count} row{'s have' if count > 1 else ' has'} a distance <= 0 (down to {low:g} m) and "
-        f"{'were' if count > 1 else 'was'} left out; distances count from the electromagnet's face and are positive."
-    )
-    kept = rows[~wrong].reset_index(drop=True)
-    return kept, [Finding("distance", "warning", text, size=float(count), column="distance_m")]
 
 
 def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[Finding]]:
@@ -183,7 +170,7 @@ def _places(rows: pd.DataFrame) -> FloatArray:
     """Settings scaled to 0..1, the branches a little apart."""
     distance = rows["distance_m"].to_numpy()
     scaled = []
-    for x in (np.log(np.where(distance > 0.0, distance, np.nan)), rows["current_A"].to_numpy()):
+    for x in (even_scale(distance), rows["current_A"].to_numpy()):
         low, high = (np.nanmin(x), np.nanmax(x)) if np.isfinite(x).any() else (0.0, 0.0)
         scaled.append((x - low) / max(high - low, 1e-300))
     return np.column_stack([*scaled, 0.1 * rows["branch"].to_numpy()])

@@ -31,7 +31,7 @@ from femfit.tables.table_file import Wanted, parse_table
 from femfit.tables.time_series_checks import check_clock, check_readings
 from femfit.tables.units import unit_factor
 
-BENCH_NEEDS = tuple(frozenset(("distance_m", "current_A", channel)) for channel in CHANNELS)
+BENCH_NEEDS = tuple(frozenset(("distance_m", channel)) for channel in CHANNELS)
 SERIES_NEEDS = tuple(frozenset(("time_s", channel)) for channel in SERIES_CHANNELS)
 """Sets of columns, each of which makes a table a measurement."""
 
@@ -216,22 +216,16 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
         test_object=sidecar.test_object,
         notes=sidecar.notes,
     )
-    table = table if planned else checked(table)
-    if table.rows.empty:
-        raise TableError(
-            f"{path} must have rows with a distance above zero, counted from the electromagnet's face to the moving "
-            "part's; it has none. Add the thickness that was left out, or turn the sign."
-        )
-    return table
+    return table if planned else checked(table)
 
 
 def _require_bench(names: Sequence[str], path: Path, unknown: Sequence[str] = ()) -> None:
-    missing = [name for name in ("current_A", "distance_m") if name not in names]
+    missing = [] if "distance_m" in names else ["distance_m"]
     if not any(name in CHANNELS for name in names):
         missing.append(f"one of {', '.join(CHANNELS)}")
     if missing:
         raise TableError(
-            f"A bench table must have current_A, distance_m and at least one channel, with numbers in them; {path} "
+            f"A bench table must have distance_m and at least one channel, with numbers in them; {path} "
             f"lacks {' and '.join(missing)} (it has {', '.join(names) or 'none of the known columns'}). "
             f"{' '.join([*unknown[:4], ''])}Rename a column, or say what it is with "
             f"--column HEADER={missing[0] if '_' in missing[0] and ' ' not in missing[0] else CHANNELS[0]}."
@@ -240,7 +234,9 @@ def _require_bench(names: Sequence[str], path: Path, unknown: Sequence[str] = ()
 
 def _complete_bench(rows: pd.DataFrame) -> pd.DataFrame:
     """Every column of a bench table, in the order of the file."""
-    full = pd.DataFrame({name: rows.get(name, missing) for name, missing in SETTINGS.items()}, index=rows.index)
+    # Without a column no current flows: right for a pair of magnets, and refused beside a model with a circuit.
+    absent = {**SETTINGS, "current_A": 0.0}
+    full = pd.DataFrame({name: rows.get(name, missing) for name, missing in absent.items()}, index=rows.index)
     full = full.assign(**{name: rows.get(name, np.nan) for name in CHANNELS}).astype(np.float64)
     return full.assign(
         run=full["run"].fillna(full["run"].ffill().fillna(1.0)), branch=np.sign(full["branch"].fillna(0.0))

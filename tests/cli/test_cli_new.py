@@ -29,3 +29,12 @@ def test_a_file_that_is_there_is_kept(tmp_path):
     done = femfit("new", "ball", "-o", path)
     assert done.returncode == 1
     assert path.read_text() == "mine"
+
+
+def test_a_pair_of_magnets_runs_from_its_drawing_to_its_report(tmp_path):
+    path = tmp_path / "pair.toml"
+    assert femfit("new", "magnet-pair", "-o", path).returncode == 0
+    done = femfit("run", path, "-o", tmp_path / "run", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    assert "the drawing has no coil" in done.stdout
+    assert "There is no coil" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")

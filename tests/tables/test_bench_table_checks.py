@@ -214,32 +214,28 @@ def test_a_temperature_below_absolute_zero_is_refused_with_its_line(tmp_path):
         read(tmp_path, rows)
 
 
-def test_distances_in_millimetres_temperatures_in_kelvin_and_distances_below_zero_are_suspected(tmp_path):
+def test_distances_in_millimetres_and_temperatures_in_kelvin_are_suspected(tmp_path):
     rows = bench(1)
     said = read(tmp_path, rows.assign(distance_m=1e3 * rows["distance_m"])).findings
     assert [(one.code, one.column) for one in said] == [("suspected-unit", "distance_m")]
     said = read(tmp_path, rows.assign(coil_temperature_C=295.0 + 0.01 * rows["order"])).findings
     assert [(one.code, one.column) for one in said] == [("suspected-unit", "coil_temperature_C")]
-    table = read(tmp_path, rows.assign(distance_m=rows["distance_m"].where(rows["order"] > 2, -0.001)))
-    assert len(table.rows) == len(rows) - 3
-    assert any("distances count from the electromagnet's face" in str(one) for one in table.findings)
 
 
-def test_a_distance_that_is_none_is_said_once(tmp_path):
+def test_a_body_that_passes_the_face_keeps_its_distances(tmp_path):
     path = tmp_path / "bench.csv"
-    path.write_text("current_A,distance_m,force_N\n1,0,0.03\n1,0.02,0.03\n2,0.02,0.05\n", encoding="utf-8")
+    path.write_text("current_A,distance_m,force_N\n1,0,0.03\n1,-0.02,0.03\n2,0.02,0.05\n", encoding="utf-8")
     table = read_bench_table(path)
-    assert len(table.rows) == 2
-    assert [str(said).split(";")[0] for said in table.findings] == [
-        "1 row has a distance <= 0 (down to 0 m) and was left out"
-    ]
+    assert table.rows["distance_m"].tolist() == [0.0, -0.02, 0.02]
+    assert not table.findings
 
 
-def test_a_table_without_any_distance_above_zero_is_refused_for_that(tmp_path):
+def test_a_table_without_a_current_column_is_read_as_without_current(tmp_path):
     path = tmp_path / "bench.csv"
-    path.write_text("current_A,distance_m,force_N\n1,0,0.03\n1,-0.02,0.03\n", encoding="utf-8")
-    with pytest.raises(TableError, match="distance above zero"):
-        read_bench_table(path)
+    path.write_text("distance_m,force_N\n0.01,0.03\n0.02,0.03\n", encoding="utf-8")
+    table = read_bench_table(path)
+    assert table.rows["current_A"].tolist() == [0.0, 0.0]
+    assert "current_A" not in table.given
 
 
 @pytest.mark.parametrize("value", ["1e308", "-1e200", "1e90"])

@@ -210,7 +210,7 @@ def test_columns_under_one_heading_are_told_apart(tmp_path):
     path = written(
         tmp_path / "a.csv", "Luftspalt [mm];Strom [A];;Kraft [N];\n;Soll;Ist;Mittel;s", ["2;0,5;0,51;2,54;0,1"] * 2
     )
-    with pytest.raises(TableError, match="current_A"):
+    with pytest.raises(TableError, match="force_N"):
         read_measurement(path)
     columns = {"Strom [A] Ist": "current_A", "Kraft [N] Mittel": "force_N"}
     rows = read_measurement(path, columns=columns).rows

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.distance_scale import even_scale
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, LEAST_READINGS, LEAST_SPREAD_C
 from femfit.identify.readings.observations import Observations
 
@@ -84,7 +85,7 @@ def _surface(observations: Observations, here: IntArray) -> Labelled:
 
 
 def _place(observations: Observations, here: IntArray) -> tuple[FloatArray, FloatArray]:
-    return _unit(np.log(observations.column("distance_m")[here])), _unit(observations.column("current_A")[here])
+    return _unit(even_scale(observations.column("distance_m")[here])), _unit(observations.column("current_A")[here])
 
 
 def _drift(observations: Observations, here: IntArray) -> Labelled:

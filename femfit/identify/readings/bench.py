@@ -25,6 +25,7 @@ from femfit.tables.measurement_checks import STILL_CURRENT
 
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts."""
+    _require_current(model, table)
     findings: list[Finding] = []
     d, i = table.rows["distance_m"].to_numpy(), table.rows["current_A"].to_numpy()
     known = np.isfinite(d) & np.isfinite(i)
@@ -33,6 +34,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         findings.append(Finding("no-setting", "info", f"{_rows(~known, 'without distance or current')} left out."))
     if (known & ~inside).any():
         text = f"{_rows(known & ~inside, 'outside of the validity domain of the model')} left out."
+        if model.validity.distance_min_m > 0.0 and (d[known] <= 0.0).any():
+            text += f" Distances go down to {amount(d[known].min(), 'm')}; they count from the fixed part's face."
         findings.append(Finding("outside-domain", "info", text, "Sweep and fit a wider range to use them."))
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
@@ -115,6 +118,18 @@ class _BenchPrediction:
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the rows as one vector, channel after channel."""
         return np.concatenate([values[name][piece] for name, piece in self.rows.items()])
+
+
+def _require_current(model: ActuatorModel, table: BenchTable) -> None:
+    """Refuse a table without currents beside a model with a circuit."""
+    if "current_A" in table.given or not model.circuits:
+        return
+    unused = " ".join(str(one) for one in table.findings if one.code == "unused-column")
+    raise TableError(
+        f"A bench table beside model {model.name!r}, which has a circuit, must have current_A with numbers in it; "
+        f"{table.source} has {', '.join(table.given)}. {unused}{' ' * bool(unused)}Rename a column, or say what it is "
+        "with --column HEADER=current_A."
+    )
 
 
 def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:

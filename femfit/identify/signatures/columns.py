@@ -1,5 +1,6 @@
 """What each effect would do to these readings, to first order."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -23,6 +24,15 @@ _PARTS: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
     "no spring": (lambda nominal: nominal.springs is None, "the drawing has a spring, whose own errors are looked at"),
 }
 """Of what an effect may need in the device: whether it is there, and what is said where it is not."""
+
+_CIRCUIT = "current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm"
+_MEASURED_ON: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
+    **dict.fromkeys(_CIRCUIT, (lambda nominal: nominal.peak_current_A > 0.0, "the drawing has no coil")),
+    "hall_V": (lambda nominal: not math.isnan(nominal.hall_quiescent_V), "the model has no Hall element"),
+}
+"""Of a channel: whether the device has what it is measured on, and what is said where it has not."""
+
+_ALWAYS: tuple[Callable[[Nominal], bool], str] = (lambda _: True, "")
 
 _NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage, so it has no magnet"
 
@@ -51,19 +61,28 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
     """Why data cannot show an effect; empty where they can."""
     if effect.name in observations.present:
         return "the model has it already"
-    for need in effect.needs:
-        if need == "magnet":
-            if not observations.nominal.magnet_known:
-                return _MAGNET_UNKNOWN
-            if not observations.nominal.has_magnet:
-                return _NO_MAGNET if observations.nominal.magnet_drawn else _NO_MAGNET_SEEN
-        elif need in _PARTS:
-            there, why = _PARTS[need]
-            if not there(observations.nominal):
-                return why
-        elif not any(_given(name, observations) for name in need.split("|")):
-            return f"these data lack {_in_words(need)}"
-    return ""
+    nominal = observations.nominal
+    why = next(filter(None, (_not_in_device(need, nominal) for need in effect.needs)), "")
+    if why:
+        return why
+    columns = [need for need in effect.needs if need != "magnet" and need not in _PARTS]
+    lacking = (need for need in columns if not any(_given(name, observations) for name in need.split("|")))
+    return next((f"these data lack {_in_words(need)}" for need in lacking), "")
+
+
+def _not_in_device(need: str, nominal: Nominal) -> str:
+    """Why the device cannot have what an effect needs, whatever is measured; empty where it can."""
+    if need == "magnet":
+        if not nominal.magnet_known:
+            return _MAGNET_UNKNOWN
+        if nominal.has_magnet:
+            return ""
+        return _NO_MAGNET if nominal.magnet_drawn else _NO_MAGNET_SEEN
+    reasons = []
+    for name in need.split("|"):
+        there, why = _PARTS.get(name) or _MEASURED_ON.get(name.lstrip("~")) or _ALWAYS
+        reasons.append("" if there(nominal) else why)
+    return reasons[0] if all(reasons) else ""
 
 
 def _given(name: str, observations: Observations) -> bool:

@@ -1,0 +1,72 @@
+"""A pair of magnets without a coil is compared and diagnosed by its force over distance."""
+
+import pytest
+
+from femfit.audit.audit_model import audit_model
+from femfit.core.errors import MissingPartError, TableError
+from femfit.effects.catalogue import all_effects
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.experiments.suggest import suggest
+from femfit.identify.readings.place import placed
+from femfit.identify.signatures.columns import why_untestable
+from support.magnet_pair import bench_csv, magnet_pair
+
+
+@pytest.fixture(scope="module")
+def model():
+    return magnet_pair()
+
+
+@pytest.fixture(scope="module")
+def shifted(tmp_path_factory):
+    return bench_csv(tmp_path_factory.mktemp("bench") / "shifted.csv", shift_m=0.1e-3)
+
+
+def test_a_table_without_currents_is_compared(model, tmp_path):
+    found = diagnose(model, bench_csv(tmp_path / "clean.csv"), bootstrap=0)
+    assert found.verdict == "nothing_missing"
+
+
+def test_a_gap_that_is_larger_is_named(model, shifted):
+    found = diagnose(model, shifted, bootstrap=0)
+    assert found.missing[0].name == "distance_offset"
+    assert found.missing[0].parameters["offset_m"] == pytest.approx(0.1e-3, rel=0.2)
+
+
+def test_a_body_that_passes_the_face_is_diagnosed_like_one_that_does_not(model, shifted, tmp_path):
+    table = bench_csv(tmp_path / "passing.csv", shift_m=0.1e-3, passed_m=6e-3)
+    found, before = diagnose(magnet_pair(6e-3), table, bootstrap=0), diagnose(model, shifted, bootstrap=0)
+    assert len(found.observations.residual) == len(before.observations.residual)
+    assert found.missing[0].name == "distance_offset"
+
+
+def test_only_effects_that_it_can_have_are_considered(model, shifted):
+    observations = placed(model, shifted)
+    reasons = {name: why_untestable(effect, observations) for name, effect in all_effects().items()}
+    considered = {name for name, why in reasons.items() if not why}
+    assert {"remanence", "distance_offset", "force_gain", "magnet_temperature"} <= considered
+    without_coil = {name for name, why in reasons.items() if "no coil" in why}
+    assert {"turns", "resistance", "current_gain", "hysteresis", "driver_gain", "motional_emf"} <= without_coil
+    assert "Hall element" in reasons["hall_offset"]
+
+
+def test_no_flux_linkage_is_suggested_where_there_is_no_winding(model, shifted):
+    advice = suggest(model, shifted)
+    assert advice.suggestions
+    assert not any("flux linkage" in one.text for one in advice.suggestions)
+
+
+def test_a_table_without_currents_is_refused_beside_a_model_with_a_circuit(levitation_model, shifted):
+    with pytest.raises(TableError, match="current_A"):
+        placed(levitation_model, shifted)
+
+
+def test_the_audit_asks_for_no_inductance(model):
+    findings = audit_model(model).findings
+    assert not [one for one in findings if one.severity == "wrong"]
+    assert "inductance" not in {one.code for one in findings}
+
+
+def test_what_needs_a_circuit_is_refused_because_there_is_no_coil(model):
+    with pytest.raises(MissingPartError, match="no coil"):
+        model.require_circuit()
