@@ -173,6 +173,7 @@ def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]
     return {
         "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
         "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
+        "moving_coil": bool(actuator.coils) and all(coil.moves for coil in actuator.coils),
         "saturates": saturates(actuator),
         "at_rest": _at_rest(content),
         "parts": [(region.name, region.material.name, material_words(region)) for region in all_regions(actuator)],

@@ -70,7 +70,8 @@ class Rating:
     inductance_H: FloatArray
     idle_inductance_H: FloatArray
     motor_constant: FloatArray  # dF/di over the root of the cold resistance at the rated current, N/sqrt(W)
-    # Surface of the cylinder that encloses the fixed part; None without a drawing, and then no current is rated
+    # What gives off the heat: the cylinder around the fixed part, or a moving coil by its own four faces; None without a
+    # drawing, and then no current is rated
     surface_m2: float | None
     cold_C: float = REFERENCE_TEMPERATURE
     warm_C: float = WARM_C
@@ -122,7 +123,7 @@ def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None
         wanted.append(("reversed", other / cold, REFERENCE_TEMPERATURE))
     surface = None
     if actuator is not None:
-        surface = _enclosing_surface(actuator)
+        surface = _cooled_surface(actuator)
         heat = HEAT_TRANSFER_W_M2_K * surface * (WARM_C - REFERENCE_TEMPERATURE)
         wanted.append(("rated", float(np.copysign(np.sqrt(heat / warm), voltage)), WARM_C))
     largest = max(float(np.abs(force(current)).max()) for _, current, _ in wanted)
@@ -194,10 +195,21 @@ def growth(model: ActuatorModel, current: float) -> Growth | None:
     return Growth(float(i[middle]), float(i[-1]), float(sign * gained), float(sign * expected))
 
 
-def _enclosing_surface(actuator: Actuator) -> float:
-    """Surface of the cylinder around the fixed part in m^2, ends included."""
-    radius, height = np.ptp(np.vstack([standing_corners(actuator), [0.0, standing_corners(actuator)[0, 1]]]), axis=0)
-    return float(2.0 * np.pi * radius * (radius + height))
+def _cooled_surface(actuator: Actuator) -> float:
+    """Surface in m^2 that gives off the winding's heat.
+
+    The cylinder around the fixed part, ends included. A coil that moves is parted from it by air on all sides, and has
+    its own faces alone.
+    """
+    if all(coil.moves for coil in actuator.coils):
+        corners = [np.asarray(coil.vertices_m) for coil in actuator.coils]
+        return float(sum(_ring_surface(*part.min(axis=0), *part.max(axis=0)) for part in corners))
+    standing = standing_corners(actuator)
+    return _ring_surface(0.0, standing[:, 1].min(), standing[:, 0].max(), standing[:, 1].max())
+
+
+def _ring_surface(inner: float, bottom: float, outer: float, top: float) -> float:
+    return float(2.0 * np.pi * (outer + inner) * (outer - inner + top - bottom))
 
 
 def _wire_section_mm2(actuator: Actuator | None) -> float | None:

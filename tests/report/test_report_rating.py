@@ -37,6 +37,15 @@ def test_the_rated_heat_is_what_the_enclosing_cylinder_gives_off(rating):
     assert rating.feed("rated").density_A_mm2 == pytest.approx(rating.feed("rated").current_A / area)
 
 
+def test_a_moving_coil_is_rated_by_its_own_faces(plunger_content):
+    drawn = plunger_content.actuator
+    moving = rate(plunger_content.model, replace(drawn, coils=(replace(drawn.coil, moves=True),)))
+    (r0, z0), (r1, z1) = np.min(drawn.coil.vertices_m, axis=0), np.max(drawn.coil.vertices_m, axis=0)
+    faces = 2.0 * np.pi * ((r0 + r1) * (z1 - z0) + r1**2 - r0**2)
+    assert moving.surface_m2 == pytest.approx(faces)
+    assert moving.feed("rated").power_W == pytest.approx(HEAT_TRANSFER_W_M2_K * faces * 80.0)
+
+
 def test_forces_beyond_the_models_current_are_taken_at_its_end_and_said_to_be(rating, plunger_content):
     assert not rating.feed("cold").limited
     weak = replace(plunger_content.model, circuit=replace(plunger_content.model.circuit, voltage_max_V=40.0))
