@@ -70,7 +70,7 @@ class Rating:
     inductance_H: FloatArray
     idle_inductance_H: FloatArray
     motor_constant: FloatArray  # dF/di over the root of the cold resistance at the rated current, N/sqrt(W)
-    # What gives off the heat: the cylinder around the fixed part, or a moving coil by its own four faces; None without a
+    # What gives off the heat: the cylinder around the fixed part, or a moving coil by its own faces; None without a
     # drawing, and then no current is rated
     surface_m2: float | None
     cold_C: float = REFERENCE_TEMPERATURE
