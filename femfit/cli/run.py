@@ -49,6 +49,7 @@ def run(
 
     from femfit.cli.output import write_json
     from femfit.cli.progress import sweep_progress
+    from femfit.core.amount import amount
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
@@ -72,7 +73,7 @@ def run(
     summary = summarise(table)
     steps.say(
         f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most "
-        f"{100 * summary['force_error_relative_max']:.3f} %"
+        f"{amount(summary['force_error_relative_max'], '')}"
     )
     for remark in clipped_hall(only(parts), table):
         print(remark)

@@ -88,7 +88,9 @@ def sweep(
 def _force(summary: Mapping[str, Any]) -> str:
     if summary["force_min_N"] is None:
         return ""
+    from femfit.core.amount import amount  # noqa: PLC0415
+
     return (
         f"; force {summary['force_min_N']:.4g} to {summary['force_max_N']:.4g} N, its discretisation error estimated "
-        f"at most {100 * summary['force_error_relative_max']:.3f} %"
+        f"at most {amount(summary['force_error_relative_max'], '')}"
     )

@@ -82,3 +82,9 @@ def test_a_scheduler_that_does_not_exist_is_refused_in_one_message(tmp_path):
     assert result.returncode == 1
     assert result.stderr.startswith("femfit: No scheduler answers at 'nonsense://host:1'")
     assert "Traceback" not in result.stderr
+
+
+def test_an_error_far_below_a_thousandth_of_a_per_cent_is_not_printed_as_nothing():
+    from femfit.cli.sweep import _force
+
+    assert _force({"force_min_N": 0.0, "force_max_N": 1.0, "force_error_relative_max": 1.7e-6}).endswith("0.00017 %")
