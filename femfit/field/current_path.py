@@ -22,13 +22,14 @@ States: TypeAlias = dict[tuple[float, ...], FloatArray]
 
 
 def along_currents(
-    system: "NonlinearSystem", points: FloatArray, bases: States
+    system: "NonlinearSystem", points: FloatArray, bases: States, tolerance: float
 ) -> Iterator[tuple[tuple[float, ...], NewtonResult]]:
     """Solve at currents in A of shape (points, circuits), from the weakest outwards, each as it is asked for."""
     states: States = {}
     for point, before in outwards(points):
         key, start = tuple(point), _predicted(point, [i for i in before if tuple(i) in states], states, bases)
-        result = minimise(system, point, np.zeros(system.space.ndof) if start is None else start)
+        start = np.zeros(system.space.ndof) if start is None else start
+        result = minimise(system, point, start, tolerance=tolerance)
         if result.converged:
             states[key] = result.state
         yield key, result

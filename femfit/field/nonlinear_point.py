@@ -32,7 +32,7 @@ from femfit.field.force import AROUND_FIXED, LayerForce, weight
 from femfit.field.layout import Layout
 from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh, PointField
-from femfit.field.newton import TOLERANCE, NewtonResult
+from femfit.field.newton import NewtonResult
 from femfit.field.nonlinear_system import RESPONSE_LIMIT, NonlinearSystem
 from femfit.field.point_rows import NonlinearPoint, PointSolution, table_rows
 from femfit.field.settings import SolverSettings
@@ -43,30 +43,42 @@ FIRST_ORDER = 2
 
 
 class NonlinearActuator:
-    """One mesh of an actuator with saturating parts, to be stretched over a group of ascending distances in m."""
+    """One mesh of an actuator with saturating parts, to be stretched over a group of distances.
 
-    def __init__(self, actuator: Actuator, group: tuple[float, ...], layout: Layout, settings: SolverSettings) -> None:
+    The group's distances are in m, ascending; with ``estimate`` each point is also solved one order lower, for the
+    force's error.
+    """
+
+    def __init__(
+        self,
+        actuator: Actuator,
+        group: tuple[float, ...],
+        layout: Layout,
+        settings: SolverSettings,
+        *,
+        estimate: bool = True,
+    ) -> None:
         self.layout = layout
+        self._tolerance = settings.newton_tolerance
         self._hall = actuator.hall
         self._circuits = tuple(circuit.name for circuit in actuator.circuits)
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
-        orders = [order for order in (FIRST_ORDER,) if order < settings.order - 1]
-        self._systems = [
-            NonlinearSystem(self.mesh, actuator, layout, order)
-            for order in (*orders, settings.order - 1, settings.order)
-        ]
+        below = settings.order - 1
+        orders = sorted({min(FIRST_ORDER, below), below} if estimate else {min(FIRST_ORDER, below)})
+        self._systems = [NonlinearSystem(self.mesh, actuator, layout, order) for order in (*orders, settings.order)]
         self.coarse, self.fine = self._systems[-2:]
         self._raise_order = [
             csr(ConvertOperator(low.space, high.space), low.space.ndof) for low, high in pairwise(self._systems)
         ]
         g = weight(self.mesh)
-        self._fine_layer, self._coarse_layer = (LayerForce(system.space, g) for system in (self.fine, self.coarse))
+        self._layer = LayerForce(self.fine.space, g)
+        self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
         self._references: States = {}
         if len(group) > 1:
             self._systems[0].move()
             swept = current_points(swept_currents(actuator.sweep), len(self._circuits))
-            self._references = _states(dict(along_currents(self._systems[0], swept, {})))
+            self._references = _states(dict(along_currents(self._systems[0], swept, {}, self._tolerance)))
 
     @property
     def unknowns(self) -> int:
@@ -85,22 +97,22 @@ class NonlinearActuator:
             results, bases, left = [], self._references, points
             for system, higher in zip(self._systems[:-1], self._raise_order, strict=True):
                 system.move()
-                results.append(dict(along_currents(system, left, bases)))
+                results.append(dict(along_currents(system, left, bases, self._tolerance)))
                 bases = {key: higher @ state for key, state in _states(results[-1]).items()}
                 left = np.array([point for point in points if tuple(point) in bases])
             self.fine.move()
             coarse, evaluate = _states(results[-1]), self._evaluation()
             start, solutions, statuses = np.zeros_like(self.fine.circuits), {}, {}
             finest = {}
-            for key, result in along_currents(self.fine, left, bases):
-                finest[key], statuses[key] = result, _status(result)
+            for key, result in along_currents(self.fine, left, bases, self._tolerance):
+                finest[key], statuses[key] = result, self._status(result)
                 if result.converged:  # the derivative that was kept for it serves its inductance, too
                     start, found = self.fine.response(result.state, start)
                     if found:
                         solutions[key] = evaluate(np.array(key), result.state, coarse[key], start)
                     else:
                         start, statuses[key] = np.zeros_like(self.fine.circuits), _NO_INDUCTANCE
-        return [_point(tuple(point), [*results, finest], statuses, solutions) for point in points]
+        return [self._point(tuple(point), [*results, finest], statuses, solutions) for point in points]
 
     def field(self, distance: float, currents: CurrentsLike) -> PointField:
         """The field at a point, with the mesh left stretched to it."""
@@ -122,16 +134,12 @@ class NonlinearActuator:
         def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray, response: FloatArray) -> PointSolution:
             total, own = self.fine.function(fine), self.fine.function(self.fine.own_state(fine, currents))
             others = self.fine.function(fine - own.vec.FV().NumPy())
-            lower, lower_own = (
-                self.coarse.function(state) for state in (coarse, self.coarse.own_state(coarse, currents))
-            )
-            layer, lower_layer = self._fine_layer, self._coarse_layer
-            self_force = layer.between(own, own)
+            self_force = self._layer.between(own, own)
             return PointSolution(
-                force=layer.between(total, total) - self_force,
+                force=self._layer.between(total, total) - self_force,
                 reaction=2.0 * reaction.between(own, others),
                 work=2.0 * work.between(own, others),
-                coarse_force=lower_layer.between(lower, lower) - lower_layer.between(lower_own, lower_own),
+                coarse_force=self._coarse_force(coarse, currents),
                 self_force=self_force,
                 flux_linkage=self.fine.flux_linkage(fine),
                 inductance=self.fine.inductance(fine, response),
@@ -143,17 +151,34 @@ class NonlinearActuator:
 
         return evaluate
 
+    def _coarse_force(self, state: FloatArray, currents: FloatArray) -> float | None:
+        """The force in N of a state one order lower, where it is asked for."""
+        if self._coarse_layer is None:
+            return None
+        total, own = (self.coarse.function(one) for one in (state, self.coarse.own_state(state, currents)))
+        return self._coarse_layer.between(total, total) - self._coarse_layer.between(own, own)
 
-def _point(
-    key: tuple[float, ...],
-    results: list[dict[tuple[float, ...], NewtonResult]],
-    statuses: Mapping[tuple[float, ...], str],
-    solutions: Mapping[tuple[float, ...], PointSolution],
-) -> NonlinearPoint:
-    """How a point was solved, from the lowest order to the one at which it ended."""
-    ended = [of_order[key] for of_order in results if key in of_order]
-    iterations = sum(result.iterations for result in ended)
-    return NonlinearPoint(iterations, ended[-1].residual, statuses.get(key, _status(ended[-1])), solutions.get(key))
+    def _point(
+        self,
+        key: tuple[float, ...],
+        results: list[dict[tuple[float, ...], NewtonResult]],
+        statuses: Mapping[tuple[float, ...], str],
+        solutions: Mapping[tuple[float, ...], PointSolution],
+    ) -> NonlinearPoint:
+        """How a point was solved, from the lowest order to the one at which it ended."""
+        ended = [of_order[key] for of_order in results if key in of_order]
+        iterations = sum(result.iterations for result in ended)
+        status = statuses.get(key) or self._status(ended[-1])
+        return NonlinearPoint(iterations, ended[-1].residual, status, solutions.get(key))
+
+    def _status(self, result: NewtonResult) -> str:
+        if result.converged:
+            return "ok"
+        return (
+            f"failed: Newton's iteration left a residual of {result.residual:.1e} after {result.iterations} "
+            f"iterations; {self._tolerance:.0e} is needed. Check the B-H curve for kinks, or sweep the current in "
+            "smaller steps"
+        )
 
 
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:
@@ -164,12 +189,3 @@ _NO_INDUCTANCE = (
     f"failed: the inductance did not converge in {RESPONSE_LIMIT} iterations. Check the B-H curve for kinks, or sweep "
     "the current in smaller steps"
 )
-
-
-def _status(result: NewtonResult) -> str:
-    if result.converged:
-        return "ok"
-    return (
-        f"failed: Newton's iteration left a residual of {result.residual:.1e} after {result.iterations} iterations; "
-        f"{TOLERANCE:.0e} is needed. Check the B-H curve for kinks, or sweep the current in smaller steps"
-    )

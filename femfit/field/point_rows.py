@@ -9,7 +9,7 @@ and of the disagreement of the three. With the fields' own stresses removed the 
 the orders do: what is left is the error of the magnetisation, which they share.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,7 +84,7 @@ class PointSolution:
     ----------
     force, reaction, work, coarse_force : float
         By the layer round the moving part, by the reaction on the fixed parts, by virtual work, and by the layer one
-        order lower.
+        order lower, where that was solved.
     flux_linkage : array, shape (circuits,)
     inductance : array, shape (circuits, circuits)
     self_force : float
@@ -98,7 +98,7 @@ class PointSolution:
     force: float
     reaction: float
     work: float
-    coarse_force: float
+    coarse_force: float | None
     self_force: float
     flux_linkage: FloatArray
     inductance: FloatArray
@@ -119,25 +119,37 @@ class NonlinearPoint:
 
 
 def table_rows(points: Sequence[NonlinearPoint], currents: FloatArray, circuits: Sequence[str]) -> dict[str, list[Any]]:
-    """Columns of the sweep table, one value a point; one that did not converge has its ``status`` and no field."""
-    least_change = _least_change(
-        [point.solution for point in points if point.solution], points[weakest(currents)].solution
-    )
-    rows = [_columns(point, least_change, circuits) for point in points]
+    """Columns of the sweep table, one value a point; one that did not converge has its ``status`` and no field.
+
+    The error is absent where the force's change between the orders is unknown.
+    """
+    rows = [_columns(point, circuits) for point in points]
     names = dict.fromkeys(name for row in rows for name in row)
-    return {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
+    columns = {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
+    solutions = [point.solution for point in points]
+    if any(one is not None and one.coarse_force is not None for one in solutions):
+        columns["force_error_N"] = _force_errors(solutions, weakest(currents))
+    return columns
 
 
-def _least_change(solutions: Sequence[PointSolution], at_weakest: PointSolution | None) -> Callable[[float], float]:
-    """A lower bound on the force's change between the orders, for a force.
+def _force_errors(solutions: Sequence[PointSolution | None], weakest_point: int) -> list[float]:
+    """Estimated discretisation errors in N.
 
     At single currents the change passes through zero, so it counts at least with its mean relative to the force; and
     where the coil cancels the magnet's force, relative to that of the weakest current.
     """
-    total = sum(abs(one.force) for one in solutions)
-    share = sum(abs(one.force - one.coarse_force) for one in solutions) / total if total else 0.0
-    floor = abs(at_weakest.force) if at_weakest else 0.0
-    return lambda force: share * max(abs(force), floor)
+    force, coarse, disagreement = np.array(
+        [
+            (one.force, one.coarse_force, _disagreement(one)) if one is not None else (np.nan, np.nan, np.nan)
+            for one in solutions
+        ],
+        dtype=np.float64,
+    ).T
+    change, size = np.abs(force - coarse), np.abs(force)
+    share = np.nansum(change) / (np.nansum(size) or np.inf)
+    least = share * np.fmax(size, size[weakest_point])
+    errors: list[float] = np.fmax(ERROR_SAFETY * np.fmax(change, least), disagreement).tolist()
+    return errors
 
 
 def _disagreement(solution: PointSolution) -> float:
@@ -145,13 +157,7 @@ def _disagreement(solution: PointSolution) -> float:
     return max(abs(solution.force - other) for other in (solution.reaction, solution.work))
 
 
-def _force_error(solution: PointSolution, least_change: Callable[[float], float]) -> float:
-    """Estimated discretisation error in N."""
-    change = max(abs(solution.force - solution.coarse_force), least_change(solution.force))
-    return max(ERROR_SAFETY * change, _disagreement(solution))
-
-
-def _columns(point: NonlinearPoint, least_change: Callable[[float], float], circuits: Sequence[str]) -> dict[str, Any]:
+def _columns(point: NonlinearPoint, circuits: Sequence[str]) -> dict[str, Any]:
     columns = {
         "newton_iterations": point.iterations,
         "newton_residual": point.residual,
@@ -165,7 +171,6 @@ def _columns(point: NonlinearPoint, least_change: Callable[[float], float], circ
         **dict(zip(flux_columns(circuits), solution.flux_linkage.tolist(), strict=True)),
         **{name: float(solution.inductance[place]) for name, place in inductance_columns(circuits).items()},
         "coenergy_J": solution.coenergy,
-        "force_error_N": _force_error(solution, least_change),
         DISAGREEMENT: _disagreement(solution),
         BEYOND_CURVE: solution.beyond_curve,
     }

@@ -32,7 +32,7 @@ def prepare(
             return LinearActuator(actuator, group, layout, of, estimate=estimate)
         from femfit.field.nonlinear_point import NonlinearActuator  # noqa: PLC0415  loads interpolation and sparse matrices
 
-        return NonlinearActuator(actuator, group, layout, of)
+        return NonlinearActuator(actuator, group, layout, of, estimate=estimate)
 
     if settings.tolerance is None:
         return build(settings, estimate=True)
@@ -40,4 +40,4 @@ def prepare(
     if choice is not None:
         return at_level(level, choice, settings)
     points = current_points(swept_currents(actuator.sweep), len(actuator.circuits))
-    return meet_tolerance(level, group, check_currents(points) if saturates else points, settings)
+    return meet_tolerance(level, group, points, check_currents(points) if saturates else points, settings)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from femfit.device.parts import Actuator
+from femfit.field.newton import TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,7 @@ class SolverSettings:
     # condition of a dipole field, so what is left falls with the fifth power of this factor.
     outer_radius_factor: float = 16.0
     stretch_limit: float = 1.8  # Largest ratio of distances that one mesh is stretched over before a new one is made
+    newton_tolerance: float = TOLERANCE  # Relative size of the last correction of a saturating part's field
     # Relative accuracy of force and flux linkage; order and element sizes are then chosen to meet it, those above are
     # not used (:mod:`femfit.field.tolerance`)
     tolerance: float | None = None

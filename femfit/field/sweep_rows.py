@@ -14,6 +14,7 @@ from femfit.device.sensors import HallElement
 from femfit.device.summary import sweep_manifest_entry
 from femfit.device.variants import VariantSweep
 from femfit.field.currents import swept_currents
+from femfit.field.tolerance import SMALL
 from femfit.tables.sweep_table import SweepTable, current_names
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
 Result = Mapping[str, Any]
 NEWTON_COLUMNS = ("newton_iterations", "newton_residual")
 """Columns of actuators with saturating parts alone."""
-
-SMALL_FORCE = 0.01
-"""A force below this part of the largest at its distance is a passage through zero (conventional)."""
 
 
 def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result]) -> "pd.DataFrame":
@@ -171,5 +169,5 @@ def _relative_errors(rows: "pd.DataFrame", size: "pd.Series[float]") -> "pd.Seri
     weakest_first = rows.assign(size=size, magnitude=magnitude).sort_values("magnitude", kind="stable")
     weakest = weakest_first.groupby(keys)["size"].transform("first")
     largest = weakest_first["force_N"].abs().groupby([weakest_first[name] for name in keys]).transform("max")
-    scale = size.combine(weakest.reindex(rows.index), max).combine(SMALL_FORCE * largest.reindex(rows.index), max)
+    scale = size.combine(weakest.reindex(rows.index), max).combine(SMALL * largest.reindex(rows.index), max)
     return (rows["force_error_N"] / scale)[scale > 0.0]

@@ -7,7 +7,8 @@ level; away from them by the order. Measured on eight actuators, errors fall by 
 Distances that share a mesh are checked at the group's two ends and its middle, against the next level: the difference
 is the level's own error but for a sixth. All of the group is then solved on the one level, so that the discretisation,
 and with it the error, changes smoothly with the distance. A distance with a mesh of its own is compared with the level
-below instead, which costs a third of the solution: the difference is five times the error.
+below instead, which costs a third of the solution: the difference is five times the error. What the comparison solved
+on the level that is chosen is kept.
 
 On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.force`),
 and a row states the larger of the difference and of their disagreement.
@@ -20,6 +21,7 @@ converge exponentially.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,8 +52,12 @@ OWN_MESH_LIMIT = 3
 
 MOST_CHECKED = 4  # currents of a nonlinear actuator
 
-ROUNDING = 1e-10
-"""A value below this part of the largest at its distance counts as 0."""
+SMALL = 0.01
+"""A force or flux linkage below this part of the largest at its distance is a passage through zero (conventional)."""
+
+NEWTON_SHARE = 2e-3
+"""Of the tolerance, for the last correction of Newton's iteration: it moves force and flux by 1e-4 of the tolerance at
+most (push solenoid, relay, voice coil)."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +80,10 @@ class LevelChoice:
 class ToleranceProblem:
     """A group of distances on the level that meets the tolerance; mesh, unknowns and field are the level's."""
 
-    def __init__(self, problem: "LevelProblem", settings: SolverSettings, choice: LevelChoice) -> None:
-        self.settings, self.choice = settings, choice
+    def __init__(
+        self, problem: "LevelProblem", settings: SolverSettings, choice: LevelChoice, solved: "_Kept | None" = None
+    ) -> None:
+        self.settings, self.choice, self._solved = settings, choice, solved
         self.mesh, self.unknowns, self.field = problem.mesh, problem.unknowns, problem.field
         self._rows = problem.rows
         self._currents: FloatArray = np.array(choice.currents_A)
@@ -83,9 +91,11 @@ class ToleranceProblem:
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table at a distance, one value a point."""
-        columns = self._rows(distance, currents)
+        points = current_points(currents, self._currents.shape[1])
+        kept = self._solved
+        known = kept is not None and distance in kept.columns and np.array_equal(points, kept.points)
+        columns = dict(kept.columns[distance]) if kept and known else self._rows(distance, currents)
         if "force_N" in columns:
-            points = current_points(currents, self._currents.shape[1])
             error = self._relative(points) * scale(columns["force_N"], points)
             columns["force_error_N"] = np.maximum(error, columns[DISAGREEMENT]).tolist()
         return columns
@@ -100,10 +110,11 @@ class ToleranceProblem:
 def meet_tolerance(
     build: "Callable[[SolverSettings], LevelProblem]",
     group: tuple[float, ...],
-    currents: FloatArray,
+    swept: FloatArray,
+    checked: FloatArray,
     settings: SolverSettings,
 ) -> ToleranceProblem:
-    """Refine until ascending distances that share a mesh meet the tolerance at points of the currents, or to its end.
+    """Refine until ascending distances that share a mesh meet the tolerance at some of the swept points, or to its end.
 
     The rows say the error that is left, also where the last level does not meet the tolerance.
     """
@@ -114,7 +125,9 @@ def meet_tolerance(
 
     def solve(number: int) -> _Solved:
         problem = build(levels[number])
-        return _Solved(problem, number, [problem.rows(distance, currents) for distance in distances])
+        points = checked if shared or number == 0 else swept  # the level above is the one to keep
+        rows = {distance: problem.rows(distance, points) for distance in distances}
+        return _Solved(problem, number, _Kept(points, rows), checked)
 
     levels = refinement_levels(settings)
     above, met = solve(0), False
@@ -122,13 +135,13 @@ def meet_tolerance(
         if met:
             break
         below, above = above, solve(level)
-        force = factor * _difference("force_N", below, above, currents)
-        linked = [_difference(name, below, above, currents).max() for name in below.columns[0] if is_flux(name)]
+        force = factor * _difference("force_N", below, above)
+        linked = [_difference(name, below, above).max() for name in below.columns[0] if is_flux(name)]
         flux = factor * max(linked, default=0.0)
         chosen = below if shared else above
-        met = max(force.max(), flux, _disagreement(chosen, currents)) <= tolerance
-    choice = LevelChoice(chosen.level, tuple(map(tuple, currents.tolist())), tuple(force.tolist()))
-    return ToleranceProblem(chosen.problem, levels[chosen.level], choice)
+        met = max(force.max(), flux, _disagreement(chosen)) <= tolerance
+    choice = LevelChoice(chosen.level, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
+    return ToleranceProblem(chosen.problem, levels[chosen.level], choice, None if shared else chosen.kept)
 
 
 def at_level(
@@ -146,8 +159,9 @@ def shares_checks(group: tuple[float, ...]) -> bool:
 
 def refinement_levels(settings: SolverSettings) -> list[SolverSettings]:
     """The levels, the coarsest first."""
+    newton = min(settings.newton_tolerance, NEWTON_SHARE * (settings.tolerance or 0.0))
     return [
-        replace(settings, order=FIRST_ORDER + k, corner_fraction=corner, tolerance=None)
+        replace(settings, order=FIRST_ORDER + k, corner_fraction=corner, newton_tolerance=newton, tolerance=None)
         for k, corner in enumerate(CORNERS)
     ]
 
@@ -162,41 +176,57 @@ def check_currents(points: FloatArray) -> FloatArray:
     return points[sorted({*spread.tolist(), weakest(points)})]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """The columns at points of the currents, by distance in m."""
+
+    points: FloatArray
+    columns: dict[float, dict[str, list[Any]]]
+
+
+@dataclass(frozen=True, eq=False)
 class _Solved:
+    """What a level gave; its columns, one dictionary a distance, are those at the checked points."""
+
     problem: "LevelProblem"
     level: int
-    columns: list[dict[str, list[Any]]]
+    kept: _Kept
+    checked: FloatArray
+
+    @cached_property
+    def columns(self) -> list[dict[str, FloatArray]]:
+        places = {tuple(point): k for k, point in enumerate(self.kept.points)}
+        chosen = [places[tuple(point)] for point in self.checked]
+        return [{name: np.array(values)[chosen] for name, values in at.items()} for at in self.kept.columns.values()]
 
 
-def _difference(name: str, first: _Solved, second: _Solved, currents: FloatArray) -> FloatArray:
-    """The largest difference over the distances, relative to the scale, for each current; shape (currents,)."""
-    worst = np.zeros(len(currents))
+def _difference(name: str, first: _Solved, second: _Solved) -> FloatArray:
+    """The largest difference over the distances, relative to the scale, for each checked point; shape (points,)."""
+    worst = np.zeros(len(first.checked))
     for one, other in zip(first.columns, second.columns, strict=True):
         if name in one and name in other:  # a current that did not converge has NaN, which says nothing of the error
-            change = np.abs(np.array(one[name]) - np.array(other[name]))
-            size = scale(other[name], currents)
-            worst = np.fmax(worst, np.divide(change, size, out=np.zeros(len(currents)), where=size > 0.0))
+            change, size = np.abs(one[name] - other[name]), scale(other[name], first.checked)
+            worst = np.fmax(worst, np.divide(change, size, out=np.zeros(len(worst)), where=size > 0.0))
     return worst
 
 
-def _disagreement(solved: _Solved, currents: FloatArray) -> float:
+def _disagreement(solved: _Solved) -> float:
     """The largest one of the bodies, relative to the scale: part of the error that the rows will state."""
     worst = 0.0
     for columns in solved.columns:
         if DISAGREEMENT in columns:
-            size = scale(columns["force_N"], currents)
-            share = np.divide(columns[DISAGREEMENT], size, out=np.zeros(len(currents)), where=size > 0.0)
+            size = scale(columns["force_N"], solved.checked)
+            share = np.divide(columns[DISAGREEMENT], size, out=np.zeros(len(size)), where=size > 0.0)
             worst = float(np.fmax.reduce(share, initial=worst))
     return worst
 
 
-def scale(values: Sequence[float], currents: FloatArray) -> FloatArray:
+def scale(values: Sequence[float] | FloatArray, currents: FloatArray) -> FloatArray:
     """What errors at one distance are relative to: a value, or that at the weakest currents if it is larger.
 
-    Where the coil's force cancels the magnet's, the sum is no measure of what was computed. A force that vanishes by
-    symmetry leaves the solver's last digits, which are no measure of anything: it is 0.
+    Where the coil's force cancels the magnet's, the sum is no measure of what was computed. A force that passes through
+    zero, or that vanishes by symmetry, is none either: errors there are relative to :data:`SMALL` of the largest.
     """
     size = np.abs(np.array(values, dtype=np.float64))
     size = np.fmax(size, size[weakest(currents)])
-    return np.asarray(np.where(size <= ROUNDING * np.fmax.reduce(size), 0.0, size))
+    return np.asarray(np.fmax(size, SMALL * np.fmax.reduce(size)))

@@ -59,8 +59,8 @@ def test_two_processes_give_the_numbers_of_one(whole, actuator, tmp_path):
 def failing_at(current, minimise):
     """Newton's iteration given up at one current after two corrections."""
 
-    def limited(system, i, start):
-        return minimise(system, i, start, limit=2 if i == current else 60)
+    def limited(system, i, start, **options):
+        return minimise(system, i, start, limit=2 if i == current else 60, **options)
 
     return limited
 

@@ -96,7 +96,7 @@ def test_newtons_iteration_converges_quadratically():
     system = problem.fine
     system.move()
     near = minimise(system, np.array([4.0]), np.zeros(system.space.ndof)).state
-    result = minimise(system, np.array([5.0]), near, contraction=0.0)
+    result = minimise(system, np.array([5.0]), near, renewal_cost=0.0)
     assert result.converged
     # From one correction to the next r -> C r^2: close to the solution the digits double.
     tail = [r for r in result.history if r < 3e-3]
@@ -110,7 +110,7 @@ def test_a_kept_derivative_leads_to_the_same_state_as_a_renewed_one():
     system = problem.coarse
     system.move()
     start = np.zeros(system.space.ndof)
-    kept, renewed = (minimise(system, np.array([8.0]), start, contraction=share).state for share in (0.1, 0.0))
+    kept, renewed = (minimise(system, np.array([8.0]), start, renewal_cost=cost).state for cost in (math.inf, 0.0))
     difference, scale = (system.evaluate(state, np.array([0.0])).square for state in (kept - renewed, renewed))
     assert math.sqrt(difference / scale) < TOLERANCE
 
