@@ -1,10 +1,10 @@
 """``femfit run``: the whole main job in turn."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, validators
 
@@ -49,7 +49,6 @@ def run(
 
     from femfit.cli.output import write_json
     from femfit.cli.progress import sweep_progress
-    from femfit.core.amount import amount
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
@@ -71,10 +70,7 @@ def run(
     with steps.timed("sweep"), sweep_progress(parts.name) as progress:
         table = run_sweep(parts, directory, workers=workers or len(os.sched_getaffinity(0)), progress=progress)
     summary = summarise(table)
-    steps.say(
-        f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most "
-        f"{amount(summary['force_error_relative_max'], '')}"
-    )
+    steps.say(_solved(summary))
     for remark in clipped_hall(only(parts), table):
         print(remark)
     with steps.timed("fit"):
@@ -120,6 +116,15 @@ def run(
             "no_closed_loop": no_study,
             "seconds": steps.times,
         },
+    )
+
+
+def _solved(summary: Mapping[str, Any]) -> str:
+    from femfit.core.amount import amount
+
+    return (
+        f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most "
+        f"{amount(summary['force_error_relative_max'], '')}"
     )
 
 

@@ -88,7 +88,7 @@ def sweep(
 def _force(summary: Mapping[str, Any]) -> str:
     if summary["force_min_N"] is None:
         return ""
-    from femfit.core.amount import amount  # noqa: PLC0415
+    from femfit.core.amount import amount
 
     return (
         f"; force {summary['force_min_N']:.4g} to {summary['force_max_N']:.4g} N, its discretisation error estimated "
