@@ -28,7 +28,17 @@ VARIANT = "variant"
 
 def current_columns(circuits: Sequence[str]) -> list[str]:
     """One column a circuit; one of zeros where there is none."""
-    return _named("current_A", circuits) or ["current_A"]
+    return circuit_currents(circuits) or ["current_A"]
+
+
+def circuit_currents(circuits: Sequence[str]) -> list[str]:
+    """One column a circuit."""
+    return _named("current_A", circuits)
+
+
+def voltage_columns(circuits: Sequence[str]) -> list[str]:
+    """One column a circuit."""
+    return _named("voltage_V", circuits)
 
 
 def flux_columns(circuits: Sequence[str]) -> list[str]:

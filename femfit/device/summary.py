@@ -23,6 +23,7 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         "description": actuator.description,
         "mass_kg": actuator.mechanics.mass_kg,
         **_of_one_circuit(actuator),
+        "supply_V": [actuator.supply.voltage_min_V, actuator.supply.voltage_max_V] if actuator.supply else None,
         "sample_time_s": actuator.supply.sample_time_s if actuator.supply else None,
         "reference_distances_m": list(actuator.reference_distances_m),
         "hall": None if actuator.hall is None else asdict(actuator.hall),
@@ -44,20 +45,22 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
 
 
 def _of_one_circuit(actuator: Actuator) -> dict[str, Any]:
-    """The numbers of an actuator with one coil whose driver's voltages are known; nothing for others."""
-    if len(actuator.coils) != 1 or len(actuator.circuits) != 1:
+    """The numbers of an actuator with one circuit whose driver's voltages are known; nothing for others."""
+    if len(actuator.circuits) != 1:
         return {}
-    circuit, coil, supply = actuator.circuits[0], actuator.coil, actuator.supply
+    circuit, supply = actuator.circuits[0], actuator.supply
     if circuit.drive.kind == "voltage":
         lowest, highest = circuit.drive.minimum, circuit.drive.maximum
     elif supply is not None:  # what a current amplifier has to give
         lowest, highest = supply.voltage_min_V, supply.voltage_max_V
     else:
         return {}
+    of_coil = {}
+    if len(actuator.coils) == 1:
+        of_coil = {"turns": actuator.coil.turns, "wire_diameter_m": actuator.coil.wire_diameter_m}
     return {
         "resistance_ohm": circuit.resistance_ohm,
-        "turns": coil.turns,
-        "wire_diameter_m": coil.wire_diameter_m,
+        **of_coil,
         "voltage_min_V": lowest,
         "voltage_max_V": highest,
     }

@@ -20,6 +20,7 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
 from femfit.core.printed import Printed
+from femfit.core.sweep_columns import is_current
 from femfit.filters.constants import OBSERVED_SHARE, SETTLING_STEPS
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import FilterNoise
@@ -54,7 +55,8 @@ class ErrorBound(Printed):
     def __str__(self) -> str:
         lines = [f"Best that any filter can do with {', '.join(self.sensors)}, the body held still:"]
         for place, deviations, seen in zip(self.places, self.deviations, self.observed, strict=True):
-            where = f"at {amount(place[0], 'm')} and {amount(place[2], 'A')}"
+            currents = [amount(float(place[k]), "A") for k, name in enumerate(self.names) if is_current(name)]
+            where = " and ".join([f"at {amount(place[0], 'm')}", *currents])
             told = [
                 f"{name.rpartition('_')[0].replace('_', ' ')} to {amount(float(deviation), name.rpartition('_')[2])}"
                 for name, deviation, known in zip(self.names, deviations, seen, strict=True)
@@ -73,7 +75,7 @@ def error_bound(
     biases: Sequence[str] = (),
     noise: FilterNoise | None = None,
     distances_m: Sequence[float] | None = None,
-    currents_A: Sequence[float] | None = None,
+    currents_A: Sequence[float] | Sequence[Sequence[float]] | None = None,
 ) -> ErrorBound:
     """How well sensors tell the states of a body held still, before any filter starts.
 
@@ -83,7 +85,7 @@ def error_bound(
         As for :func:`femfit.kalman_filter`.
     distances_m, currents_A : sequence of float or None
         Where; a quarter, a half and three quarters of the travel, without current and with half of the
-        largest, where None.
+        largest, where None. With n circuits each entry of the currents has n numbers.
 
     Raises
     ------
@@ -104,14 +106,21 @@ def error_bound(
     if distances_m is None:
         ends = np.clip(model.require_motion().ends, box.distance_min_m, box.distance_max_m)
         distances_m = (ends[0] + np.array([0.25, 0.5, 0.75]) * (ends[1] - ends[0])).tolist()
-    if currents_A is None:
-        still = 0.0 if box.current_min_A <= 0.0 <= box.current_max_A else box.current_min_A
-        currents_A = (still, 0.5 * box.current_max_A)
-    model.validity.require(np.array(distances_m)[:, None], np.array(currents_A))
     process = levitation_process(_without_stops(model), sensors=sensors, biases=biases, noise=noise)
-    places = np.zeros((len(distances_m) * len(currents_A), process.order))
-    places[:, 0], places[:, 2] = np.repeat(distances_m, len(currents_A)), np.tile(currents_A, len(distances_m))
-    volts = model.require_circuit().resistance_ohm * places[:, 2]
+    circuits = len(model.circuits)
+    currents = _places_of_currents(model) if currents_A is None else np.asarray(currents_A, dtype=np.float64)
+    if currents.shape[1:] != (() if circuits == 1 else (circuits,)):
+        raise FilterError(
+            f"currents_A must hold {circuits} currents for each point, one a circuit; instead received the shape "
+            f"{currents.shape}."
+        )
+    currents = currents.reshape(len(currents), -1)
+    places = np.zeros((len(distances_m) * len(currents), process.order))
+    places[:, 0] = np.repeat(distances_m, len(currents))
+    places[:, 2 : 2 + circuits] = np.tile(currents, (len(distances_m), 1))
+    model.validity.require(places[:, 0], model.currents_of(places))
+    volts = model.resistances_ohm * places[:, 2 : 2 + circuits]
+    volts = volts[:, 0] if circuits == 1 else volts
     slope, outputs = process.state_jacobian(places, volts), _output_jacobians(process, places)
     covariance = np.broadcast_to(process.require_start_covariance(), slope.shape)
     for _ in range(SETTLING_STEPS):
@@ -125,6 +134,14 @@ def error_bound(
     )
 
 
+def _places_of_currents(model: ActuatorModel) -> FloatArray:
+    """No current, or the nearest to it, and half of the largest; shape (2,), or (2, n) where there is not one."""
+    limits = model.validity.current_limits_A[: len(model.circuits)]
+    still = np.clip(0.0, limits[:, 0], limits[:, 1])
+    places = np.stack([still, 0.5 * limits[:, 1]]) if len(limits) else np.zeros((1, 0))
+    return places[:, 0] if len(limits) == 1 else places
+
+
 def bound_along(process: FilterProcess, states: FloatArray, inputs: FloatArray) -> FloatArray:
     """Covariances J^-1 along a trajectory, after each sample's readings.
 
@@ -132,7 +149,7 @@ def bound_along(process: FilterProcess, states: FloatArray, inputs: FloatArray) 
     ----------
     states : array, shape (samples, n)
         The true ones.
-    inputs : array, shape (samples,)
+    inputs : array, shape (samples,), or (samples, circuits) where there is not one
         Held from the sample before to each one; the first is not used.
 
     Returns

@@ -150,11 +150,11 @@ class Filter(Printed, ABC):
         Parameters
         ----------
         voltage : array, shape (runs,), or float
-            Input u held from this sample to the next.
+            Input u held from this sample to the next; of a process with n inputs of shape (runs, n) or (n,).
         """
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
-            moments = self._predicted(state, _per_run(state, voltage))
+            moments = self._predicted(state, _inputs(state, voltage, self.process.inputs))
             known = state.innovation, state.innovation_variance, state.out_of_band
             return self._next(moments, known, state.outcome)
 
@@ -201,12 +201,19 @@ class Filter(Printed, ABC):
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
         if len(state.mean) == 1 and not state.outcome.item():
-            alone = self._step_alone(state, _number(voltage), _numbers(measurement, len(self.process.outputs)))
+            inputs = self.process.inputs
+            given = _number(voltage) if inputs == 1 else _inputs(state, voltage, inputs)[0]
+            alone = self._step_alone(state, given, _numbers(measurement, len(self.process.outputs)))
             if alone is not None:
                 return alone
         return self.update(self.predict(state, voltage), measurement)
 
-    def _step_alone(self, state: FilterState, voltage: float, measurement: list[float]) -> FilterState | None:  # noqa: ARG002
+    def _step_alone(
+        self,
+        state: FilterState,  # noqa: ARG002
+        voltage: float | FloatArray,  # noqa: ARG002
+        measurement: list[float],  # noqa: ARG002
+    ) -> FilterState | None:
         """A quicker step of one healthy run; None where there is none, or where something must be named."""
         return None
 
@@ -258,6 +265,19 @@ def _per_run(state: FilterState, value: ArrayLike) -> FloatArray:
     result = np.empty(state.runs, state.mean.dtype)
     result[:] = value
     return result
+
+
+def _inputs(state: FilterState, voltage: FloatArray | float, inputs: int) -> FloatArray:
+    """Voltages of shape (runs,), or (runs, inputs) where there is not one input, in the state's precision."""
+    if inputs == 1:
+        return _per_run(state, voltage)
+    given = np.asarray(voltage, state.mean.dtype)
+    if given.shape not in {(inputs,), (state.runs, inputs), (1, inputs)}:
+        raise FilterError(
+            f"This filter takes {inputs} voltages for each of {state.runs} runs, one a circuit; instead received the "
+            f"shape {given.shape}."
+        )
+    return np.broadcast_to(given, (state.runs, inputs))
 
 
 def _readings(state: FilterState, value: ArrayLike, sensors: int) -> FloatArray:

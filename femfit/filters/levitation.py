@@ -37,8 +37,6 @@ LARGEST_STEP = 2.0
 """Largest stable step of Euler's method times R/L of a decaying current (E. Hairer and G. Wanner, Solving Ordinary
 Differential Equations II (Springer, 1996), section IV.2)."""
 
-STATE_NAMES = ("distance_m", "velocity_m_s", "current_A")
-
 
 def levitation_process(
     model: ActuatorModel,
@@ -49,7 +47,7 @@ def levitation_process(
     sensors: Sequence[str] | None = None,
     biases: Sequence[str] | None = None,
 ) -> FilterProcess:
-    """Process and measurement of a moving part with any sensors.
+    """Process and measurement of a moving part with any circuits and sensors.
 
     The Jacobians are analytic, and central differences where effects have states and of accelerations and forces.
 
@@ -72,7 +70,7 @@ def levitation_process(
     distance = operating_distance(model) if distance is None else distance
     require_slow_coil(model, distance)
     noise = default_noise(model, distance) if noise is None else noise
-    names = (*STATE_NAMES, *model.memory_names, *bias_names(model, biases))
+    names = (*model.state_names, *bias_names(model, biases))
     lower, upper = _plausible_range(model, len(names))
     first, walks = bias_deviations(model, biases)
     walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
@@ -90,10 +88,11 @@ def levitation_process(
         measure_columns=own.columns,
         lower=lower,
         upper=upper,
-        start_covariance=with_memory(model, initial_covariance(biases=first)),
+        start_covariance=with_memory(model, initial_covariance(biases=first, circuits=len(model.circuits))),
         sensor=own.name,
         unit=own.unit,
         further=tuple(further),
+        inputs=len(model.circuits),
     )
 
 
@@ -133,21 +132,38 @@ def require_slow_coil(model: ActuatorModel, distance: float) -> None:
     distance : float
         Where the inductance is taken, in m.
     """
-    circuit, box = model.require_circuit(), model.validity
-    currents = np.linspace(box.current_min_A, box.current_max_A, 5)
-    inductance = float(model.magnetics.inductance(np.full(5, distance), currents).min())
-    longest = LARGEST_STEP * inductance / circuit.resistance_ohm
+    if not model.circuits:
+        return
+    shortest = fastest_time_constant(model, distance)
+    longest = LARGEST_STEP * shortest
     if model.sample_time_s > longest:
+        coil = "its coil has" if len(model.circuits) == 1 else "the fastest of its circuits has"
         raise FilterError(
-            f"The filter of model {model.name!r} must take steps of at most {1e3 * longest:.3g} ms, because its coil "
-            f"has L/R = {1e3 * inductance / circuit.resistance_ohm:.3g} ms; the sample time is "
-            f"{1e3 * model.sample_time_s:g} ms. Give [supply] a shorter sample_time_ms, or drive the coil by a current "
-            "loop with a larger resistance_ohm."
+            f"The filter of model {model.name!r} must take steps of at most {1e3 * longest:.3g} ms, because {coil} "
+            f"L/R = {1e3 * shortest:.3g} ms; the sample time is {1e3 * model.sample_time_s:g} ms. Give [supply] a "
+            "shorter sample_time_ms, or drive the coil by a current loop with a larger resistance_ohm."
         )
 
 
+def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
+    """Smallest L/R over the currents of the validity domain in s: the least eigenvalue of R^-1 L of several circuits.
+
+    Parameters
+    ----------
+    distance : float
+        In m.
+    """
+    _, currents = model.validity.grid(1, 3 if model.further_circuits else 5)
+    at = model.magnetics.state_of_circuits(np.full(len(currents), distance), currents.reshape(len(currents), -1))
+    inductance = at.inductance + model.series_inductances_H
+    if len(model.circuits) == 1:
+        return float(inductance.min() / model.resistances_ohm[0])
+    root = np.sqrt(model.resistances_ohm)  # eigenvalues of R^-1 L, made symmetric
+    return float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).min())
+
+
 def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order = 3 + len(model.memory_names)
+    order = model.order
     result = np.empty(states.shape[::-1]).T
     result[:, :order] = euler_step(model, states[:, :order], voltage, model.sample_time_s)
     result[:, order:] = states[:, order:]
@@ -166,7 +182,7 @@ def kept_between_stops(model: ActuatorModel, states: FloatArray) -> FloatArray:
 
 
 def _transition_jacobian(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order, moving = states.shape[1], 3 + len(model.memory_names)
+    order, moving = states.shape[1], model.order
     result = np.zeros((len(states), order, order))
     result[:, :moving, :moving] = euler_jacobian(model, states[:, :moving], voltage, model.sample_time_s)
     biases = range(moving, order)
@@ -183,11 +199,11 @@ def _transition_jacobian(model: ActuatorModel, states: FloatArray, voltage: Floa
 def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, FloatArray]:
     """Distances around the validity domain, and currents up to one width of their range beyond it."""
     domain = model.validity
-    width = domain.current_max_A - domain.current_min_A
     lower, upper = np.full(order, -np.inf), np.full(order, np.inf)
     stroke = domain.distance_max_m - domain.distance_min_m
     # Beyond a face that the body passes there are distances of both signs
     lower[0] = NEAREST * domain.distance_min_m if domain.distance_min_m > 0.0 else domain.distance_min_m - stroke
     upper[0] = FARTHEST * domain.distance_max_m if domain.distance_min_m > 0.0 else domain.distance_max_m + stroke
-    lower[2], upper[2] = domain.current_min_A - width, domain.current_max_A + width
+    for k, (low, high) in enumerate(domain.current_limits_A[: len(model.circuits)], start=2):
+        lower[k], upper[k] = low - (high - low), high + (high - low)
     return lower, upper

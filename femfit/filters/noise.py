@@ -32,6 +32,7 @@ from femfit.filters.constants import (
 )
 from femfit.filters.theory import unstable_pole
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.circuit import Circuit
 from femfit.model.dynamics import state_derivative
 from femfit.model.hall_sensor import HallSensor
 
@@ -41,7 +42,7 @@ class FilterNoise:
     """Standard deviations and densities of everything white."""
 
     acceleration_density: float  # q in m^2/s^3
-    voltage_V: float
+    voltage_V: float | tuple[float, ...]  # One for all circuits, or one each
     hall_V: float
     bias_density: float = BIAS_DENSITY  # Random walk of the Hall bias, V / sqrt(s)
     # White noise of one sample by the name of a sensor, in its own unit; the model's own for one that is not here
@@ -62,7 +63,7 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
     noise_V : float or None
         White noise of the Hall voltage in V; the sensor's own where None.
     """
-    circuit, motion = model.require_circuit(), model.require_motion()
+    circuits, motion = model.require_circuits(), model.require_motion()
     distance = operating_distance(model) if distance is None else distance
     rate = motion_rate(model, distance)
     weight = motion.mass_kg * abs(motion.gravity_m_s2)
@@ -75,11 +76,14 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
     density, volts = (known.acceleration_density, known.voltage_V) if known is not None else (None, None)
     return FilterNoise(
         acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
-        voltage_V=DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V))
-        if volts is None
-        else volts,
+        voltage_V=_driver_errors(circuits) if volts is None else volts,
         hall_V=hall_noise(model.sensor, noise_V) if model.sensor is not None else float("nan"),
     )
+
+
+def _driver_errors(circuits: Sequence[Circuit]) -> float | tuple[float, ...]:
+    errors = tuple(DRIVER_ERROR * max(abs(one.voltage_min_V), abs(one.voltage_max_V)) for one in circuits)
+    return errors[0] if len(errors) == 1 else errors
 
 
 def motion_rate(model: ActuatorModel, distance: float) -> float:
@@ -89,12 +93,13 @@ def motion_rate(model: ActuatorModel, distance: float) -> float:
     sqrt(F / (m s)) with the largest net force F at this distance and the stroke s of the validity domain.
     """
     box, motion = model.validity, model.require_motion()
-    box.require(np.asarray(distance), np.asarray(box.current_min_A))
+    _, currents = box.grid(1, 5 if box.further_A else 21)
+    distances = np.full(len(currents), distance)
+    box.require(distances, currents)
     try:
         return unstable_pole(model, distance)
     except DomainError:
-        currents = np.linspace(box.current_min_A, box.current_max_A, 21)
-        force = model.magnetics.force(np.full(21, distance), currents) - motion.static_force(np.asarray(distance))
+        force = model.magnetics.force(distances, currents) - motion.static_force(np.asarray(distance))
         stroke = box.distance_max_m - box.distance_min_m
         return float(np.sqrt(np.abs(force).max() / (motion.mass_kg * stroke)))
 
@@ -111,21 +116,24 @@ def process_covariance(
 ) -> FloatArray:
     """Q of one sample in m, m/s, A, pure numbers for the states of effects, and the units of biases, L at a distance.
 
+    The errors of several drivers are independent, and each moves all currents: cov i = L^-1 diag(sigma_U t)^2 L^-1.
+
     Parameters
     ----------
     bias_densities : sequence of float
         Random walks of the biases, in their units over sqrt(s).
     """
     t, q = model.sample_time_s, noise.acceleration_density
-    box = model.validity
-    middle = np.asarray(0.5 * (box.current_min_A + box.current_max_A))
-    inductance = float(model.magnetics.inductance(np.asarray(distance), middle))
-    moving = 3 + len(model.memory_names)
+    circuits = len(model.circuits)
+    middle = model.validity.current_limits_A.mean(axis=1)[:circuits]
+    at = model.magnetics.state_of_circuits(np.asarray(distance), middle)
+    moving = model.order
     result = np.zeros((moving + len(bias_densities),) * 2)
     result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
-    result[2, 2] = (noise.voltage_V * t / inductance) ** 2
-    if moving > 3:
-        _add_memory(result, model, distance, float(middle))
+    steps = np.linalg.inv(at.inductance + model.series_inductances_H) * np.multiply(noise.voltage_V, t)
+    result[2 : 2 + circuits, 2 : 2 + circuits] = steps @ steps.T
+    if model.memory_names:
+        _add_memory(result, model, distance, float(middle[0]))
     biases = range(moving, len(result))
     result[biases, biases] = np.square(bias_densities) * t
     return result
@@ -148,10 +156,11 @@ def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
     if model.dynamics is None or not model.memory_names:
         return covariance
     added = len(model.memory_names)
-    kept = np.r_[0:3, 3 + added : len(covariance) + added]
+    first = 2 + len(model.circuits)
+    kept = np.r_[0:first, first + added : len(covariance) + added]
     result = np.zeros((len(covariance) + added,) * 2)
     result[np.ix_(kept, kept)] = covariance
-    result[range(3, 3 + added), range(3, 3 + added)] = model.dynamics.spreads**2
+    result[range(first, first + added), range(first, first + added)] = model.dynamics.spreads**2
     return result
 
 
@@ -161,7 +170,9 @@ def initial_covariance(
     current_A: float = FIRST_CURRENT_A,
     hall_bias_V: float | None = None,
     biases: Sequence[float] = (),
+    circuits: int = 1,
 ) -> FloatArray:
     """Covariance of a first estimate from its standard deviations; the Hall bias, and further ones, where given."""
-    deviations = [distance_m, velocity_m_s, current_A, *(() if hall_bias_V is None else (hall_bias_V,)), *biases]
+    hall = () if hall_bias_V is None else (hall_bias_V,)
+    deviations = [distance_m, velocity_m_s, *(current_A,) * circuits, *hall, *biases]
     return np.diag(np.square(np.asarray(deviations, dtype=np.float64)))

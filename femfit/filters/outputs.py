@@ -14,18 +14,18 @@ from femfit.filters.process import Output
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.float_steps import float_reading
 from femfit.model.hall_sensor import HallSensor
-from femfit.model.sensors import HALL, AnySensor, piece_slope, predict_sensor, reading_of, sensor_named
+from femfit.model.sensors import HALL, AnySensor, current_index, piece_slope, predict_sensor, reading_of, sensor_named
 
 
 def outputs_of(
     model: ActuatorModel, sensors: Sequence[str], biases: Sequence[str], noise: FilterNoise
 ) -> tuple[Output, ...]:
     """One output a sensor; a bias is the state at its place in ``biases``, after those of the model."""
-    moving = 3 + len(model.memory_names)
+    moving = model.order
     found = []
     for name in sensors:
         sensor = sensor_named(model, name)
-        reading = reading_of(name, sensor)
+        reading = reading_of(model, name)
         white = noise.hall_V if isinstance(sensor, HallSensor) else noise.sensors.get(name, reading.white)
         if not white > 0.0:
             raise FilterError(
@@ -47,7 +47,7 @@ def outputs_of(
 
 def bias_names(model: ActuatorModel, biases: Sequence[str]) -> tuple[str, ...]:
     """Names of the states that are biases."""
-    units = {name: reading_of(name, sensor_named(model, name)).unit for name in biases}
+    units = {name: reading_of(model, name).unit for name in biases}
     return tuple(f"{name}_bias_{unit.replace('/', '_per_').replace('^', '')}" for name, unit in units.items())
 
 
@@ -59,12 +59,9 @@ def bias_deviations(model: ActuatorModel, biases: Sequence[str]) -> tuple[list[f
 
 
 def _span(model: ActuatorModel, sensor: AnySensor) -> float:
-    box = model.validity
-    d, i = np.meshgrid(
-        np.linspace(box.distance_min_m, box.distance_max_m, 9), np.linspace(box.current_min_A, box.current_max_A, 9)
-    )
-    states = np.zeros((d.size, 3 + len(model.memory_names)))
-    states[:, 0], states[:, 2] = d.ravel(), i.ravel()
+    d, i = model.validity.grid(9, 3 if model.further_circuits else 9)
+    states = np.zeros((d.size, model.order))
+    states[:, 0], states[:, 2 : 2 + len(model.circuits)] = d, i.reshape(d.size, -1)[:, : len(model.circuits)]
     return float(np.ptp(predict_sensor(model, sensor, states)))
 
 
@@ -78,7 +75,9 @@ def _slope(model: ActuatorModel, sensor: AnySensor, bias: int | None) -> partial
     late = model.memory_names or (model.dynamics is not None and model.dynamics.late)
     if isinstance(sensor, HallSensor):
         return None if late else partial(_hall_slope, sensor, bias)
-    return partial(_linear_slope, sensor, bias) if isinstance(sensor, CurrentSensor | PositionSensor) else None
+    if isinstance(sensor, CurrentSensor):
+        return partial(_current_slope, sensor, current_index(model, sensor), bias)
+    return partial(_position_slope, sensor, bias) if isinstance(sensor, PositionSensor) else None
 
 
 def _hall_slope(sensor: HallSensor, bias: int | None, states: FloatArray) -> FloatArray:
@@ -91,13 +90,18 @@ def _hall_slope(sensor: HallSensor, bias: int | None, states: FloatArray) -> Flo
     return result
 
 
-def _linear_slope(sensor: CurrentSensor | PositionSensor, bias: int | None, states: FloatArray) -> FloatArray:
+def _current_slope(sensor: CurrentSensor, at: int, bias: int | None, states: FloatArray) -> FloatArray:
     result = np.zeros_like(states)
-    if isinstance(sensor, CurrentSensor):
-        result[:, 2] = sensor.gain
-    else:
-        slope = piece_slope(sensor, states[:, 0] - sensor.delay_s * states[:, 1])
-        result[:, 0], result[:, 1] = slope, -sensor.delay_s * slope
+    result[:, at] = sensor.gain
+    if bias is not None:
+        result[:, bias] = 1.0
+    return result
+
+
+def _position_slope(sensor: PositionSensor, bias: int | None, states: FloatArray) -> FloatArray:
+    result = np.zeros_like(states)
+    slope = piece_slope(sensor, states[:, 0] - sensor.delay_s * states[:, 1])
+    result[:, 0], result[:, 1] = slope, -sensor.delay_s * slope
     if bias is not None:
         result[:, bias] = 1.0
     return result

@@ -37,21 +37,21 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class FilterProcess:
-    """A discrete process with one input and the readings of one or more sensors, batched over N states.
+    """A discrete process with its inputs and the readings of one or more sensors, batched over N states.
 
     The input does not reach the measurement directly: z of a sample is taken before its u is applied.
     """
 
     names: tuple[str, ...]  # State names with units, for example ``distance_m``
     step_s: float
-    transition: Transition  # f: states (N, n) and inputs (N,) -> next states (N, n)
+    transition: Transition  # f: states (N, n) and inputs (N,), or (N, inputs), -> next states (N, n)
     measure: Measure  # h: states (N, n) -> measurements (N,)
     process_covariance: FloatArray  # Q, added once a step; shape (n, n)
     measurement_variance: float
     transition_jacobian: Transition | None = None  # df/dx, shape (N, n, n); central differences where absent
     measurement_jacobian: Measure | None = None  # dh/dx, shape (N, n); central differences where absent
     # The same functions for a handful of states in Python's floats, one list a state; by arrays where absent
-    transition_columns: Callable[[Columns, float], Columns] | None = None
+    transition_columns: Callable[[Columns, float], Columns] | None = None  # of a process with one input
     measure_columns: Callable[[Columns], list[float]] | None = None
     # Range of states that the model can still say something about; shape (n,)
     lower: FloatArray | None = None
@@ -61,6 +61,7 @@ class FilterProcess:
     sensor: str = "hall"
     unit: str = "V"
     further: tuple[Output, ...] = ()
+    inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
 
     @cached_property
     def outputs(self) -> tuple[Output, ...]:
@@ -76,11 +77,11 @@ class FilterProcess:
             result &= (states[:, k] > low) & (states[:, k] < high)
         return result
 
-    def move(self, columns: Columns, voltage: float) -> Columns:
+    def move(self, columns: Columns, voltage: float | FloatArray) -> Columns:
         """The transition of a handful of states, given and returned as one list a state."""
-        if self.transition_columns is not None:
+        if self.transition_columns is not None and isinstance(voltage, float):
             return self.transition_columns(columns, voltage)
-        inputs = np.full(len(columns[0]), voltage)
+        inputs = np.full((len(columns[0]), *np.shape(voltage)), voltage)
         result: Columns = self.transition(np.array(columns).T, inputs).T.tolist()
         return result
 
@@ -129,7 +130,9 @@ class FilterProcess:
         if self.transition_jacobian is not None:
             return self.transition_jacobian(states, inputs)
         return central_differences(
-            lambda points: self.transition(points, np.tile(inputs, 2 * self.order)), states, self._deviations
+            lambda points: self.transition(points, np.concatenate([inputs] * (2 * self.order))),
+            states,
+            self._deviations,
         )
 
     def output_jacobian(self, states: FloatArray, output: Output | None = None) -> FloatArray:

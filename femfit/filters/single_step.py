@@ -10,6 +10,7 @@ from math import isnan
 from operator import mul
 from typing import NamedTuple
 
+from femfit.core.arrays import FloatArray
 from femfit.filters.cholesky import cholesky_rows
 from femfit.filters.process import Columns, FilterProcess
 
@@ -28,7 +29,7 @@ def single_step(
     process: FilterProcess,
     mean: list[float],
     factor: list[list[float]],
-    voltage: float,
+    voltage: float | FloatArray,
     measurement: list[float],
     scaling: tuple[float, float, float],
 ) -> SingleStep | None:

@@ -14,53 +14,27 @@ section 5.4 (consistency).
 """
 
 from dataclasses import dataclass
-from functools import partial
 from statistics import NormalDist
 
 import numpy as np
 
 from femfit.core.errors import DomainError
+from femfit.filters.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
-
-
-def holding_current(model: ActuatorModel, distance: float) -> float:
-    """Current at which the force balances weight, springs and load."""
-    motion, box = model.require_motion(), model.validity
-    model.validity.require(np.asarray(distance), np.asarray(box.current_min_A))
-    needed = float(motion.static_force(np.asarray(distance)))
-    against = "weight, springs and load" if motion.springs or motion.load_N else "a weight"
-
-    force = partial(_force, model, distance)
-    lower, upper = model.attracting_range(box.current_min_A, box.current_max_A)
-    if force(lower) > needed or force(upper) < needed:
-        raise DomainError(
-            f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
-            f"{box.current_min_A:g}..{box.current_max_A:g} A, where the model was fitted; its forces there are "
-            f"{force(lower):g} to {force(upper):g} N against {against} of {needed:g} N. Choose another distance or "
-            "sweep wider."
-        )
-    while True:
-        middle = 0.5 * (lower + upper)
-        if middle in {lower, upper}:
-            return middle
-        lower, upper = (middle, upper) if force(middle) < needed else (lower, middle)
-
-
-def _force(model: ActuatorModel, distance: float, current: float) -> float:
-    return float(model.magnetics.force(np.asarray(distance), np.asarray(current)))
 
 
 def unstable_pole(model: ActuatorModel, distance: float) -> float:
     """Unstable pole lambda = sqrt((dF_0/dd - dF/dd) / m) where the body is held."""
-    current = holding_current(model, distance)
+    currents = holding_currents(model, distance)
     at = np.asarray(distance)
-    gradient = float(model.magnetics.force_gradient(at, np.asarray(current)))
+    gradient = float(model.magnetics.slopes_of_circuits(at, currents).force_gradient)
     gradient -= float(model.require_motion().static_gradient(at))
     if gradient >= 0.0:
+        held = " and ".join(f"{current:g} A" for current in currents)
         raise DomainError(
             "Force and springs together must fall with the distance for the levitation to be unstable; at "
-            f"{1e3 * distance:g} mm and {current:g} A its slope is {gradient:g} N/m, and no bound on the noise ratio "
-            "follows."
+            f"{1e3 * distance:g} mm{f' and {held}' if held else ''} its slope is {gradient:g} N/m, and no bound on the "
+            "noise ratio follows."
         )
     return float(np.sqrt(-gradient / model.require_motion().mass_kg))
 

@@ -54,9 +54,9 @@ class UnscentedFilter(Filter):
         _, weight, shift_weight = self._scaling
         points = self._points(state)
         order, count, runs = points.shape
-        inputs = np.empty((count, runs), voltage.dtype)
+        inputs = np.empty((count, *voltage.shape), voltage.dtype)
         inputs[:] = voltage
-        moved = self.process.transition(points.reshape(order, -1).T, inputs.ravel())
+        moved = self.process.transition(points.reshape(order, -1).T, inputs.reshape(count * runs, *voltage.shape[1:]))
         moved = np.ascontiguousarray(moved.T, dtype=points.dtype).reshape(points.shape)
         delta, shift = _deviations(moved, weight)
         covariance = np.einsum("iar,jar->ijr", delta, delta)
@@ -91,7 +91,9 @@ class UnscentedFilter(Filter):
         np.subtract(centre[:, None], columns, out=points[:, order + 1 :])
         return points
 
-    def _step_alone(self, state: FilterState, voltage: float, measurement: list[float]) -> FilterState | None:
+    def _step_alone(
+        self, state: FilterState, voltage: float | FloatArray, measurement: list[float]
+    ) -> FilterState | None:
         if state.mean.dtype != DOUBLE:
             return None
         step = single_step(

@@ -14,7 +14,7 @@ from femfit.core.sweep_columns import flux_columns
 from femfit.fit.circuits_fit import CircuitRows, fit_circuits
 from femfit.fit.constants import COARSE
 from femfit.fit.misfit import as_written, import_notes
-from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number
+from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number, other_sensors_of
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel
@@ -41,6 +41,8 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     if motion is None:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
+    others, not_held = other_sensors_of(entry)
+    notes = (*notes, *not_held)
     if fit.force_share > COARSE:
         notes = (
             *notes,
@@ -58,6 +60,7 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
         motion=motion,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         kind=kind_of(entry),
+        other_sensors=others,
     )
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else _sample_time(model)
     model = replace(model, sample_time_s=period)

@@ -88,7 +88,8 @@ def circuit_and_motion(
     circuit = None
     if not missing:
         resistance, lowest, highest = (number(entry, key) for key in keys)
-        circuit = Circuit(resistance, lowest, highest, _drive(entry))
+        one = (entry.get("circuits") or [{}])[0]
+        circuit = Circuit(resistance, lowest, highest, _drive(one), *_name_and_series(one))
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     return circuit, motion, tuple(notes)
 
@@ -101,24 +102,33 @@ def mechanics_of(entry: Mapping[str, Any]) -> Mechanics:
 def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:
     """The circuits of several names, and how to give what is missing; none where not all are there."""
     recorded = {one.get("name"): one for one in entry.get("circuits") or ()}
-    amplifiers = [name for name in names if ((recorded.get(name) or {}).get("drive") or {}).get("kind") == "current"]
     if not set(names) <= set(recorded):
         return (), (f"No circuits in the model: give --actuator ACTUATOR.toml with {', '.join(names)}.",)
-    if amplifiers:
-        return (), (f"No circuits in the model: the voltage limits behind {', '.join(amplifiers)} are unknown.",)
-    circuits = []
+    circuits, without = [], []
     for name in names:
         one = recorded[name]
-        drawn = _recorded(DrawnDrive, "drive", one.get("drive") or {})
-        ohms, henries = number(one, "resistance_ohm"), float(one.get("inductance_H") or 0.0)
-        circuits.append(Circuit(ohms, drawn.minimum, drawn.maximum, Drive(diode_V=drawn.diode_V), name, henries))
+        drawn, drive = _recorded(DrawnDrive, "drive", one.get("drive") or {}), _drive(one)
+        amplifier = drive.kind == "current"
+        limits = entry.get("supply_V") if amplifier else (drawn.minimum, drawn.maximum)
+        if not limits:
+            without.append(name)
+            continue
+        low, high = map(float, limits)
+        circuits.append(Circuit(number(one, "resistance_ohm"), low, high, drive, *_name_and_series(one)))
+    if without:
+        unknown = f"No circuits in the model: the voltage limits behind {', '.join(without)} are unknown."
+        return (), (f"{unknown} Give [supply] in the actuator file, and --actuator ACTUATOR.toml.",)
     return tuple(circuits), ()
 
 
-def _drive(entry: Mapping[str, Any]) -> Drive:
-    """What feeds the winding, as the drawing has it; a bridge where the entry says nothing."""
-    circuits = entry.get("circuits") or [{}]
-    drawn = _recorded(DrawnDrive, "drive", circuits[0].get("drive") or {})
+def _name_and_series(circuit: Mapping[str, Any]) -> tuple[str, float]:
+    """Name and series inductance in H of a circuit's record; the usual ones where it says nothing."""
+    return str(circuit.get("name") or "coil"), float(circuit.get("inductance_H") or 0.0)
+
+
+def _drive(circuit: Mapping[str, Any]) -> Drive:
+    """What feeds a winding, as the drawing has it; a bridge where the circuit's record says nothing."""
+    drawn = _recorded(DrawnDrive, "drive", circuit.get("drive") or {})
     if drawn.kind == "voltage":
         return Drive(diode_V=drawn.diode_V)
     return Drive("current", None, drawn.minimum, drawn.maximum, drawn.bandwidth_Hz)

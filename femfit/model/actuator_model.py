@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.printed import Printed
+from femfit.core.sweep_columns import circuit_currents
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C
@@ -212,13 +213,52 @@ class ActuatorModel(Printed):
 
     @property
     def memory_names(self) -> tuple[str, ...]:
-        """States that effects add to (distance, velocity, current)."""
+        """States that effects add to (distance, velocity, currents)."""
         return self.dynamics.names if self.dynamics is not None else ()
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states of :mod:`femfit.model.dynamics`, with units."""
+        return ("distance_m", "velocity_m_s", *circuit_currents(self.circuit_names), *self.memory_names)
+
+    @property
+    def order(self) -> int:
+        """Number of these states."""
+        return 2 + len(self.circuits) + len(self.memory_names)
 
     @property
     def circuits(self) -> tuple[Circuit, ...]:
         """All circuits, in the order of their currents; none without a winding."""
         return () if self.circuit is None else (self.circuit, *self.further_circuits)
+
+    @property
+    def circuit_names(self) -> tuple[str, ...]:
+        """Names of the circuits, in their order."""
+        return tuple(one.name for one in self.circuits)
+
+    @cached_property
+    def resistances_ohm(self) -> FloatArray:
+        """Resistance of each circuit, shape (n,)."""
+        return np.array([one.resistance_ohm for one in self.circuits])
+
+    @cached_property
+    def series_inductances_H(self) -> FloatArray:  # noqa: N802  the unit
+        """What is in series with the coils outside of the field, on the diagonal of a matrix of shape (n, n)."""
+        return np.diag([one.inductance_H for one in self.circuits]) if self.circuits else np.zeros((0, 0))
+
+    def currents_of(self, state: FloatArray) -> FloatArray:
+        """The currents of states of shape (..., order), in the shape that :attr:`magnetics` takes."""
+        if not self.circuits:
+            return np.zeros(state.shape[:-1])
+        return state[..., 2 : 2 + len(self.circuits)] if self.further_circuits else state[..., 2]
+
+    def require_circuits(self) -> tuple[Circuit, ...]:
+        """All circuits, which only a device without a winding may lack; else :class:`MissingPartError`."""
+        box = self.validity
+        winding = self.kind.coil if self.kind is not None else box.current_max_A > box.current_min_A
+        if not self.circuits and winding:
+            raise MissingPartError(self._missing("circuit (winding resistance and supply)", "[coil] and [supply]"))
+        return self.circuits
 
     def require_circuit(self) -> Circuit:
         """The only circuit, or :class:`MissingPartError` with the remedy."""
@@ -255,14 +295,11 @@ class ActuatorModel(Printed):
             If circuit or motion is absent, or the inductance is not positive everywhere in the validity domain, as in a
             law fitted to forces alone.
         """
-        self.require_circuit()
         self.require_motion()
-        domain = self.validity
-        d, i = np.meshgrid(
-            np.linspace(domain.distance_min_m, domain.distance_max_m, 9),
-            np.linspace(domain.current_min_A, domain.current_max_A, 9),
-        )
-        smallest = float(self.magnetics.inductance(d, i).min())
+        if not self.require_circuits():
+            return
+        inductance = self.magnetics.inductance(*self.validity.grid(9, 3 if self.further_circuits else 9))
+        smallest = float((np.linalg.eigvalsh(inductance) if self.further_circuits else inductance).min())
         if not smallest > 0.0:
             raise MissingPartError(
                 f"Model {self.name!r} must have an inductance > 0 for its current to be computed; it goes down to "

@@ -22,7 +22,7 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import MissingPartError
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.magnetics import Magnetics, MagneticState
+from femfit.model.magnetics import Magnetics, MagneticSlopes, MagneticState
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +93,25 @@ class CoenergyMatrix(Magnetics):
         pull = np.einsum("...ab,...b->...a", self.matrix(distance, 1), v)
         return MagneticState(
             -0.5 * np.einsum("...a,...a->...", v, pull), -pull[..., 1:], self.inductance(distance, current)
+        )
+
+    def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
+        """As :meth:`state`, whose currents have an axis of circuits already."""
+        return self.state(distance, currents)
+
+    def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+        """Slopes along the distance; nothing saturates, so that those of the inductances along the currents are 0."""
+        v = self._with_one(currents)
+        rising = self.matrix(distance, 1)
+        curved = np.einsum("...ab,...b->...a", self.matrix(distance, 2), v)
+        inductance = self.inductance(distance, currents)
+        return MagneticSlopes(
+            motional_constant=-np.einsum("...ab,...b->...a", rising[..., 1:, :], v),
+            inductance=inductance,
+            force_gradient=-0.5 * np.einsum("...a,...a->...", v, curved),
+            motional_gradient=-curved[..., 1:],
+            inductance_gradient=np.broadcast_to(rising[..., 1:, 1:], inductance.shape),
+            inductance_slope=np.zeros((*inductance.shape, len(self.names))),
         )
 
     def coenergy_derivatives(

@@ -1,12 +1,14 @@
 """The equations of motion that plant and filters share.
 
-State (d, v, i): d' = v, v' = g + (springs and load - friction - F(d, i)) / m, and from U = R i + d(flux linkage)/dt
-with d(flux linkage)/dt = L i' - k_m v, i' = (U - R i + k_m v) / L. Stops are left to :mod:`femfit.open_loop`.
+State (d, v, i_1..i_n): d' = v, v' = g + (springs and load - friction - F(d, i)) / m, and from U = R i + L_s i' +
+d(flux linkage)/dt with d(flux linkage)/dt = L i' - k_m v, (L + L_s) i' = U - R i + k_m v, with what is in series
+with each coil in the diagonal L_s. Stops are left to :mod:`femfit.open_loop`.
 
-In all functions ``state`` has the shape (..., n): distance in m, velocity in m/s (positive: falling away), current in
-A, and after them ``model.memory_names``. ``voltage``, across the winding in V, and ``disturbance``, a further force
-along growing distance in N, have the shape (...) and are held over a step. Jacobians have the shape (..., n, n): row,
-component of the result; column, component of the state.
+In all functions ``state`` has the shape (..., order): distance in m, velocity in m/s (positive: falling away), the
+currents in A in the order of ``model.circuits``, and after them ``model.memory_names``. ``voltage``, across each
+circuit in V, has the shape (..., n), and (...) of one circuit; ``disturbance``, a further force along growing distance
+in N, has the shape (...). Both are held over a step. Jacobians have the shape (..., order, order): row, component of
+the result; column, component of the state.
 
 References
 ----------
@@ -19,15 +21,13 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.differences import central_differences
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.magnetics import MagneticSlopes, MagneticState
 
 
 def state_derivative(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Time derivative of (distance, velocity, currents), and of the states that the model's effects add.
-
-    With n circuits the state has n currents and ``voltage`` the shape (..., n); without any it has none.
-    """
+    """Time derivative of (distance, velocity, currents), and of the states that the model's effects add."""
     if len(model.circuits) != 1:
         return _of_any_circuits(model, state, voltage, disturbance)
     circuit, motion = model.require_circuit(), model.require_motion()
@@ -38,30 +38,45 @@ def state_derivative(
     rates = np.empty((3, *distance.shape))  # a component's values together, whatever the order of ``state``
     rates[0] = velocity
     rates[1] = motion.acceleration(distance, velocity, magnetic.force - disturbance, model.sample_time_s)
-    rates[2] = (
-        voltage - circuit.resistance_ohm * current + magnetic.motional_constant * velocity
-    ) / magnetic.inductance
+    rates[2] = (voltage - circuit.resistance_ohm * current + magnetic.motional_constant * velocity) / (
+        magnetic.inductance + circuit.inductance_H
+    )
     return np.moveaxis(rates, 0, -1) if rates.ndim != 2 else rates.T
 
 
 def _of_any_circuits(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float
 ) -> FloatArray:
-    """The same for no circuit or several: L i' = U - R i + k_m v with the matrix L."""
-    motion, circuits = model.require_motion(), model.circuits
-    distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2 : 2 + len(circuits)]
+    """The same for no circuit or several."""
+    motion, end = model.require_motion(), 2 + len(model.circuits)
+    distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
+    magnetic = model.magnetics.state_of_circuits(distance, currents)
     rates = np.zeros_like(state)
     rates[..., 0] = velocity
-    if not circuits:
-        force = model.magnetics.force(distance, np.zeros_like(distance))
-    else:
-        magnetic = model.magnetics.state(distance, currents)
-        resistance, series = np.array([(one.resistance_ohm, one.inductance_H) for one in circuits]).T
-        force, inductance = magnetic.force, magnetic.inductance + np.diag(series)
-        driving = voltage - resistance * currents + magnetic.motional_constant * velocity[..., None]
-        rates[..., 2 : 2 + len(circuits)] = np.linalg.solve(inductance, driving[..., None])[..., 0]
-    rates[..., 1] = motion.acceleration(distance, velocity, force - disturbance, model.sample_time_s)
+    rates[..., 1] = motion.acceleration(distance, velocity, magnetic.force - disturbance, model.sample_time_s)
+    if currents.shape[-1]:
+        rates[..., 2:end] = _current_rates(model, magnetic, velocity, currents, voltage)
     return rates
+
+
+def _current_rates(
+    model: ActuatorModel,
+    magnetic: MagneticState | MagneticSlopes,
+    velocity: FloatArray,
+    currents: FloatArray,
+    voltage: FloatArray,
+) -> FloatArray:
+    """(L + L_s)^-1 (U - R i + k_m v) of shape (..., n)."""
+    volts = np.asarray(voltage)[..., None] if currents.shape[-1] == 1 else voltage
+    driving = volts - model.resistances_ohm * currents + magnetic.motional_constant * velocity[..., None]
+    return _solved(magnetic.inductance + model.series_inductances_H, driving[..., None])[..., 0]
+
+
+def _solved(inductance: FloatArray, right: FloatArray) -> FloatArray:
+    """L^-1 b; of one circuit by a division, which is quicker than a factorisation."""
+    if inductance.shape[-1] == 1:
+        return right / inductance
+    return np.asarray(np.linalg.solve(inductance, right))
 
 
 def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
@@ -91,36 +106,51 @@ def runge_kutta_step(
 def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
     """Jacobian of :func:`state_derivative` with respect to the state.
 
-    With F and k_m = dF/di, and dk_m/di = -dL/dd by reciprocity, for i' = N / L and N = U - R i + k_m v:
-    di'/dd = (dk_m/dd v - i' dL/dd) / L, di'/dv = k_m / L, di'/di = (-R - dL/dd v - i' dL/di) / L. Central differences
-    where effects change these equations.
+    With F and k_m = dF/di, and dk_m,j/di_k = -dL_jk/dd by reciprocity, for L i' = N and N = U - R i + k_m v:
+    L di'/dd = dk_m/dd v - dL/dd i', L di'/dv = k_m, L di'/di_k = -R_k e_k - dL/dd e_k v - dL/di_k i', L with what is
+    in series. Central differences where effects change these equations.
     """
-    circuit, motion = model.require_circuit(), model.require_motion()
+    motion = model.require_motion()
+    model.require_circuits()
     if model.dynamics is not None and model.dynamics.drives:
         return _difference_jacobian(model, state, voltage)
-    distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
-    orders = ((2, 0), (1, 1), (2, 1), (0, 2), (1, 2), (0, 3))
-    dd_w, di_w, ddi_w, inductance, dii_w, iii_w = model.magnetics.coenergy_derivatives(distance, current, orders)
-    rate = (voltage - circuit.resistance_ohm * current - di_w * velocity) / inductance
-    result = np.zeros((*state.shape[:-1], 3, 3))
+    end = 2 + len(model.circuits)
+    distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
+    slopes = model.magnetics.slopes_of_circuits(distance, currents)
+    result = np.zeros((*state.shape, state.shape[-1]))
     result[..., 0, 1] = 1.0
-    result[..., 1, 0] = (dd_w + motion.static_gradient(distance)) / motion.mass_kg
+    result[..., 1, 0] = (motion.static_gradient(distance) - slopes.force_gradient) / motion.mass_kg
     result[..., 1, 1] = motion.friction_slope(velocity, model.sample_time_s) / motion.mass_kg
-    result[..., 1, 2] = di_w / motion.mass_kg
-    result[..., 2, 0] = (-ddi_w * velocity - rate * dii_w) / inductance
-    result[..., 2, 1] = -di_w / inductance
-    result[..., 2, 2] = (-circuit.resistance_ohm - dii_w * velocity - rate * iii_w) / inductance
+    result[..., 1, 2:end] = -slopes.motional_constant / motion.mass_kg
+    if end == 2:
+        return result
+    rate = _current_rates(model, slopes, velocity, currents, voltage)
+    v = velocity[..., None]
+    right = np.empty((*currents.shape, end))
+    right[..., 0] = slopes.motional_gradient * v - np.einsum("...jk,...k->...j", slopes.inductance_gradient, rate)
+    right[..., 1] = slopes.motional_constant
+    right[..., 2:] = (
+        -np.diag(model.resistances_ohm)
+        - slopes.inductance_gradient * v[..., None]
+        - np.einsum("...jkl,...k->...jl", slopes.inductance_slope, rate)
+    )
+    result[..., 2:end, :end] = _solved(slopes.inductance + model.series_inductances_H, right)
     return result
 
 
 def _difference_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
     order = state.shape[-1]
-    flat, volts = state.reshape(-1, order), np.broadcast_to(voltage, state.shape[:-1]).ravel()
+    circuits = () if len(model.circuits) == 1 else (len(model.circuits),)
+    flat = state.reshape(-1, order)
+    volts = np.broadcast_to(voltage, (*state.shape[:-1], *circuits)).reshape(-1, *circuits)
     box, memory = model.validity, model.dynamics.spreads if model.dynamics is not None else np.zeros(0)
     stroke = box.distance_max_m - box.distance_min_m
+    widths = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
     # A body takes some hundred samples through its stroke
-    scale = np.array([stroke, 0.01 * stroke / model.sample_time_s, box.current_max_A - box.current_min_A, *memory])
-    slopes = central_differences(lambda points: state_derivative(model, points, np.tile(volts, 2 * order)), flat, scale)
+    scale = np.array([stroke, 0.01 * stroke / model.sample_time_s, *widths, *memory])
+    slopes = central_differences(
+        lambda points: state_derivative(model, points, np.concatenate([volts] * (2 * order))), flat, scale
+    )
     return slopes.reshape(*state.shape, order)
 
 
@@ -128,7 +158,7 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
     """Output of the Hall element in V before noise and rounding; the time since the start matters to drifts alone."""
     sensor = model.require_sensor()
     if model.dynamics is None:
-        return sensor.voltage(state[..., 0], state[..., 2])
+        return sensor.voltage(state[..., 0], model.currents_of(state))
     return model.dynamics.hall_voltage(state, sensor.quiescent_V, sensor.sensitivity_V_per_T, time)
 
 

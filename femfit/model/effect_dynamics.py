@@ -44,6 +44,7 @@ class EffectDynamics:
     later: tuple[AddedEffect, ...]  # Those of the effects whose change of the co-energy depends on states
     at: Conditions
     resistance_ohm: float
+    series_H: float = 0.0  # Inductance in series with the winding, outside of the field
 
     @cached_property
     def memories(self) -> tuple[tuple[AddedEffect, Memory], ...]:
@@ -109,7 +110,7 @@ class EffectDynamics:
         force = with_further_force(self.effects, magnetic.force, d, i, at)
         resistance, volts = circuit_of(self.effects, np.full_like(i, self.resistance_ohm), volts, i, at)
         driving = volts - resistance * i + motional
-        inductance = magnetic.inductance
+        inductance = magnetic.inductance + self.series_H
         rates = np.zeros((len(self.names), len(flat)))
         if self.names:
             still = self._rates(memory, i, np.zeros_like(i), at)

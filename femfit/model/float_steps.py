@@ -17,6 +17,7 @@ from femfit.model.coordinate import FloatPlaces
 from femfit.model.hall import HallSpline
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import CoenergySpline
+from femfit.model.sensors import current_index
 
 Columns = list[list[float]]
 
@@ -34,12 +35,14 @@ class FloatEulerStep:
         return FloatEulerStep, (self.model,)
 
     @cached_property
-    def _numbers(self) -> tuple[float, float, float, float, FloatPlaces, FloatFunction, tuple[float, float, float]]:
+    def _numbers(
+        self,
+    ) -> tuple[float, float, float, float, float, FloatPlaces, FloatFunction, tuple[float, float, float]]:
         model, magnetics = self.model, self.model.magnetics
         assert isinstance(magnetics, CoenergySpline)  # noqa: S101  float_euler_step asks
         circuit, motion = model.require_circuit(), model.require_motion()
         derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
-        electrical = circuit.resistance_ohm, motion.mass_kg, motion.gravity_m_s2
+        electrical = circuit.resistance_ohm, circuit.inductance_H, motion.mass_kg, motion.gravity_m_s2
         linear = motion.linear_terms
         assert linear is not None  # noqa: S101  float_euler_step asks
         return (*electrical, model.sample_time_s, magnetics.coordinate.in_floats(), derivatives, linear)
@@ -50,7 +53,7 @@ class FloatEulerStep:
 
     def __call__(self, columns: Columns, voltage: float) -> Columns:
         """Columns one step later."""
-        resistance, mass, gravity, step, place, derivatives, linear = self._numbers
+        resistance, series, mass, gravity, step, place, derivatives, linear = self._numbers
         constant, per_distance, per_velocity = linear
         distance, velocity, current, *others = columns
         u, approach = place(distance)
@@ -62,7 +65,7 @@ class FloatEulerStep:
             moved_d.append(d + step * v)
             further = constant + per_distance * d + per_velocity * v
             moved_v.append(v + step * (gravity + (further - per_metre * slope) / mass))
-            moved_i.append(i + step * ((voltage - resistance * i + per_metre * mixed * v) / inductance))
+            moved_i.append(i + step * ((voltage - resistance * i + per_metre * mixed * v) / (inductance + series)))
         if self._ends != (-inf, inf):
             near, far = self._ends
             for k, d in enumerate(moved_d):
@@ -75,7 +78,7 @@ class FloatEulerStep:
 def float_euler_step(model: ActuatorModel) -> FloatEulerStep | None:
     """The step of a model; None where this module does not cover it."""
     covered = model.dynamics is None and type(model.magnetics) is CoenergySpline
-    covered = covered and model.require_motion().linear_terms is not None
+    covered = covered and len(model.circuits) == 1 and model.require_motion().linear_terms is not None
     return FloatEulerStep(model) if covered else None
 
 
@@ -111,12 +114,13 @@ class FloatLinear:
     offset: float
     delay_s: float | None  # None: of the current
     bias: int | None
+    current: int = 2  # Which state is the current
 
     def __call__(self, columns: Columns) -> list[float]:
         """Reading of each point."""
         gain, offset, delay = self.gain, self.offset, self.delay_s
         if delay is None:
-            read = [offset + gain * i for i in columns[2]]
+            read = [offset + gain * i for i in columns[self.current]]
         else:
             read = [offset + gain * (d - delay * v) for d, v in zip(columns[0], columns[1], strict=True)]
         return read if self.bias is None else list(map(add, read, columns[self.bias]))
@@ -130,7 +134,7 @@ def float_reading(
         covered = model.dynamics is None and type(sensor.field) is HallSpline
         return FloatHallVoltage(sensor, bias) if covered else None
     if isinstance(sensor, CurrentSensor):
-        return FloatLinear(sensor.gain, sensor.offset, None, bias)
+        return FloatLinear(sensor.gain, sensor.offset, None, bias, current_index(model, sensor))
     if isinstance(sensor, PositionSensor) and len(sensor.distances_m) == 2:
         (near, far), (first, last) = sensor.distances_m, sensor.readings
         gain = (last - first) / (far - near)

@@ -37,6 +37,21 @@ class MagneticState:
     inductance: FloatArray  # L in H
 
 
+@dataclass(frozen=True, eq=False)
+class MagneticSlopes:
+    """What the Jacobian of the equations needs, of n currents.
+
+    By reciprocity dk_m,j/di_k = -dL_jk/dd, so that the slopes of the motional constants along the currents are here.
+    """
+
+    motional_constant: FloatArray  # k_m, shape (..., n)
+    inductance: FloatArray  # L, shape (..., n, n)
+    force_gradient: FloatArray  # dF/dd in N/m, shape (...)
+    motional_gradient: FloatArray  # dk_m/dd in N/(A m), shape (..., n)
+    inductance_gradient: FloatArray  # dL/dd in H/m, shape (..., n, n)
+    inductance_slope: FloatArray  # dL_jk/di_l in H/A, shape (..., n, n, n)
+
+
 class Magnetics(ABC):
     """A co-energy W'(d, i); all arguments broadcast, distances in m, currents in A."""
 
@@ -86,6 +101,42 @@ class Magnetics(ABC):
         """Force, motional constant and inductance together, at the price of little more than one."""
         d_w, di_w, ii_w = self.coenergy_derivatives(distance, current, ((1, 0), (1, 1), (0, 2)))
         return MagneticState(force=-d_w, motional_constant=-di_w, inductance=ii_w)
+
+    def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
+        """The same with an axis of circuits, none of them included.
+
+        Parameters
+        ----------
+        distance : array, shape (...)
+            In m.
+        currents : array, shape (..., n)
+            In A.
+
+        Returns
+        -------
+        MagneticState
+            Of the shapes (...), (..., n) and (..., n, n).
+        """
+        circuits = currents.shape[-1]
+        state = self.state(distance, currents[..., 0] if circuits else np.zeros_like(distance))
+        motional, inductance = state.motional_constant[..., None], state.inductance[..., None, None]
+        return MagneticState(state.force, motional[..., :circuits], inductance[..., :circuits, :circuits])
+
+    def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+        """The same with their slopes; arguments as of :meth:`state_of_circuits`."""
+        circuits = currents.shape[-1]
+        orders = ((1, 1), (0, 2), (2, 0), (2, 1), (1, 2), (0, 3))
+        current = currents[..., 0] if circuits else np.zeros_like(distance)
+        di_w, ii_w, dd_w, ddi_w, dii_w, iii_w = self.coenergy_derivatives(distance, current, orders)
+        each = slice(None, circuits)
+        return MagneticSlopes(
+            -di_w[..., None][..., each],
+            ii_w[..., None, None][..., each, each],
+            -dd_w,
+            -ddi_w[..., None][..., each],
+            dii_w[..., None, None][..., each, each],
+            iii_w[..., None, None, None][..., each, each, each],
+        )
 
 
 @dataclass(frozen=True, eq=False)

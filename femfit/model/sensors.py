@@ -14,6 +14,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import MissingPartError
+from femfit.core.sweep_columns import circuit_currents
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import hall_voltage, state_derivative
@@ -60,8 +61,28 @@ def sensor_named(model: ActuatorModel, name: str) -> AnySensor:
     return known[name]
 
 
-def reading_of(name: str, sensor: AnySensor) -> Reading:
-    """Unit, column, noise, range and timing of a sensor."""
+def current_index(model: ActuatorModel, sensor: CurrentSensor) -> int:
+    """Which state of a model a current sensor reads; that of the only circuit, whatever it is called.
+
+    Raises
+    ------
+    MissingPartError
+        If the model has no circuit of that name.
+    """
+    names = model.circuit_names
+    if len(names) == 1:
+        return 2
+    if sensor.circuit not in names:
+        raise MissingPartError(
+            f"Model {model.name!r} must have the circuit {sensor.circuit!r} for its current sensor {sensor.name!r}; it "
+            f"has {', '.join(names) or 'none'}. Name one of them in [sensors.{sensor.name}], and fit again."
+        )
+    return 2 + names.index(sensor.circuit)
+
+
+def reading_of(model: ActuatorModel, name: str) -> Reading:
+    """Unit, column, noise, range and timing of a sensor of a model."""
+    sensor = sensor_named(model, name)
     if isinstance(sensor, HallSensor):
         white = float(np.hypot(sensor.noise_V, sensor.quantisation_step / np.sqrt(12.0)))
         return Reading(name, "V", "hall_V", white, sensor.output_min_V, sensor.output_max_V, 0.0, None)
@@ -70,7 +91,9 @@ def reading_of(name: str, sensor: AnySensor) -> Reading:
     step = (high - low) / 2.0**sensor.bits if sensor.bits and np.isfinite(high - low) else 0.0
     units = {"current": "A", "acceleration": "m/s^2", "force": "N"}
     unit = sensor.unit if isinstance(sensor, PositionSensor) else units[sensor.kind]
-    columns = {"A": "current_A", "m": "distance_m", "N": "force_N"}
+    of_circuit = circuit_currents(model.circuit_names)
+    current = of_circuit[current_index(model, sensor) - 2] if isinstance(sensor, CurrentSensor) else None
+    columns = {"A": current, "m": "distance_m", "N": "force_N"}
     white = float(np.hypot(sensor.noise, step / np.sqrt(12.0)))
     return Reading(name, unit, columns.get(unit), white, low, high, sensor.delay_s, sensor.sample_time_s)
 
@@ -105,15 +128,16 @@ def predict_sensor(
     if isinstance(sensor, HallSensor):
         return hall_voltage(model, state, time)
     if isinstance(sensor, CurrentSensor):
-        return np.asarray(sensor.gain * state[..., 2] + sensor.offset)
+        return np.asarray(sensor.gain * state[..., current_index(model, sensor)] + sensor.offset)
     if sensor.delay_s:
         state = state.copy()
         state[..., 0] -= sensor.delay_s * state[..., 1]
     if isinstance(sensor, PositionSensor):
         return characteristic(sensor, state[..., 0])
     if isinstance(sensor, ForceSensor):
-        return model.magnetics.force(state[..., 0], state[..., 2])
-    rates = state_derivative(model, state, np.zeros(state.shape[:-1]))  # the voltage does not reach the acceleration
+        return model.magnetics.force(state[..., 0], model.currents_of(state))
+    volts = np.zeros(() if len(model.circuits) == 1 else (len(model.circuits),))
+    rates = state_derivative(model, state, volts)  # the voltage does not reach the acceleration
     motion, found = model.require_motion(), rates[..., 1]
     if motion.near_stop is not None:  # which carries what presses the body to it
         found = np.where(state[..., 0] <= motion.near_stop.distance_m, np.maximum(found, 0.0), found)

@@ -30,6 +30,24 @@ class ValidityBox:
             )
         return [(np.asarray(current)[..., k], *pair) for k, pair in enumerate(limits)]
 
+    @property
+    def current_limits_A(self) -> FloatArray:  # noqa: N802  the unit
+        """Lowest and highest current of each circuit, shape (n, 2); one row of zeros where there is none."""
+        return np.array([(self.current_min_A, self.current_max_A), *self.further_A])
+
+    def grid(self, distances: int, currents: int) -> tuple[FloatArray, FloatArray]:
+        """Points over the whole domain, as many along each axis as given.
+
+        Returns
+        -------
+        distance : array, shape (points,)
+        current : array, shape (points,), or (points, n) of several circuits
+        """
+        axes = [np.linspace(low, high, currents) for low, high in self.current_limits_A]
+        points = np.meshgrid(np.linspace(self.distance_min_m, self.distance_max_m, distances), *axes)
+        d, *i = (one.ravel() for one in points)
+        return d, np.stack(i, axis=-1) if self.further_A else i[0]
+
     def contains(self, distance: FloatArray, current: FloatArray) -> BoolArray:
         """Whether each point lies in the domain (to 1e-9 of its width); NaN does not."""
         slack_d = 1e-9 * (self.distance_max_m - self.distance_min_m)

@@ -153,6 +153,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         later=tuple(added for added in acting if added.memory is not None),
         at=at,
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else float("nan"),
+        series_H=base.circuit.inductance_H if base.circuit else 0.0,
     )
     changed = bool(acting) or dynamics.drives  # quicker from the table, even where the effects leave it alone
     circuit, motion, sensor = base.circuit, base.motion, base.sensor

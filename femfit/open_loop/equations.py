@@ -31,6 +31,7 @@ class Equations:
 
     smooth: Mechanics  # The model's, without dry friction
     resistance_ohm: FloatArray
+    series_H: FloatArray  # In series with the coils, outside of the field, on the diagonal of shape (n, n)
     magnetics: PointMagnetics
     effects: EffectDynamics | None  # Where effects change the equations themselves
     sample_time_s: float
@@ -44,7 +45,7 @@ class Equations:
         """Forces and circuits at (distance, velocity, currents, states of effects)."""
         d, v = float(state[0]), float(state[1])
         force, motional, inductance = self.magnetics(d, state[2 : 2 + self.circuits])
-        return Point(self._force_beside(d, v) - force, motional * v, inductance)
+        return Point(self._force_beside(d, v) - force, motional * v, inductance + self.series_H)
 
     def _force_beside(self, distance: float, velocity: float) -> float:
         smooth = self.smooth
@@ -81,6 +82,7 @@ def equations_of(model: ActuatorModel) -> Equations:
     return Equations(
         smooth=replace(motion, coulomb_N=0.0),
         resistance_ohm=np.array([circuit.resistance_ohm]),
+        series_H=model.series_inductances_H,
         magnetics=point_magnetics(model.magnetics),
         effects=effects,
         sample_time_s=model.sample_time_s,

@@ -149,13 +149,13 @@ def _filter(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: 
 
 
 def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order = 3 + len(model.memory_names)
+    order = model.order
     moved = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, substeps)
     return kept_between_stops(model, np.concatenate([moved, states[:, order:]], axis=1))
 
 
 def _one(prepared: Prepared, name: str, built: Filter, replayed: Replayed) -> OneFilter:
-    model, order = prepared.model, 3 + len(prepared.model.memory_names)
+    model, order = prepared.model, prepared.model.order
     judged = [
         innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
         for k, reading in enumerate(prepared.readings)
@@ -163,7 +163,7 @@ def _one(prepared: Prepared, name: str, built: Filter, replayed: Replayed) -> On
     used = {reading.column for reading in prepared.readings}
     estimates = {}
     for sensor_name, sensor in sensors_of(model).items():
-        column = reading_of(sensor_name, sensor).column
+        column = reading_of(model, sensor_name).column
         if column in prepared.recorded and column not in estimates:
             estimates[column] = predict_sensor(model, sensor, replayed.mean[:, :order])
     compared = [

@@ -46,7 +46,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         )
     model, findings = _with_recorded_sensors(model, series), list(series.findings)
     names = _chosen(model, series, sensors)
-    readings = tuple(reading_of(name, sensor_named(model, name)) for name in names)
+    readings = tuple(reading_of(model, name) for name in names)
     time, recorded = rows["time_s"].to_numpy(), {}
     for name in series.given:
         if name not in {"run", "time_s"}:
@@ -70,7 +70,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
 def _with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
     """The model with a sensor for each recorded current or distance that none of its own reads."""
     known = sensors_of(model)
-    read = {reading_of(name, sensor).column for name, sensor in known.items()}
+    read = {reading_of(model, name).column for name in known}
     added: list[OtherSensor] = []
     for column, name in RECORDED.items():
         if column in series.given and column not in read and name not in known:
@@ -82,7 +82,7 @@ def _with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> Actuator
 
 
 def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> tuple[str, ...]:
-    can = {name: reading_of(name, sensor).column for name, sensor in sensors_of(model).items()}
+    can = {name: reading_of(model, name).column for name in sensors_of(model)}
     usable = [name for name, column in can.items() if column in series.given]
     wanted = tuple(usable) if sensors is None else tuple(sensors)
     for name in wanted:

@@ -8,7 +8,7 @@ import numpy as np
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError
 from femfit.device.parts import Actuator
-from femfit.filters.theory import holding_current
+from femfit.filters.holding import holding_current
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.model.actuator_model import ActuatorModel

@@ -19,7 +19,7 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError
-from femfit.filters.theory import holding_current
+from femfit.filters.holding import holding_current
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import USABLE_PART
 

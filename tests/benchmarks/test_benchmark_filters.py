@@ -9,9 +9,9 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.filters.extended import ExtendedFilter
+from femfit.filters.holding import holding_current
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import initial_covariance
-from femfit.filters.theory import holding_current
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.with_effects import with_effects
 

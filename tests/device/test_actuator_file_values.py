@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import fields
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from femfit.device.materials import LIBRARY
 from femfit.device.read_sensors import DIRECTIONS
 from femfit.device.schema import HallEntry
 from femfit.device.sensors import HallElement
+from femfit.device.starters import starter_text
 from femfit.device.summary import remarks, sweep_manifest_entry
 from femfit.device.winding import smallest_winding_area, wire_resistance
 
@@ -193,3 +195,17 @@ def test_what_a_polygon_passes_has_its_area_and_its_width_times_the_way():
     # Cavalieri: a convex shape gains width times way.
     assert swept(wedge, 1.0, 6.0).area == pytest.approx(6.0 + 4.0 * 5.0, rel=1e-12)
     assert swept(wedge, 2.0, 2.0).area == pytest.approx(6.0, rel=1e-12)
+
+
+def test_two_coils_in_series_are_one_circuit_of_the_manifest(tmp_path):
+    """Their resistance is the circuit's; turns and wire belong to one coil alone."""
+    text = starter_text("bearing")
+    head, tail = text.split("[sweep]")
+    circuit = '[circuits.pair]\ncoils = ["lower", "-upper"]\nexternal_resistance_ohm = 1\n\n[sweep]'
+    tail = re.sub(r"current_A = .*", "current_A = [-2, 0, 2]", tail)
+    (tmp_path / "pair.toml").write_text(head + circuit + tail)
+    actuator = read_actuator(tmp_path / "pair.toml")
+    entry = sweep_manifest_entry(actuator)
+    assert entry["resistance_ohm"] == pytest.approx(1.0 + sum(coil.resistance_ohm for coil in actuator.coils))
+    assert (entry["voltage_min_V"], entry["voltage_max_V"]) == (-24.0, 24.0)
+    assert "turns" not in entry

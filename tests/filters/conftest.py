@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.differences import central_differences
-from femfit.filters.theory import holding_current
+from femfit.filters.holding import holding_current
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import runge_kutta_step
 

@@ -10,10 +10,11 @@ from femfit.core.errors import DomainError, FilterError
 from femfit.filters.cholesky import cholesky
 from femfit.filters.direct import hall_inverse
 from femfit.filters.extended import ExtendedFilter
+from femfit.filters.holding import holding_current
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import default_noise, hall_noise, initial_covariance, process_covariance
 from femfit.filters.process import FilterProcess
-from femfit.filters.theory import holding_current, noise_ratio_bound, unstable_pole
+from femfit.filters.theory import noise_ratio_bound, unstable_pole
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.bspline import TensorSpline
 

@@ -250,3 +250,39 @@ def test_a_table_without_circuits_gives_the_magnetics_and_says_what_is_missing()
     fit = fit_model(table_of(entry={"name": "bare"}))
     assert fit.model.circuits == ()
     assert "lower, upper" in fit.notes[0]
+
+
+def test_an_amplifier_has_the_supply_behind_it():
+    amplifier = {"kind": "current", "minimum": -1.0, "maximum": 2.0, "bandwidth_Hz": 500.0}
+    entry = {**ENTRY, "circuits": [CIRCUITS[0], {**CIRCUITS[1], "drive": amplifier}]}
+    upper = fit_model(table_of(entry={**entry, "supply_V": [-12.0, 48.0]})).model.circuits[1]
+    assert (upper.voltage_min_V, upper.voltage_max_V) == (-12.0, 48.0)
+    assert (upper.drive.kind, upper.drive.current_max_A, upper.drive.bandwidth_Hz) == ("current", 2.0, 500.0)
+    unknown = fit_model(table_of(entry=entry))
+    assert unknown.model.circuits == ()
+    assert "upper" in unknown.notes[0]
+
+
+def test_the_sensors_of_the_drawing_are_those_of_the_model():
+    laser = {"kind": "position", "name": "gap", "noise": 1e-6, "distances_m": [0, 1], "readings": [0, 1], "unit": "m"}
+    shunt = {"kind": "current", "name": "shunt", "noise": 1e-3, "circuit": "upper"}
+    model = fit_model(table_of(entry={**ENTRY, "sensors": [laser, shunt]})).model
+    assert [one.name for one in model.other_sensors] == ["gap", "shunt"]
+    assert model.other_sensors[1].circuit == "upper"
+
+
+def one_circuit(**changed):
+    """A coil pair in series: the first circuit's own columns of the bearing, the other without current."""
+    d, i = grid(DISTANCES, (-2.0, 0.0, 2.0), (0.0,))
+    columns = {"current_A": i[:, 0], "distance_m": d, "force_N": TRUTH.force(d, i)}
+    columns |= {"flux_linkage_Wb": TRUTH.flux_linkage(d, i)[:, 0], "status": "ok"}
+    entry = {"name": "pair", "mass_kg": 0.5, "circuits": [{**CIRCUITS[1], "name": "pair"}], **changed}
+    limits = {"resistance_ohm": 1.2, "voltage_min_V": 0.0, "voltage_max_V": 24.0}
+    return fit_model(SweepTable(pd.DataFrame(columns), {"actuator": limits | entry})).model
+
+
+def test_one_circuit_keeps_its_name_and_what_is_in_series():
+    model = one_circuit()
+    assert (model.circuit.name, model.circuit.inductance_H, model.circuit.drive.diode_V) == ("pair", 1e-3, 0.7)
+    again = model_from_dict(json.loads(json.dumps(model_to_dict(model))))
+    assert again.circuit == model.circuit

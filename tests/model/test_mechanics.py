@@ -9,8 +9,8 @@ from femfit.core.differences import central_differences
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.filters.holding import holding_current
 from femfit.filters.noise import default_noise
-from femfit.filters.theory import holding_current
 from femfit.model.dynamics import euler_step, runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.float_steps import float_euler_step
 from femfit.model.with_effects import with_effects

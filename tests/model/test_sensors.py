@@ -50,9 +50,9 @@ def test_a_characteristic_goes_on_with_its_last_slope():
     np.testing.assert_allclose(predict_sensor(solenoid(), GATE, state), [6.0, 0.0], atol=1e-12)
 
 
-def test_rounding_adds_to_the_noise_of_a_sample():
+def test_rounding_adds_to_the_noise_of_a_sample(model):
     step = 4.0 / 256
-    assert reading_of("shunt", SHUNT).white == pytest.approx(np.hypot(1e-3, step / np.sqrt(12.0)), rel=1e-12)
+    assert reading_of(model, "shunt").white == pytest.approx(np.hypot(1e-3, step / np.sqrt(12.0)), rel=1e-12)
 
 
 def test_the_file_keeps_the_sensors(model, tmp_path):

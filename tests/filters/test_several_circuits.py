@@ -1,0 +1,121 @@
+"""The filters of several circuits, and of none: two halves of a coil are the coil, and the body is held by both."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import DomainError, FilterError
+from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.filters.error_bound import error_bound
+from femfit.filters.holding import bias_currents, holding_current, holding_currents
+from femfit.filters.kalman_filter import kalman_filter
+from femfit.filters.levitation import fastest_time_constant
+from femfit.filters.theory import unstable_pole
+from femfit.model.actuator_kind import ActuatorKind
+from femfit.model.dynamics import euler_step
+from femfit.model.sensors import predict_sensors
+from support.halves import cut_in_two
+
+LASER = PositionSensor(name="laser", noise=2e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
+SENSORS = (LASER, CurrentSensor(name="shunt", noise=2e-3, circuit="inner"))
+TWICE = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [0, 0, 1.0]])
+"""State of the whole coil -> state of its halves."""
+
+
+@pytest.fixture(scope="module")
+def whole(levitation_model):
+    circuit = replace(levitation_model.circuit, inductance_H=2e-3)
+    return replace(levitation_model, other_sensors=SENSORS, sensor=None, circuit=circuit)
+
+
+@pytest.fixture(scope="module")
+def halves(whole):
+    return cut_in_two(whole)
+
+
+def as_halves(covariance):
+    """A covariance of the whole's states as one of the halves', whose difference is known all but exactly."""
+    apart = np.array([0.0, 0.0, 1.0, -1.0])
+    return TWICE @ covariance @ TWICE.T + 1e-15 * np.outer(apart, apart)
+
+
+@pytest.mark.parametrize(("kind", "digits"), [("ekf", 1e-6), ("ukf", 1e-4)])
+def test_the_filter_of_the_halves_is_that_of_the_whole(whole, halves, kind, digits):
+    """With the same errors of start and process; unscented points of four states lie farther out than of three."""
+    one, two = (kalman_filter(model, kind) for model in (whole, halves))
+    process = replace(two.process, process_covariance=as_halves(one.process.process_covariance))
+    two = replace(two, process=process)
+    start = np.array([0.024, 0.0, 0.5])
+    first = one.start(start), two.start(TWICE @ start, as_halves(one.process.start_covariance))
+    truth, generator = np.array([[0.0245, 0.01, 0.52]]), np.random.default_rng(2)
+    for _ in range(40):
+        volts = generator.uniform(0.5, 3.0)
+        truth = euler_step(whole, truth, np.array([volts]), whole.sample_time_s)
+        readings = predict_sensors(whole, truth)[0] + generator.standard_normal(2) * [2e-5, 2e-3]
+        first = one.step(first[0], volts, readings), two.step(first[1], [0.5 * volts, 0.5 * volts], readings)
+    deviation = np.sqrt(np.diag(first[0].covariance[0]))
+    assert np.abs((first[1].mean[0, :3] - first[0].mean[0]) / deviation).max() < digits
+    np.testing.assert_allclose(np.sqrt(np.diag(first[1].covariance[0]))[:3], deviation, rtol=digits)
+
+
+def test_one_run_is_a_batch_of_one(halves):
+    """The quick step of one run goes by the same inputs as many runs at once."""
+    filter_ = kalman_filter(halves)
+    volts, readings = np.array([[0.6, 0.8]]), np.array([[0.0241, 0.51]])
+    alone = filter_.step(filter_.start([0.024, 0.0, 0.5, 0.5]), volts, readings)
+    both = filter_.step(
+        filter_.start([0.024, 0.0, 0.5, 0.5], runs=2), np.tile(volts, (2, 1)), np.tile(readings, (2, 1))
+    )
+    np.testing.assert_allclose(both.mean[0], alone.mean[0], rtol=1e-12)
+    np.testing.assert_allclose(both.covariance[1], alone.covariance[0], rtol=1e-9, atol=1e-18)
+
+
+def test_a_filter_asks_for_a_voltage_of_each_circuit(halves):
+    filter_ = kalman_filter(halves)
+    with pytest.raises(FilterError, match="2 voltages"):
+        filter_.step(filter_.start([0.024, 0.0, 0.5, 0.5]), 1.2, [0.024, 0.5])
+
+
+def test_magnets_alone_are_followed_by_a_laser(levitation_model):
+    kind = ActuatorKind(True, True, False, False, coil=False, saturates=False)
+    box = replace(levitation_model.validity, current_max_A=0.0)
+    model = replace(levitation_model, circuit=None, sensor=None, kind=kind, validity=box, other_sensors=(LASER,))
+    filter_ = kalman_filter(model)
+    assert filter_.process.names == ("distance_m", "velocity_m_s")
+    truth, state = np.array([[0.03, 0.0]]), filter_.start([0.031, 0.0])
+    for _ in range(60):
+        truth = euler_step(model, truth, np.zeros((1, 0)), model.sample_time_s)
+        state = filter_.step(state, np.zeros(0), truth[0, 0])
+    assert state.mean[0] == pytest.approx(truth[0], abs=2e-5)
+    assert error_bound(model).observed.all()
+
+
+def test_the_currents_that_hold_are_shared_by_the_halves(whole, halves):
+    alone = holding_current(whole, 0.024)
+    assert holding_currents(whole, 0.024).tolist() == [alone]
+    np.testing.assert_allclose(holding_currents(halves, 0.024), [alone, alone], rtol=1e-9)
+    assert unstable_pole(halves, 0.024) == pytest.approx(unstable_pole(whole, 0.024), rel=1e-9)
+    assert fastest_time_constant(halves, 0.024) < fastest_time_constant(whole, 0.024)  # of their stray flux
+    with pytest.raises(DomainError, match="inner"):
+        holding_currents(halves, 0.044)
+
+
+def test_without_a_magnet_the_bias_is_half_of_the_largest_current(halves):
+    """Where no current moves the force, at zero current, there is nothing to hold the body by."""
+    coefficients = halves.magnetics.coefficients.copy()
+    coefficients[:, 1:3] = 0.0
+    magnetics = replace(halves.magnetics, coefficients=coefficients)
+    box = replace(halves.validity, current_min_A=-1.4, further_A=((-1.4, 1.4),))
+    np.testing.assert_allclose(bias_currents(replace(halves, magnetics=magnetics, validity=box), 0.024), [0.7, 0.7])
+    np.testing.assert_allclose(bias_currents(halves, 0.024), [0.7, 0.7])  # the middle of 0 to 1.4 A
+
+
+def test_the_bound_of_the_halves_names_both_currents(whole, halves):
+    found = error_bound(halves, distances_m=(0.024,), currents_A=((0.5, 0.5),))
+    assert found.names == ("distance_m", "velocity_m_s", "current_inner_A", "current_outer_A")
+    one = error_bound(whole, distances_m=(0.024,), currents_A=(0.5,))
+    assert found.deviations[0, 0] == pytest.approx(one.deviations[0, 0], rel=0.02)  # their drivers err by themselves
+    assert found.observed[0, :3].all()
+    with pytest.raises(FilterError, match="2 currents"):
+        error_bound(halves, distances_m=(0.024,), currents_A=(0.5,))
