@@ -288,10 +288,11 @@ def test_a_plain_boundary_is_left_out_with_its_distance(boundary):
     assert finding.size == pytest.approx(80 - math.hypot(9, 11), rel=1e-3)
 
 
-def test_an_asymptotic_boundary_is_left_out():
+@pytest.mark.parametrize(("kind", "code"), [(2, "mixed-boundary"), (3, "dual-image")])
+def test_a_boundary_that_stands_for_an_open_one_is_left_out(kind, code):
     drawing = suspension()
-    drawing.boundaries = {"ABC": {"BdryType": 2, "c0": 9.9e6}}
-    assert "mixed-boundary" in codes(imported(drawing))
+    drawing.boundaries = {"ABC": {"BdryType": kind, "c0": 9.9e6}}
+    assert code in codes(imported(drawing))
 
 
 def test_a_default_label_names_the_faces_without_label():

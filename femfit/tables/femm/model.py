@@ -63,7 +63,10 @@ class FemMaterial:
 
 @dataclass(frozen=True)
 class FemBoundary:
-    """A boundary property: 0 prescribed A (a0 + a1 r + a2 z), 2 mixed ((1/mu) dA/dn + c0 A + c1 = 0), 4, 5 periodic."""
+    """A boundary property.
+
+    Of kind 0 prescribed A (a0 + a1 r + a2 z), 2 mixed ((1/mu) dA/dn + c0 A + c1 = 0), 3 dual image, 4 and 5 periodic.
+    """
 
     name: str
     kind: int = 0
@@ -72,6 +75,11 @@ class FemBoundary:
     a2: float = 0.0
     c0: float = 0.0
     c1: float = 0.0
+
+    @property
+    def drives(self) -> bool:
+        """Whether it makes a field by itself."""
+        return (self.kind == 0 and any((self.a0, self.a1, self.a2))) or (self.kind == 2 and self.c1 != 0.0)
 
 
 @dataclass(frozen=True)

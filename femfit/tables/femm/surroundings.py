@@ -17,6 +17,9 @@ from femfit.tables.femm.notes import Notes
 _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
 """How FEMM's open boundary builder names its materials."""
 
+_DUAL_IMAGE = 3
+"""FEMM's number of the boundary that averages A = 0 and a natural one, so that images of either sign cancel."""
+
 
 def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -> tuple[FemFace, ...] | None:
     """The faces of the actuator, without air, boundary shells and holes; None where the drawing is in pieces."""
@@ -117,9 +120,11 @@ def _check_boundaries(model: FemModel, domain: Polygon, kelvin: Sequence[FemFace
             continue
         if boundary.kind in {4, 5}:
             notes.problem(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
-        elif boundary.kind not in {0, 2}:
-            notes.problem(f"{name} is of type {boundary.kind}; femfit takes prescribed A and mixed. Remove it.")
-        elif any((boundary.a0, boundary.a1, boundary.a2)) if boundary.kind == 0 else boundary.c1:
+        elif boundary.kind not in {0, 2, _DUAL_IMAGE}:
+            notes.problem(
+                f"{name} is of type {boundary.kind}; femfit takes prescribed A, mixed and dual image. Remove it."
+            )
+        elif boundary.drives:
             notes.problem(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
         elif not outer:
             notes.problem(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
@@ -149,6 +154,9 @@ def _say(
         )
         return
     boundaries = {line.boundary for line in model.lines if line.boundary is not None}
+    if any(boundary.kind == _DUAL_IMAGE for boundary in boundaries):
+        notes.info("dual-image", "The strategic dual image boundary is left out: femfit's domain is open.")
+        return
     if any(boundary.kind == 2 and boundary.c0 for boundary in boundaries):
         notes.info("mixed-boundary", "The mixed (asymptotic) boundary is left out: femfit's domain is open.")
         return
