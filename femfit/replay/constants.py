@@ -29,6 +29,12 @@ MEDIAN_TO_DEVIATION = 1.4826
 RUNGE_KUTTA_STEP = 1.0
 """Derived: longest step of the classical Runge-Kutta method times R/L, a third of its limit of stability of 2.785."""
 
+UNMOVED_KG = 1e12
+"""Numerical: a body of this mass stays where it is."""
+
+STANDS_STILL = 1e-3
+"""Numerical: random walk of a held body's distance in a sample, over the noise of its reading: Q is definite."""
+
 NOISE_SAMPLES = 20_000
 """Conventional: samples that the search for the noise looks at, from the first stretch on."""
 

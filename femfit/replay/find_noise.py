@@ -147,7 +147,7 @@ def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> Found
 def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> _Windows | None:
     # Innovations out of their band are what a wrong noise makes, and do not speak against a stretch
     runs = np.isin(replayed.outcome, (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND))
-    runs &= np.isfinite(replayed.mean).all(axis=1)
+    runs &= np.isfinite(replayed.mean).all(axis=1) & ~prepared.log.held
     number = np.cumsum(np.diff(runs, prepend=runs[:1]) | np.isin(np.arange(len(runs)), prepared.log.begins))
     stretches = [np.flatnonzero((number == k) & runs) for k in np.unique(number[runs])]
     longest = max(map(len, stretches), default=0)

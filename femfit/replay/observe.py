@@ -2,40 +2,28 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError, TableError
 from femfit.core.finding import Finding
 from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
-from femfit.filters.kalman_filter import FilterKind, kalman_filter
-from femfit.filters.levitation import kept_between_stops
-from femfit.filters.noise import FilterNoise, default_noise, operating_distance
+from femfit.filters.noise import FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import runge_kutta_step
 from femfit.model.json_file import model_of
 from femfit.model.sensors import HALL, predict_sensor, reading_of, sensors_of
+from femfit.replay.build_filter import FILTERS, filter_of, resting_filter
 from femfit.replay.consistency import beside, innovations_of
-from femfit.replay.constants import AT_STOP, LEAST_JUDGED, RUNGE_KUTTA_STEP
+from femfit.replay.constants import AT_STOP, LEAST_JUDGED
 from femfit.replay.find_noise import find_noise
 from femfit.replay.prepare import Prepared, prepare
 from femfit.replay.result import Observation, OneFilter
 from femfit.replay.run_filter import Replayed, replay
 from femfit.tables.measurement import Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
-
-FILTERS: dict[str, tuple[FilterKind, bool]] = {
-    "ukf": ("ukf", False),
-    "ekf": ("ekf", False),
-    "ukf4": ("ukf", True),
-    "ekf4": ("ekf", True),
-}
-"""Name -> kind, and whether a bias is a further state."""
 
 NO_NOISE_FOUND = Finding(
     "no-noise-found",
@@ -106,8 +94,8 @@ def observe(
     noise = _noise(prepared, noise)
     runs = []
     for name in names:
-        built = _filter(prepared, name, biases, noise)
-        runs.append(_one(prepared, name, built, replay(built, prepared.log)))
+        built = filter_of(prepared, name, biases, noise)
+        runs.append(_one(prepared, name, built, replay(built, prepared.log, resting_filter(prepared, built))))
     found = find_noise(runs[0].built, prepared, runs[0].replayed) if find else None
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
@@ -129,29 +117,6 @@ def _noise(prepared: Prepared, noise: FilterNoise | None) -> FilterNoise:
     noise = default_noise(prepared.model) if noise is None else noise
     hall = prepared.noise.get(HALL, noise.hall_V)
     return replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
-
-
-def _filter(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> Filter:
-    """The filter with steps of Runge and Kutta, since an estimate offline is not in a hurry."""
-    kind, biased = FILTERS[name]
-    chosen: Sequence[str] = ()
-    if biased:
-        chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
-    model = prepared.model
-    built = kalman_filter(model, kind, sensors=prepared.sensors, biases=chosen, noise=noise)
-    box = model.validity
-    currents = np.linspace(box.current_min_A, box.current_max_A, 5)
-    least = float(model.magnetics.inductance(np.full(5, operating_distance(model)), currents).min())
-    rate = model.require_circuit().resistance_ohm / least
-    substeps = max(1, int(np.ceil(model.sample_time_s * rate / RUNGE_KUTTA_STEP)))
-    process = replace(built.process, transition=partial(_advance, model, substeps), transition_columns=None)
-    return replace(built, process=process)
-
-
-def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order = model.order
-    moved = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, substeps)
-    return kept_between_stops(model, np.concatenate([moved, states[:, order:]], axis=1))
 
 
 def _one(prepared: Prepared, name: str, built: Filter, replayed: Replayed) -> OneFilter:
@@ -184,19 +149,23 @@ def _one(prepared: Prepared, name: str, built: Filter, replayed: Replayed) -> On
 
 
 def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
-    """Rests on a stop, and where the model leaves its validity domain."""
+    """Rests on a stop where no recorded distance tells them, and where the model leaves its validity domain."""
     model, mean, found = prepared.model, one.replayed.mean, []
     near, far = model.require_motion().ends
     samples = len(mean)
     box, deviation = model.validity, one.replayed.deviation
     close = np.minimum(deviation[:, 0], AT_STOP * (box.distance_max_m - box.distance_min_m))
-    for side, stop in (("near", near), ("far", far)):
-        resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
-        if resting.any():
-            share = f"{100.0 * resting.mean():.3g} % of the {counted(samples, 'sample')}"
-            found.append(Finding("at-stop", "info", f"The body rests on the {side} stop in {share}."))
-    with np.errstate(invalid="ignore"):
-        outside = ~model.validity.contains(mean[:, 0], mean[:, 2])
+    if "distance_m" not in prepared.recorded:
+        for side, stop in (("near", near), ("far", far)):
+            resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
+            if resting.any():
+                share = f"{100.0 * resting.mean():.3g} % of the {counted(samples, 'sample')}"
+                found.append(Finding("at-stop", "info", f"The body rests on the {side} stop in {share}."))
+    with np.errstate(invalid="ignore"):  # by more than the estimate is uncertain
+        d, i = mean[:, 0], mean[:, 2]
+        beyond_d = np.maximum(box.distance_min_m - d, d - box.distance_max_m) - 3.0 * deviation[:, 0]
+        beyond_i = np.maximum(box.current_min_A - i, i - box.current_max_A) - 3.0 * deviation[:, 2]
+        outside = (np.maximum(beyond_d, beyond_i) > 0.0) | ~np.isfinite(d + i)
     if outside.any():
         found.append(
             Finding(

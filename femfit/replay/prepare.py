@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,11 @@ from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.noise import operating_distance
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import OtherSensor, Reading, reading_of, sensor_named, sensors_of
-from femfit.replay.constants import MEDIAN_TO_DEVIATION, SECOND_DIFFERENCE
+from femfit.records.constants import BLOCK, STILL
+from femfit.records.noise import white_noise
+from femfit.records.rests import Rests, find_rests
+from femfit.records.supply import given_voltage
+from femfit.replay.constants import MEDIAN_TO_DEVIATION, SECOND_DIFFERENCE, STANDS_STILL
 from femfit.replay.run_filter import Log
 from femfit.tables.measurement import TimeSeries
 
@@ -34,6 +39,8 @@ class Prepared:
     recorded: dict[str, FloatArray]  # Every channel of the record, one entry a sample
     findings: tuple[Finding, ...]
     noise: dict[str, float]  # White noise of each sensor
+    # To what distance in m and velocity in m/s a body counts as still; None where it nowhere is
+    resting: tuple[float, float] | None
 
 
 def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
@@ -54,17 +61,32 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     begins = np.flatnonzero(np.r_[True, np.diff(rows["segment"].to_numpy()) != 0])
     inside = np.delete(np.diff(time), begins[1:] - 1)
     step = float(np.median(inside)) if len(inside) else model.sample_time_s
-    inputs, said = _inputs(model, recorded["voltage_V"], begins)
-    findings += said
-    columns, noise = [], {}
-    for name, reading in zip(names, readings, strict=True):
-        column, said = _kept(recorded[str(reading.column)], reading)
-        findings += said
-        columns.append(column)
-        noise[name], said = _noise(series, column, reading)
-        findings += said
-    log = Log(inputs, np.stack(columns, axis=1), begins, _guesses(model, recorded, len(time)))
-    return Prepared(replace(model, sample_time_s=step), names, readings, time, log, recorded, tuple(findings), noise)
+    segment, unknown = rows["segment"].to_numpy(), np.full(len(time), np.nan)
+    current, distance = (recorded.get(name, unknown) for name in ("current_A", "distance_m"))
+    spread = [
+        _sample_noise(series, name, values) for name, values in (("current_A", current), ("distance_m", distance))
+    ]
+    rests = find_rests(model, time, segment, distance, current, spread[1])
+    given = given_voltage(model, time, segment, recorded["voltage_V"], current, distance, (spread[0], spread[1]))
+    inputs, said = _inputs(given.voltage_V, begins)
+    findings += [*rests.findings, *given.findings, *said]
+    kept = [_kept(series, reading) for reading in readings]
+    noises = [_noise(series, one.values, reading) for one, reading in zip(kept, readings, strict=True)]
+    findings += [finding for one in kept for finding in one.findings]
+    findings += [finding for _, said in noises for finding in said]
+    log = Log(
+        inputs=inputs,
+        readings=np.stack([one.values for one in kept], axis=1),
+        begins=begins,
+        guesses=_guesses(model, recorded, len(time)),
+        held=rests.held,
+        limits=np.stack([one.limit for one in kept], axis=1),
+        side=np.stack([one.side for one in kept], axis=1),
+    )
+    noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
+    model = replace(model, sample_time_s=step)
+    resting = _resting_deviations(rests, step, spread[1])
+    return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting)
 
 
 def _with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
@@ -97,36 +119,47 @@ def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     return wanted
 
 
-def _inputs(model: ActuatorModel, volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:
-    """The voltage held from the sample before to each one, as the driver passes it on."""
-    circuit, findings = model.require_circuit(), []
-    beyond = int(np.count_nonzero((volts < circuit.voltage_min_V) | (volts > circuit.voltage_max_V)))
-    missing = int(np.isnan(volts).sum())
-    if beyond:
-        limits = amount_range(circuit.voltage_min_V, circuit.voltage_max_V, "V")
-        findings.append(
-            Finding(
-                "clamped",
-                "warning",
-                f"{counted(beyond, 'command')} of {len(volts)} lie beyond the supply's {limits}; the filter was given "
-                "what the driver can pass on.",
-                "If the driver can do more, change [supply] in the drawing.",
-            )
-        )
+def _sample_noise(series: TimeSeries, name: str, values: FloatArray) -> float:
+    """Of a channel, as declared or from neighbouring samples; NaN where neither says it."""
+    declared = series.declared_noise.get(name)
+    return float(declared) if declared else white_noise(values, series.rows["segment"].to_numpy())
+
+
+def _resting_deviations(rests: Rests, step: float, noise: float) -> tuple[float, float] | None:
+    """A held body stays where it is; it may have become so fast before its leaving is seen."""
+    if not rests.rests:
+        return None
+    return STANDS_STILL * noise, STILL * noise / (BLOCK * step)
+
+
+def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:
+    """The voltage held from the sample before to each one."""
+    missing, findings = int(np.isnan(volts).sum()), []
     if missing:
         findings.append(
             Finding("held-command", "warning", f"{counted(missing, 'command')} are missing; the last one was held.")
         )
     known = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))))
-    held = np.nan_to_num(np.clip(volts[known], circuit.voltage_min_V, circuit.voltage_max_V))
+    held = np.nan_to_num(volts[known])
     before = np.r_[held[:1], held[:-1]]
     before[begins] = held[begins]
     return before, findings
 
 
-def _kept(column: FloatArray, reading: Reading) -> tuple[FloatArray, list[Finding]]:
-    """Readings, missing where they stand at an end of the range."""
-    column, findings = column.copy(), []
+class _Kept(NamedTuple):
+    """Readings of a sensor, NaN where they are missing or clipped; and the end of the range where they are clipped."""
+
+    values: FloatArray
+    limit: FloatArray  # NaN where nothing is clipped
+    side: FloatArray  # 1 where what is clipped lies above that end, -1 where below
+    findings: list[Finding]
+
+
+def _kept(series: TimeSeries, reading: Reading) -> _Kept:
+    """Set aside what stands at an end of the range that the drawing or the record shows."""
+    name = str(reading.column)
+    column, findings = series.rows[name].to_numpy(copy=True), []
+    limit = np.array(series.clipped.get(name, np.full(len(column), np.nan)))
     slack = 1e-9 * (reading.high - reading.low) if np.isfinite(reading.high - reading.low) else 0.0
     clipped = (column <= reading.low + slack) | (column >= reading.high - slack)
     if clipped.any():
@@ -136,12 +169,14 @@ def _kept(column: FloatArray, reading: Reading) -> tuple[FloatArray, list[Findin
                 "clipped",
                 "warning",
                 f"{counted(int(clipped.sum()), 'reading')} of {len(column)} of sensor {reading.name} stand at an end "
-                f"of {limits} and count as missing.",
-                column=str(reading.column),
+                f"of {limits}; they count as missing, and what they read as no less than that end.",
+                column=name,
             )
         )
+        limit[clipped] = np.where(column[clipped] >= reading.high - slack, reading.high, reading.low)
         column[clipped] = np.nan
-    return column, findings
+    middle = float(np.nanmedian(column)) if np.isfinite(column).any() else 0.0
+    return _Kept(column, limit, np.where(limit > middle, 1.0, -1.0), findings)
 
 
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:

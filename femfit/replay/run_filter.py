@@ -24,6 +24,9 @@ class Log(NamedTuple):
     readings: FloatArray  # (samples, sensors); NaN where missing
     begins: IntArray  # Indices of the first samples of stretches without a gap, ascending from 0
     guesses: FloatArray  # First estimate of every sample, of which pieces take theirs; (samples, n)
+    held: BoolArray  # Whether the body stands still, whatever the forces say; (samples,)
+    limits: FloatArray  # The end of the range at which a reading is clipped; (samples, sensors), NaN where it is not
+    side: FloatArray  # 1 where what is clipped lies above that end, -1 where below
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +42,8 @@ class Replayed:
     turns: int  # How often pieces were run until they joined
 
 
-def replay(filter_: Filter, log: Log) -> Replayed:
-    """Run a filter over all stretches of a record."""
+def replay(filter_: Filter, log: Log, resting: Filter | None = None) -> Replayed:
+    """Run a filter over all stretches of a record; where the body is held, ``resting`` predicts in its place."""
     pieces = _cut(log)
     order, sensors, samples = filter_.process.order, log.readings.shape[1], len(log.inputs)
     states = [np.full((samples, order), np.nan) for _ in range(3)]
@@ -49,12 +52,14 @@ def replay(filter_: Filter, log: Log) -> Replayed:
     start = filter_.start(log.guesses[pieces.first])
     used, ends, todo, turns = start, start, np.arange(len(pieces.first)), 0
     while len(todo):
-        ends = _put(ends, todo, _run(filter_, log, pieces, todo, _take(used, todo), result))
+        ends = _put(ends, todo, _run((filter_, resting), log, pieces, todo, _take(used, todo), result))
         turns += 1
         wanted = _put(used, pieces.follows, _take(ends, pieces.follows - 1))
         todo = np.flatnonzero(~_joined(used, wanted))
         used = _put(used, todo, _take(wanted, todo))
-    return replace(result, turns=turns)
+    clipped = np.isfinite(log.limits)  # a bound is no reading, and says nothing of the noise
+    innovation, variance = (np.where(clipped, np.nan, one) for one in (result.innovation, result.variance))
+    return replace(result, innovation=innovation, variance=variance, turns=turns)
 
 
 class _Pieces(NamedTuple):
@@ -75,22 +80,31 @@ def _cut(log: Log) -> _Pieces:
 
 
 def _run(
-    filter_: Filter, log: Log, pieces: _Pieces, which: IntArray, state: FilterState, result: Replayed
+    filters: tuple[Filter, Filter | None],
+    log: Log,
+    pieces: _Pieces,
+    which: IntArray,
+    state: FilterState,
+    result: Replayed,
 ) -> FilterState:
     """Run some pieces side by side and write down what they saw; returns their last states."""
+    filter_, resting = filters
     first, length, opens = pieces.first[which], pieces.length[which], pieces.opens[which]
     last = state
     for j in range(int(length.max())):
         alive = length > j
         row = np.minimum(first + j, len(log.inputs) - 1)
         moved = filter_.predict(state, log.inputs[row])
+        if resting is not None and (here := np.flatnonzero(log.held[row])).size:
+            moved = _put(moved, here, resting.predict(_take(state, here), log.inputs[row[here]]))
         if j == 0 and opens.any():  # nothing moves before the first sample
             moved = _put(moved, np.flatnonzero(opens), _take(state, np.flatnonzero(opens)))
-        readings = np.where(alive[:, None], log.readings[row], np.nan)
+        readings = np.where(alive[:, None], _bounded(filter_, log, row, moved), np.nan)
         state = filter_.update(moved, readings[:, 0] if readings.shape[1] == 1 else readings)
         here = row[alive]
         result.predicted[here], result.mean[here] = moved.mean[alive], state.mean[alive]
-        result.deviation[here] = np.sqrt(np.diagonal(state.covariance[alive], axis1=1, axis2=2))
+        with np.errstate(invalid="ignore"):  # of a run that has lost its covariance
+            result.deviation[here] = np.sqrt(np.diagonal(state.covariance[alive], axis1=1, axis2=2))
         shape = (len(which), readings.shape[1])
         result.innovation[here] = state.innovation.reshape(shape)[alive]
         result.variance[here] = state.innovation_variance.reshape(shape)[alive]
@@ -98,6 +112,17 @@ def _run(
         ended = np.flatnonzero(length == j + 1)
         last = _put(last, ended, _take(state, ended)) if len(ended) else last
     return last
+
+
+def _bounded(filter_: Filter, log: Log, row: IntArray, moved: FilterState) -> FloatArray:
+    """Readings, and the end of the range for a clipped one that is predicted within it: it is no less than that."""
+    readings = log.readings[row]
+    for k, output in enumerate(filter_.process.outputs):
+        limit, side = log.limits[row, k], log.side[row, k]
+        if np.isfinite(limit).any():
+            inside = side * (limit - output.measure(moved.mean)) > 0.0
+            readings[:, k] = np.where(np.isfinite(limit), np.where(inside, limit, np.nan), readings[:, k])
+    return readings
 
 
 def _joined(left: FilterState, right: FilterState) -> BoolArray:

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
+from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding, listing
 from femfit.core.printed import Printed
 
@@ -124,6 +125,9 @@ class TimeSeries(_Measured):
     >>> record.channels
     ('current_A', 'distance_m', 'hall_V')
     """
+
+    # By channel, the end of a range at which each sample is clipped; NaN where it is not
+    clipped: Mapping[str, FloatArray] = field(default_factory=dict)
 
     kind: ClassVar[str] = "samples"
     known_channels: ClassVar[tuple[str, ...]] = SERIES_CHANNELS

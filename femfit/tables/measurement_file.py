@@ -268,7 +268,7 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
             )
         )
     rows["segment"], clock = check_clock(rows, str(path))
-    rows, readings = check_readings(rows)
+    rows, readings, clipped = check_readings(rows)
     return TimeSeries(
         rows=rows,
         given=given,
@@ -277,6 +277,7 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
         source=path.name,
         test_object=sidecar.test_object,
         notes=sidecar.notes,
+        clipped=clipped,
     )
 
 

@@ -6,7 +6,7 @@ import pandas as pd
 from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
+from femfit.core.finding import Finding, Severity
 
 _PAUSE = 5.0
 """Assumed: a step of the clock longer than this many times the usual longest (95 %) one is a gap."""
@@ -47,9 +47,10 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
     return np.cumsum(breaks), findings
 
 
-def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
-    """Set aside readings that are stuck or clipped; they become NaN."""
+def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dict[str, FloatArray]]:
+    """Set aside readings that are stuck or clipped, which become NaN; and the levels of those clipped, by channel."""
     findings, rows, time = [], rows.copy(), rows["time_s"].to_numpy()
+    levels_of: dict[str, FloatArray] = {}
     for name in _SENSORS:
         values = rows[name].to_numpy(copy=True)
         known = np.isfinite(values)
@@ -75,10 +76,14 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
                     f"{'looks' if found.sum() == 1 else 'look'} {word} {at}, first at "
                     f"{time[np.flatnonzero(found)[0]]:.6g} s; they count as missing."
                 )
-                findings.append(Finding(word.split()[0], "info", text, size=float(found.sum()), column=name))
+                clipped = word.startswith("clipped")
+                severity: Severity = "warning" if clipped else "info"
+                findings.append(Finding(word.split()[0], severity, text, size=float(found.sum()), column=name))
+                if clipped:
+                    levels_of[name] = np.where(found, values, np.nan)
                 values[found] = np.nan
         rows[name] = values
-    return rows, findings
+    return rows, findings, levels_of
 
 
 def _lengths(values: FloatArray) -> tuple[IntArray, IntArray]:

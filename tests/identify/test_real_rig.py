@@ -16,7 +16,7 @@ from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model, write_model
 from femfit.tables.inductance_table import read_inductance_table
 from support.command import femfit
-from support.real_rig import MASS_G, POLIMI, RESISTANCE_OHM, read, write_tables
+from support.real_rig import MASS_G, POLIMI, RESISTANCE_OHM, read, write_raw, write_tables
 
 pytestmark = pytest.mark.skipif(not POLIMI.is_dir(), reason="the rig's files are not in the repository")
 
@@ -162,3 +162,15 @@ def test_a_filter_over_the_record_finds_the_sensors_noise_and_that_it_is_not_con
     assert values["voltage"] == pytest.approx(0.32, rel=0.03)
     assert seen.noise.force_N == pytest.approx(0.016, rel=0.05)
     assert not seen.filters[0].trusted
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [("Lstep_1.08", 0.98, 1.0), ("Lstep_1.20", 0.98, 1.0), ("liftoff_05", 0.8, 0.95), ("step__LQI-KF", 0.0, 0.0)],
+)
+def test_a_clamped_sphere_is_held_a_hovering_one_is_not(rig, name, least, most):
+    """Steps at a clamped sphere, a ramp until it lifts off its platform, and a loop: none told apart by its file."""
+    seen = ff.observe(rig / "steady.json", write_raw(rig, name), find=False)
+    held = [one for one in seen.findings if one.code == "held"]
+    assert least <= sum(one.size for one in held) <= most
+    assert bool(held) == (most > 0.0)

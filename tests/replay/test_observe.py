@@ -175,3 +175,26 @@ def test_a_short_record_is_filtered_and_its_noise_is_sought_where_there_is_enoug
     else:
         assert one.innovations[0].count == samples
         assert all(each.low <= TRUE[each.name] <= each.high for each in found.noise.estimates if each.known)
+
+
+def test_a_clipped_reading_bounds_the_estimate(log):
+    """Where the driver gives more than is commanded, nothing but the bound holds the estimate of the current."""
+    model, record = damped(), log[1]
+    sensors = tuple(replace(one, maximum=0.25) if one.name == "current" else one for one in model.other_sensors)
+    current = np.minimum(record.rows["current_A"].to_numpy(), 0.25)
+    lower = changed(record, current_A=current, voltage_V=record.rows["voltage_V"] - 0.5)
+    one = ff.observe(replace(model, other_sensors=sensors), lower, sensors=("current",), find=False).filters[0]
+    clipped = current == 0.25
+    assert clipped.mean() > 0.3
+    assert one.replayed.mean[clipped, 2].min() > 0.22
+    assert one.innovations[0].count == int((~clipped).sum())
+
+
+def test_a_converter_that_ends_below_the_range_is_bounded_too(log, tmp_path):
+    """Nothing says the range but the record: many samples stand at one largest value."""
+    rows = log[1].rows[["time_s", "voltage_V", "current_A", "distance_m"]]
+    rows.assign(current_A=rows["current_A"].clip(upper=0.25)).to_csv(tmp_path / "log.csv", index=False)
+    seen = ff.observe(damped(), tmp_path / "log.csv", sensors=("current",), find=False)
+    assert any("clipped" in line for line in str(seen).splitlines()[1:3])
+    clipped = rows["current_A"].to_numpy() >= 0.25
+    assert seen.filters[0].replayed.mean[clipped, 2].min() > 0.23

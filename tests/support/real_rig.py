@@ -25,6 +25,22 @@ def read(name):
     return pd.read_csv(POLIMI / name, comment="#")
 
 
+def write_raw(folder, name):
+    """One of the raw records as a table, ``NAME.csv``: distance, current, and the duty cycle as a voltage."""
+    volts = read("pwm_to_voltage.csv")
+    with np.load(POLIMI / "raw" / f"{name}.npz") as raw:
+        columns = {key: raw[key].ravel() for key in raw.files}
+    current, duty = (columns.get(f"{key}1", columns.get(key)) for key in "iu")
+    table = {
+        "time_s": columns["t"],
+        "distance_m": columns["z"],
+        "current_A": current,
+        "voltage_V": np.interp(duty, volts["pwm"], volts["coil_V"]),
+    }
+    pd.DataFrame(table).to_csv(folder / f"{name}.csv", index=False)
+    return folder / f"{name}.csv"
+
+
 def write_tables(folder):
     """``steps.csv``, ``steady.csv``, ``hover.csv`` with its noise, and ``record.csv``.
 

@@ -43,18 +43,6 @@ SLOWEST = 1e-12
 
 # The noise of samples and windows
 
-DIFFERENCE_ORDER, LEAST_DIFFERENCES = 3, 100
-"""Conventional: differences of the third order leave next to nothing of a smooth misfit; a hundred say it to 11 %."""
-
-NORMAL_MEDIAN = 0.6745
-"""Derived: median magnitude of a standard normal number."""
-
-SPIKE = 6.0
-"""Assumed: standard deviations beyond which a difference is a spike."""
-
-SAME_STEP = 1e-3
-"""Numerical: steps of a converter are equal to this part of one."""
-
 LEAST_VARIANCE = 0.2
 """Assumed: part of a difference's variance that the removed patterns must leave; it is 2 without them."""
 

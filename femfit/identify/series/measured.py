@@ -10,11 +10,12 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
 from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE
 from femfit.identify.series.constants import EVEN, METHOD_ACCURACY
-from femfit.identify.series.noise import SensorNoise, carried, converter_step, propagated, white_noise
+from femfit.identify.series.noise import SensorNoise, carried, propagated
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.circuit import Circuit
+from femfit.records.noise import converter_step, white_noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +150,7 @@ def measure_sensors(
 def _force_balance(
     motion: Mechanics, nominal: Nominal, samples: Samples, field: SampleField, noise: Noise, windows: Windows
 ) -> MeasuredChannel:
-    state = window_weights(windows, samples.time, samples.segment, samples.usable)
+    state = window_weights(windows, samples.time, samples.segment, samples.usable & samples.free)
     distance = np.nan_to_num(samples.columns["distance_m"])
     stiffness = field.force_d - motion.static_gradient(distance)
     sigma = propagated(

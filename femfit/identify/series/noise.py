@@ -2,7 +2,6 @@
 
 References
 ----------
-J. von Neumann, Annals of Mathematical Statistics 12 (1941) 367: variance from successive differences.
 B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008), section 6 (dither).
 J. W. Tukey, Exploratory Data Analysis (Addison-Wesley, 1977), section 2: the median as a measure that few large values
 do not move.
@@ -10,46 +9,16 @@ do not move.
 
 from dataclasses import dataclass
 from itertools import pairwise
-from math import comb
 
 import numpy as np
 from scipy import sparse
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.identify.series.constants import (
-    DIFFERENCE_ORDER,
-    LEAST_DIFFERENCES,
     LEAST_FOLLOWING,
     LEAST_VARIANCE,
-    NORMAL_MEDIAN,
-    SAME_STEP,
-    SPIKE,
 )
-
-
-def white_noise(misfit: FloatArray, segment: IntArray) -> float:
-    """Standard deviation of white noise on a smooth misfit, from third differences; NaN for fewer than a hundred."""
-    if len(misfit) <= DIFFERENCE_ORDER:
-        return float("nan")
-    differences = np.diff(misfit, DIFFERENCE_ORDER)[segment[DIFFERENCE_ORDER:] == segment[:-DIFFERENCE_ORDER]]
-    differences = differences[np.isfinite(differences)]
-    if len(differences) < LEAST_DIFFERENCES:
-        return float("nan")
-    usual = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
-    if usual > 0.0:  # a coarse converter leaves most differences at zero
-        differences = np.clip(differences, -SPIKE * usual, SPIKE * usual)
-    return float(np.sqrt(np.mean(differences**2) / comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)))
-
-
-def converter_step(values: FloatArray) -> float:
-    """The step of the converter that made these values; zero where they lie on no grid."""
-    levels = np.unique(values[np.isfinite(values)])
-    if not 2 < len(levels) < 0.7 * np.count_nonzero(np.isfinite(values)):
-        return 0.0
-    steps = np.diff(levels)
-    step = float(steps.min())
-    multiple = steps / step
-    return step if np.all(np.abs(multiple - np.round(multiple)) < SAME_STEP * np.maximum(multiple, 1.0)) else 0.0
+from femfit.records.constants import NORMAL_MEDIAN
 
 
 def carried(weights: sparse.csr_array, factor: FloatArray | float) -> sparse.csr_array:

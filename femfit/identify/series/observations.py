@@ -61,7 +61,8 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     base = model.without_effects
     samples = take_samples(model, series)
     distance, current = (np.nan_to_num(samples.columns[name]) for name in ("distance_m", "current_A"))
-    windows = lay_windows(base, samples.time, samples.segment, samples.usable, distance, current)
+    windows = lay_windows(base, samples.time, samples.stretch, samples.usable, distance, current)
+    windows = replace(windows, segment=samples.segment[np.searchsorted(samples.stretch, windows.segment)])
     state = window_weights(windows, samples.time, samples.segment, samples.usable)
     windows = windows.select(state.valid)
     if not len(windows.centre_s):

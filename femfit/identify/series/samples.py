@@ -11,19 +11,32 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.identify.readings.plausible import at_ends_of_range, suspect_settings, within_domain
 from femfit.model.actuator_model import ActuatorModel
+from femfit.records.noise import white_noise
+from femfit.records.rests import find_rests
+from femfit.records.supply import given_voltage
 from femfit.tables.measurement import TimeSeries
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A time series as arrays of length N; usable where distance and current lie in the model's validity domain."""
+    """A time series as arrays of length N; usable where distance and current lie in the model's validity domain.
+
+    The body is ``free`` where nothing but the model's forces acts on it.
+    """
 
     time: FloatArray
     run: FloatArray
     segment: IntArray
     columns: Mapping[str, FloatArray]
     usable: BoolArray
+    free: BoolArray
     findings: tuple[Finding, ...]
+
+    @property
+    def stretch(self) -> IntArray:
+        """Number of the stretch in which the body is free, or is not, of each sample; a segment has one or more."""
+        turns = (np.diff(self.segment) != 0) | np.diff(self.free)
+        return np.cumsum(np.r_[False, turns])
 
 
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
@@ -52,20 +65,16 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
                 "the model; no stretch over them is used.",
             )
         )
+    time, segment = rows["time_s"].to_numpy(), rows["segment"].to_numpy()
+    noise_A, noise_m = (
+        series.declared_noise.get(name, white_noise(columns[name], segment)) for name in ("current_A", "distance_m")
+    )
+    rests = find_rests(model, time, segment, distance, current, noise_m)
+    findings += rests.findings
     if model.circuit is not None:
-        clamp = model.circuit.voltage_min_V, model.circuit.voltage_max_V
-        beyond = int(np.count_nonzero((columns["voltage_V"] < clamp[0]) | (columns["voltage_V"] > clamp[1])))
-        if beyond:
-            findings.append(
-                Finding(
-                    "clamped",
-                    "warning",
-                    f"{beyond} commands lie beyond the driver's {clamp[0]:g} to {clamp[1]:g} V and were taken as "
-                    "clamped.",
-                    "If the driver can do more, change [supply] in the drawing.",
-                )
-            )
-            columns["voltage_V"] = np.clip(columns["voltage_V"], *clamp)
+        given = given_voltage(model, time, segment, columns["voltage_V"], current, distance, (noise_A, noise_m))
+        findings += given.findings
+        columns["voltage_V"] = given.voltage_V
     if model.sensor is not None:
         ended = at_ends_of_range(model.sensor, columns["hall_V"])
         if ended.any():
@@ -73,11 +82,12 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
             findings.append(Finding("clipped", "info", text, column="hall_V"))
             columns["hall_V"][ended] = np.nan
     return Samples(
-        time=rows["time_s"].to_numpy(),
+        time=time,
         run=rows["run"].to_numpy(),
-        segment=rows["segment"].to_numpy(),
+        segment=segment,
         columns=columns,
         usable=usable,
+        free=~rests.contact,
         findings=tuple(findings),
     )
 

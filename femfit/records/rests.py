@@ -1,0 +1,219 @@
+"""Where a body in a record stands still, and whether something holds it there.
+
+A body stands still where the means of short blocks of its distance agree within the sensor's noise. It is free
+there if the forces balance, as in a hover, and held if they do not: then a free body would have an acceleration
+(static force - F) / m that the record does not show. The model's force may be wrong, that is what a record is taken
+for; so the body counts as held only where F / 2 and 2 F miss the balance on the same side by five times the noise of
+the acceleration, or where it lies on a stop of the drawing. With the test function phi = (1 - s^2)^2 over a window of n
+samples and the length T, the noise of the mean acceleration is that of the sum of phi'' over the samples.
+
+References
+----------
+M. Shinbrot, Transactions of the ASME 79 (1957) 579: method of modulating functions.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from femfit.core.amount import amount, amount_range, counted
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.finding import Finding
+from femfit.model.actuator_model import ActuatorModel
+from femfit.records.constants import AT_STOP, BLOCK, DECISIVE, FINEST, LEAST_BLOCKS, STILL, WRONG_FACTOR
+
+Place = Literal["near", "far", "held"]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A stretch in which the body stands still and is not free: rows ``first`` to ``last``, both included."""
+
+    first: int
+    last: int
+    distance_m: float
+    place: Place  # On a stop of the drawing, or held by what the model does not know
+
+
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """All rests of a record, and the samples at which more than the model's forces acts on the body."""
+
+    rests: tuple[Rest, ...]
+    contact: BoolArray  # At rest, or touching where it rests; (samples,)
+    findings: tuple[Finding, ...]
+
+    @property
+    def held(self) -> BoolArray:
+        """Samples of the rests, shape (samples,)."""
+        result = np.zeros(len(self.contact), dtype=bool)
+        for rest in self.rests:
+            result[rest.first : rest.last + 1] = True
+        return result
+
+
+def find_rests(
+    model: ActuatorModel,
+    time_s: FloatArray,
+    segment: IntArray,
+    distance: FloatArray,
+    current: FloatArray,
+    noise_m: float,
+) -> Rests:
+    """Find the rests of a record whose distance is recorded.
+
+    Parameters
+    ----------
+    time_s, segment, distance, current : array, shape (samples,)
+        Distances in m and currents in A; NaN where missing. A segment has no gap of the clock.
+    noise_m : float
+        Standard deviation of one sample of the distance.
+    """
+    contact = np.zeros(len(time_s), dtype=bool)
+    if model.motion is None or not noise_m >= 0.0:
+        return Rests((), contact, ())
+    box = model.validity
+    noise_m = max(noise_m, FINEST * (box.distance_max_m - box.distance_min_m))
+    rests = []
+    for first, last, level in _still(segment, distance, noise_m):
+        rows = slice(first, last + 1)
+        place = _place(model, level, noise_m)
+        if place == "held" and not _unbalanced(model, time_s[rows], distance[rows], current[rows], noise_m):
+            continue
+        away = np.abs(np.nan_to_num(distance[rows] - level))
+        arrives = first > 0 and segment[first - 1] == segment[first]
+        leaves = last + 1 < len(segment) and segment[last + 1] == segment[last]
+        early = first + (_moving(away, noise_m) if arrives else 0)
+        late = last - (_moving(away[::-1], noise_m) if leaves else 0)
+        if late - early >= BLOCK:
+            rests.append(Rest(early, late, level, place))
+        contact[rows] = True
+    contact |= _touching(model, distance, rests, noise_m)
+    return Rests(tuple(rests), contact, tuple(_said(model, time_s, current, rests)))
+
+
+def _still(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
+    """First and last row, and mean, of every stretch whose blocks agree."""
+    found = []
+    edges = np.flatnonzero(np.diff(segment)) + 1
+    for begin, end in zip(np.r_[0, edges], np.r_[edges, len(segment)], strict=True):
+        count = (end - begin) // BLOCK
+        blocks = distance[begin : begin + count * BLOCK].reshape(count, BLOCK)
+        known = np.isfinite(blocks)
+        means = np.where(known.any(axis=1), np.nansum(blocks, axis=1) / np.maximum(known.sum(axis=1), 1), np.nan)
+        start = 0
+        while start < count:
+            stop, low, high = start, means[start], means[start]
+            while stop < count and max(high, means[stop]) - min(low, means[stop]) <= STILL * noise:
+                low, high = min(low, means[stop]), max(high, means[stop])
+                stop += 1
+            if stop - start >= LEAST_BLOCKS:
+                last = end if stop == count else begin + stop * BLOCK
+                found.append((int(begin + start * BLOCK), int(last) - 1, float(means[start:stop].mean())))
+            start = max(stop, start + 1)
+    return found
+
+
+def _moving(away: FloatArray, noise: float) -> int:
+    """Samples at the begin of a stretch in which the body is on its way: its mean is off, and one block before that."""
+    means = np.convolve(away, np.full(BLOCK, 1.0 / BLOCK), mode="valid")
+    # The mean magnitude of noise alone is 0.8 of its deviation, and of a block's mean 0.6 / sqrt(8) uncertain
+    there = np.flatnonzero(means <= noise)
+    return BLOCK + int(there[0] if len(there) else len(away))
+
+
+def _place(model: ActuatorModel, level: float, noise: float) -> Place:
+    near, far = model.require_motion().ends
+    box = model.validity
+    close = max(STILL * noise, AT_STOP * (box.distance_max_m - box.distance_min_m))
+    if abs(level - near) <= close:
+        return "near"
+    return "far" if abs(level - far) <= close else "held"
+
+
+def _unbalanced(
+    model: ActuatorModel, time: FloatArray, distance: FloatArray, current: FloatArray, noise: float
+) -> bool:
+    """Whether no force within a factor of two of the model's would leave the body where it stands."""
+    known = np.isfinite(distance) & np.isfinite(current)
+    if known.sum() < LEAST_BLOCKS * BLOCK:
+        return False
+    time, distance, current = time[known], distance[known], current[known]
+    motion, box = model.require_motion(), model.validity
+    # A reading that noise carries out of the domain is the domain's end
+    d = np.clip(np.full_like(current, distance.mean()), box.distance_min_m, box.distance_max_m)
+    i = np.clip(current, box.current_min_A, box.current_max_A)
+    pull, against = model.magnetics.force(d, i), motion.static_force(d)
+    least = against - np.maximum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) - motion.coulomb_N
+    most = against - np.minimum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) + motion.coulomb_N
+    size = 2 * BLOCK
+    while size <= len(time):
+        count = len(time) // size
+        cut = (count, size)
+        length = np.median(np.diff(time)) * size
+        s = (2.0 * np.arange(size) + 1.0) / size - 1.0
+        bump = (1.0 - s**2) ** 2
+        mean = bump / bump.sum()
+        curved = (12.0 * s**2 - 4.0) - np.polyval(np.polyfit(s, 12.0 * s**2 - 4.0, 1), s)
+        curved /= 0.5 * (curved @ s**2) * (0.5 * length) ** 2  # exactly 1 for t^2 / 2
+        seen = distance[: count * size].reshape(cut) @ curved
+        spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(seen))))
+        low = least[: count * size].reshape(cut) @ mean / motion.mass_kg
+        high = most[: count * size].reshape(cut) @ mean / motion.mass_kg
+        if np.any((low > DECISIVE * spread) | (high < -DECISIVE * spread)):
+            return True
+        size *= 2
+    return False
+
+
+def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noise: float) -> BoolArray:
+    """Samples within the noise of a stop, or of an end of the path at which the body was held, and their neighbours."""
+    ends = [stop for stop in model.require_motion().ends if np.isfinite(stop)]
+    means = np.convolve(distance, np.full(BLOCK, 1.0 / BLOCK), mode="valid")
+    means = means[np.isfinite(means)]
+    if len(means):
+        low, high = means.min() + STILL * noise, means.max() - STILL * noise
+        ends += [rest.distance_m for rest in rests if not low < rest.distance_m < high]
+    near = np.zeros(len(distance))
+    with np.errstate(invalid="ignore"):
+        for end in ends:
+            near[np.abs(distance - end) <= STILL * noise] = 1.0
+    return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
+
+
+def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: list[Rest]) -> list[Finding]:
+    found, samples = [], len(time)
+    words = {"near": "The body rests on the near stop", "far": "The body rests on the far stop"}
+    for place in ("near", "far", "held"):
+        here = [rest for rest in rests if rest.place == place]
+        if not here:
+            continue
+        share = sum(rest.last - rest.first + 1 for rest in here) / samples
+        where = amount_range(min(r.distance_m for r in here), max(r.distance_m for r in here), "m", 3)
+        if len(here) == 1 or place != "held":
+            where = amount(here[0].distance_m, "m", 3)
+        span = amount_range(float(time[here[0].first]), float(time[here[0].last]), "s", 3)
+        stretches = f"in {counted(len(here), 'stretch', 'stretches')}, {amount(share, '')} of the samples"
+        if place == "held":
+            text = (
+                f"The body is held at {where} {stretches}, first at {span}: it stands still where no force within a "
+                f"factor of {WRONG_FACTOR:g} of the model's balances it. It is not taken as free there."
+            )
+        else:
+            text = f"{words[place]} at {where} {stretches}, first at {span}; its force is not balanced there."
+        found.append(Finding("held" if place == "held" else "at-stop", "warning", text, size=share))
+    leaves = [rest for rest in rests if rest.last + BLOCK + 1 < samples]
+    if leaves:
+        rest = leaves[0]
+        row = rest.last
+        text = f"The body leaves {amount(rest.distance_m, 'm', 3)} after {amount(float(time[row]), 's', 3)}"
+        if np.isfinite(current[row]) and model.validity.contains(np.asarray(rest.distance_m), np.asarray(current[row])):
+            at, i = np.asarray(rest.distance_m), np.asarray(current[row])
+            pull = float(model.magnetics.force(at, i))
+            against = float(model.require_motion().static_force(at))
+            pulls = f"{amount(pull, 'N')} against {amount(against, 'N')}"
+            text += f", at {amount(float(i), 'A')}, where the model pulls with {pulls}"
+        more = f"; {counted(len(leaves) - 1, 'more departure')}" if len(leaves) > 1 else ""
+        found.append(Finding("lift-off", "info", f"{text}{more}."))
+    return found

@@ -1,0 +1,111 @@
+"""Commands beyond the supply of the drawing: whether the recorded current followed them.
+
+Over a stretch of such commands, with the flux linkage lambda of the model,
+
+    lambda(end) - lambda(begin) = sum of h (U - R i)
+
+holds for the voltage U that the driver gave. The command as recorded and the command as the drawing's supply clamps it
+are compared by what they leave of it beside the sensors' noise. With a freewheel diode the winding sees its drop while
+the driver is off and a current flows, and nothing once it has stopped.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.amount import amount, amount_range, counted
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.finding import Finding
+from femfit.model.actuator_model import ActuatorModel
+from femfit.records.constants import NEARER, OFF
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """The voltage that the driver gave, and what is said of it."""
+
+    voltage_V: FloatArray
+    findings: tuple[Finding, ...]
+
+
+def given_voltage(
+    model: ActuatorModel,
+    time_s: FloatArray,
+    segment: IntArray,
+    voltage: FloatArray,
+    current: FloatArray,
+    distance: FloatArray,
+    noise: tuple[float, float],
+) -> Given:
+    """The voltage at the winding: commands beyond the supply are believed where the current follows them, else clamped.
+
+    Parameters
+    ----------
+    time_s, segment, voltage, current, distance : array, shape (samples,)
+        In s, V, A and m; NaN where missing.
+    noise : (float, float)
+        Standard deviation of a sample of the current in A and of the distance in m; NaN where unknown.
+    """
+    circuit = model.require_circuit()
+    clamped = np.clip(voltage, circuit.voltage_min_V, circuit.voltage_max_V)
+    with np.errstate(invalid="ignore"):
+        beyond = clamped != voltage
+    beyond &= np.isfinite(voltage)
+    diode = circuit.drive.diode_V
+    if diode is not None:
+        off = voltage <= 0.0
+        flows = current > (OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
+        voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), one) for one in (voltage, clamped))
+        beyond &= ~off
+    if not beyond.any():
+        return Given(voltage, ())
+    limits = amount_range(circuit.voltage_min_V, circuit.voltage_max_V, "V")
+    reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
+    if int(beyond.sum()) == 1:
+        reach = amount(float(voltage[beyond][0]), "V")
+    head = f"{counted(int(beyond.sum()), 'command')} of {len(voltage)} ({reach}) lie beyond the supply's {limits}"
+    favour = _favour(model, time_s, segment, (voltage, clamped), current, distance, beyond, noise)
+    if favour > NEARER:
+        text = f"{head}, and the current follows them: the driver gave them, and they were believed."
+        return Given(voltage, (Finding("beyond-supply", "warning", text, "Change [supply] in the drawing."),))
+    why = "the current follows the clamp" if favour < -NEARER else "the record cannot tell whether the driver gave them"
+    text = f"{head}; {why}, and they were taken as clamped."
+    remedy = "" if favour < -NEARER else "If the driver can do more, change [supply] in the drawing."
+    return Given(clamped, (Finding("clamped", "warning", text, remedy),))
+
+
+def _favour(
+    model: ActuatorModel,
+    time: FloatArray,
+    segment: IntArray,
+    volts: tuple[FloatArray, FloatArray],
+    current: FloatArray,
+    distance: FloatArray,
+    beyond: BoolArray,
+    noise: tuple[float, float],
+) -> float:
+    """Logarithm of the likelihood of the commands as recorded over that of the clamped ones; zero where unknown."""
+    follows = np.zeros(len(time), dtype=bool)
+    follows[:-1] = np.diff(segment) == 0
+    known = np.isfinite(current) & np.isfinite(distance)
+    known &= model.validity.contains(np.nan_to_num(distance), np.nan_to_num(current))
+    usable = beyond & follows & known & np.r_[known[1:], False]
+    if not usable.any() or not np.isfinite(noise).all():
+        return 0.0
+    first = np.flatnonzero(usable & ~np.r_[False, usable[:-1]])
+    last = np.flatnonzero(usable & ~np.r_[usable[1:], False]) + 1
+    d, i = np.nan_to_num(distance), np.nan_to_num(current)
+    flux, slope, inductance = model.magnetics.coenergy_derivatives(d, i, ((0, 1), (1, 1), (0, 2)))
+    resistance = model.require_circuit().resistance_ohm
+    step = np.r_[np.diff(time), 0.0]
+    drop = resistance * step * 0.5 * (i + np.r_[i[1:], 0.0])
+    gained = flux[last] - flux[first]
+    total = np.r_[0.0, np.cumsum(np.where(usable, drop, 0.0))]
+    left = []
+    for one in volts:
+        supplied = np.r_[0.0, np.cumsum(np.where(usable, step * np.nan_to_num(one), 0.0))]
+        left.append(gained + (total[last] - total[first]) - (supplied[last] - supplied[first]))
+    spread = 2.0 * (inductance[first] * noise[0]) ** 2 + 2.0 * (slope[first] * noise[1]) ** 2
+    spread += (last - first) * (resistance * np.median(step[usable]) * noise[0]) ** 2
+    recorded, clamped = (float(np.sum(one**2 / spread)) for one in left)
+    return 0.5 * (clamped - recorded)

@@ -1,0 +1,74 @@
+"""The filters that a record goes through: of a free body, and of one that is held."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.filters.filter import Filter
+from femfit.filters.kalman_filter import FilterKind, kalman_filter
+from femfit.filters.levitation import kept_between_stops
+from femfit.filters.noise import FilterNoise, operating_distance
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.dynamics import runge_kutta_step
+from femfit.replay.constants import RUNGE_KUTTA_STEP, UNMOVED_KG
+from femfit.replay.prepare import Prepared
+
+FILTERS: dict[str, tuple[FilterKind, bool]] = {
+    "ukf": ("ukf", False),
+    "ekf": ("ekf", False),
+    "ukf4": ("ukf", True),
+    "ekf4": ("ekf", True),
+}
+"""Name -> kind, and whether a bias is a further state."""
+
+
+def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> Filter:
+    """The filter with steps of Runge and Kutta, since an estimate offline is not in a hurry."""
+    kind, biased = FILTERS[name]
+    chosen: Sequence[str] = ()
+    if biased:
+        chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
+    model = prepared.model
+    built = kalman_filter(model, kind, sensors=prepared.sensors, biases=chosen, noise=noise)
+    transition = partial(_advance, model, _substeps(model))
+    return replace(built, process=replace(built.process, transition=transition, transition_columns=None))
+
+
+def _substeps(model: ActuatorModel) -> int:
+    box = model.validity
+    currents = np.linspace(box.current_min_A, box.current_max_A, 5)
+    least = float(model.magnetics.inductance(np.full(5, operating_distance(model)), currents).min())
+    rate = model.require_circuit().resistance_ohm / least
+    return max(1, int(np.ceil(model.sample_time_s * rate / RUNGE_KUTTA_STEP)))
+
+
+def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
+    order = model.order
+    moved = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, substeps)
+    return kept_between_stops(model, np.concatenate([moved, states[:, order:]], axis=1))
+
+
+def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:
+    """The same filter of a body that stands still: the current flows as it does in a body that nothing moves."""
+    if prepared.resting is None:
+        return None
+    model, process = prepared.model, built.process
+    still = replace(
+        model.require_motion(), mass_kg=UNMOVED_KG, gravity_m_s2=0.0, near_stop=None, far_stop=None, coulomb_N=0.0
+    )
+    transition = partial(_stay, replace(model, motion=still), _substeps(model))
+    covariance = process.process_covariance.copy()
+    covariance[:2, :2] = np.diag(np.square(prepared.resting))
+    resting = replace(process, transition=transition, transition_jacobian=None, process_covariance=covariance)
+    return replace(built, process=resting)
+
+
+def _stay(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
+    still = states.copy()
+    still[:, 1] = 0.0
+    moved = _advance(model, substeps, still, voltage)
+    moved[:, :2] = still[:, :2]
+    return moved

@@ -1,0 +1,113 @@
+"""Rests on stops, held bodies and lift-off are recognised by the noise, and a hover is not one of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femfit as ff
+from femfit.device.mechanics import Mechanics
+from femfit.records.rests import find_rests
+from tests.support.closed_loop import closed_loop, recorded
+from tests.support.solenoids import solenoid
+from tests.support.switching import CURRENT_A, DISTANCE_M, logged, switched
+
+
+def rests_of(model, record):
+    rows = record.rows
+    columns = (rows[name].to_numpy() for name in ("time_s", "segment", "distance_m", "current_A"))
+    return find_rests(model, *columns, DISTANCE_M)
+
+
+@pytest.fixture(scope="module")
+def free():
+    return switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)
+
+
+@pytest.fixture(scope="module")
+def blocked():
+    return [switched([0.0, 0.02, 0.04], [0.0, 12.0, 4.0], 0.06, start_m=at, blocked=True) for at in (1.5e-3, 3e-3)]
+
+
+def test_rests_on_both_stops_lie_where_the_simulated_body_rests(free):
+    found = rests_of(solenoid(), logged([free]))
+    assert {rest.place for rest in found.rests} == {"near", "far"}
+    still = free.table["velocity_m_s"] == 0.0
+    assert found.held[still].mean() > 0.85  # blocks at the ends are given away
+    off = np.minimum(np.abs(free.table["distance_m"] - 0.2e-3), np.abs(free.table["distance_m"] - 4e-3))
+    assert off[found.held].max() < 2.0 * DISTANCE_M  # bounces that noise hides
+    assert not found.contact[(free.table["distance_m"] > 0.5e-3) & (free.table["distance_m"] < 3.5e-3)].any()
+
+
+def test_departure_is_told_before_the_body_has_gone_as_far_as_the_noise(free):
+    found = rests_of(solenoid(), logged([free]))
+    starts = next(event.time_s for event in free.events if event.name == "starts")
+    gone = 1e-4 * np.argmax(free.table["distance_m"] < 4e-3 - 2.0 * DISTANCE_M)
+    assert starts - 1e-3 < 1e-4 * found.rests[0].last < gone
+    assert "lift-off" in {one.code for one in found.findings}
+
+
+def test_a_blocked_body_away_from_stops_is_held_whatever_the_model_misses(blocked):
+    for factor in (0.7, 1.0, 1.5):
+        model = solenoid()
+        wrong = replace(model, magnetics=Scaled(model.magnetics, factor))
+        found = rests_of(wrong, logged(blocked))
+        assert {rest.place for rest in found.rests} == {"held"}
+        assert found.held.mean() > 0.9
+
+
+class Scaled:
+    """Another model's magnetics with another force."""
+
+    def __init__(self, magnetics, factor):
+        self.magnetics, self.factor = magnetics, factor
+
+    def force(self, distance, current):
+        return self.factor * self.magnetics.force(distance, current)
+
+
+def test_a_body_that_swings_on_its_spring_is_free():
+    model = solenoid()
+    motion = Mechanics(0.025, 0.0, springs=model.motion.springs)
+    loop = ff.simulate(replace(model, motion=motion), voltage_V=0.0, duration_s=0.3, start_m=3.7e-3, sample_time_s=1e-4)
+    stiffer = replace(motion, springs=(replace(motion.springs[0], stiffness_N_per_m=120.0),))
+    assert not rests_of(replace(model, motion=stiffer), logged([loop])).rests
+
+
+def test_a_hover_is_free_though_the_model_misses_a_fifth_of_its_force(levitation_model):
+    model = replace(levitation_model, sample_time_s=1e-3)
+    record = recorded(closed_loop(model, runs=2, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)
+    for factor in (0.8, 1.0, 1.25):
+        wrong = replace(model, magnetics=Scaled(model.magnetics, factor))
+        rows = record.rows
+        columns = (rows[name].to_numpy() for name in ("time_s", "segment", "distance_m", "current_A"))
+        assert not find_rests(wrong, *columns, 3e-5).rests
+
+
+@pytest.mark.parametrize("with_blocked", [False, True])
+def test_compare_agrees_on_switching_with_and_without_blocked_runs(free, blocked, with_blocked):
+    """A body that is balanced as free while it is held misses by hundreds of times the noise."""
+    comparison = ff.compare(solenoid(), logged([free, *(blocked if with_blocked else ())]))
+    assert comparison.verdict == "agrees", str(comparison)
+    codes = {one.code for one in comparison.findings}
+    assert "at-stop" in codes
+    assert ("held" in codes) == with_blocked
+
+
+def test_a_filter_does_not_let_a_held_body_fall(blocked):
+    seen = ff.observe(solenoid(), logged(blocked), find=False)
+    one = seen.filters[0]
+    assert "is held" in str(seen).splitlines()[1]
+    judged = {each.sensor: each for each in one.innovations}
+    assert judged["distance"].mean_square == pytest.approx(1.0, abs=0.15)
+    assert judged["current"].mean_square == pytest.approx(1.0, abs=0.15)
+
+
+def test_noise_of_the_sensors_alone_leaves_a_resting_body_at_rest():
+    generator = np.random.default_rng(3)
+    for _ in range(20):
+        time = 1e-4 * np.arange(4000)
+        distance = 4e-3 + DISTANCE_M * generator.standard_normal(4000)
+        current = CURRENT_A * generator.standard_normal(4000)
+        (rest,) = find_rests(solenoid(), time, np.zeros(4000, int), distance, current, DISTANCE_M).rests
+        assert (rest.first, rest.last) == (0, 3999)

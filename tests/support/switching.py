@@ -1,0 +1,52 @@
+"""Records of a solenoid that switches, and of one whose body is blocked, as a lab would log them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+import femfit as ff
+from femfit.open_loop.profile import Profile
+from femfit.tables.measurement import TimeSeries
+from tests.support.solenoids import solenoid
+
+STEP_S = 1e-4
+CURRENT_A, DISTANCE_M = 5e-3, 2e-5
+"""Standard deviations of a sample."""
+
+
+def switched(turns_s, volts, seconds, model=None, start_m=None, blocked=False):
+    """An open loop with these commands from these times on; a blocked body stays where it begins."""
+    model = model or solenoid()
+    if blocked:  # too heavy to move
+        model = replace(model, motion=replace(model.motion, mass_kg=1e9, near_stop=None, far_stop=None))
+    drive = Profile("voltage", np.array(turns_s, float), np.array(volts, float))
+    return ff.simulate(model, drive=drive, duration_s=seconds, sample_time_s=STEP_S, start_m=start_m)
+
+
+def logged(loops, seed=1, noise=(CURRENT_A, DISTANCE_M), drop=()):
+    """One record with a run an open loop, with noise of current in A and distance in m, and the commands as given."""
+    generator, rows = np.random.default_rng(seed), []
+    for number, loop in enumerate(loops):
+        table = loop.table
+        held = np.searchsorted(loop.profile.time_s, table["time_s"] + 1e-9, side="right") - 1
+        samples = len(held)
+        rows.append(
+            pd.DataFrame(
+                {
+                    "run": number + 1.0,
+                    "time_s": table["time_s"],
+                    "voltage_V": loop.profile.value[np.maximum(held, 0)],
+                    "current_A": table["current_A"] + noise[0] * generator.standard_normal(samples),
+                    "distance_m": table["distance_m"] + noise[1] * generator.standard_normal(samples),
+                    "hall_V": np.nan,
+                    "force_N": np.nan,
+                    "coil_temperature_C": np.nan,
+                    "magnet_temperature_C": np.nan,
+                    "segment": number,
+                }
+            )
+        )
+    given = tuple(name for name in ("run", "time_s", "voltage_V", "current_A", "distance_m") if name not in drop)
+    table = pd.concat(rows, ignore_index=True)
+    return TimeSeries(rows=table.assign(**dict.fromkeys(drop, np.nan)), given=given, source="switched.csv")
