@@ -1,7 +1,7 @@
 """``femfit run``: the whole main job in turn."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from femfit.device.parts import Actuator
     from femfit.fit.result import FitResult
     from femfit.model.actuator_model import ActuatorModel
+    from femfit.open_loop.result import OpenLoop
     from femfit.simulation.study import ClosedLoopStudy
     from femfit.tables.sweep_table import SweepTable
 
@@ -48,13 +49,10 @@ def run(
     from dataclasses import replace
 
     from femfit.cli.output import write_json
-    from femfit.cli.progress import sweep_progress
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
-    from femfit.device.variants import only
-    from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import clipped_hall, summarise
+    from femfit.open_loop.supply import motion_at_supply
     from femfit.report.actuator_report import draw_figures, render_report
     from femfit.report.content import ReportContent
     from femfit.report.page import write_page
@@ -65,21 +63,19 @@ def run(
     model_file, law_file, page = (directory / name for name in ("model.json", "model_law.json", "report.html"))
     require_outputs([actuator], (model_file, MODEL), (law_file, MODEL), (page, PAGE), (json, RESULT))
     steps = _Steps()
-    for remark in remarks(parts):
-        print(remark)
-    with steps.timed("sweep"), sweep_progress(parts.name) as progress:
-        table = run_sweep(parts, directory, workers=workers or len(os.sched_getaffinity(0)), progress=progress)
-    summary = summarise(table)
-    steps.say(_solved(summary))
-    for remark in clipped_hall(only(parts), table):
-        print(remark)
+    _print_lines(remarks(parts))
+    table, summary = _sweep(steps, parts, directory, workers or len(os.sched_getaffinity(0)))
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", model_file)
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
+        with steps.timed("open loop"):
+            motion = motion_at_supply(reference.model)
+        steps.say(_motion_line(motion))
         with steps.timed("first half of the report"):
-            content = with_field(ReportContent(reference.model, parts, table, reference, unfinished=True), parts)
+            first = ReportContent(reference.model, parts, table, reference, motion=motion, unfinished=True)
+            content = with_field(first, parts)
             drawn = draw_figures(content)
             write_page(render_report(content, drawn), page)
         steps.say(f"{page} can be read; the laws and the loop follow")
@@ -112,6 +108,7 @@ def run(
             "sweep": summary,
             "reference": reference.to_dict(),
             "laws": ranked.to_dict(),
+            "open_loop": motion.to_dict() if motion else None,
             "closed_loop": study.data() if study else None,
             "no_closed_loop": no_study,
             "seconds": steps.times,
@@ -165,6 +162,31 @@ class _Steps:
     def say(self, text: str) -> None:
         name = list(self.times)[-1]
         print(f"{name:<{STEP_WIDTH}}{self.times[name]:5.1f} s  {text}", flush=True)
+
+
+def _sweep(steps: _Steps, parts: "Actuator", directory: Path, workers: int) -> "tuple[SweepTable, dict[str, Any]]":
+    from femfit.cli.progress import sweep_progress
+    from femfit.device.variants import only
+    from femfit.field.sweep import run_sweep
+    from femfit.field.sweep_rows import clipped_hall, summarise
+
+    with steps.timed("sweep"), sweep_progress(parts.name) as progress:
+        table = run_sweep(parts, directory, workers=workers, progress=progress)
+    summary = summarise(table)
+    steps.say(_solved(summary))
+    _print_lines(clipped_hall(only(parts), table))
+    return table, summary
+
+
+def _print_lines(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(line)
+
+
+def _motion_line(motion: "OpenLoop | None") -> str:
+    if motion is None:
+        return "none: the supply neither switches the body between two stops nor moves it on springs"
+    return f"{motion.profile.value[0]:g} V: {str(motion).splitlines()[0]}"
 
 
 def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":

@@ -35,6 +35,7 @@ from femfit.report.force_figures import (
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
 from femfit.report.numbers import quantity, significant
+from femfit.report.open_loop_figure import open_loop_figure
 from femfit.report.page import render
 from femfit.report.parts import all_regions, saturates
 from femfit.report.rating import SMALL, USUAL_KNEES, Rating, copper_share, growth, iron_loads, rate
@@ -91,6 +92,7 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "copper_share": None if actuator is None else copper_share(actuator),
         "iron": iron,
         "growth": growth(model, content.strongest.current_A) if iron and content.strongest else None,
+        "motion": content.motion,
         "carried": _carried(model),
         "usual_knees": USUAL_KNEES,
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
@@ -121,6 +123,8 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     if rating is not None:
         figures["stroke"] = partial(stroke_figure, rating, content.weight if content.levitates else None)
         figures["coil"] = partial(coil_figure, rating)
+    if content.motion is not None:
+        figures["motion"] = partial(open_loop_figure, content.motion)
     if grid is not None:
         weight = content.weight if content.levitates else None
         figures["force-curves"] = partial(force_curves_figure, grid, weight)

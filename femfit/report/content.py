@@ -12,6 +12,7 @@ from femfit.filters.holding import holding_current
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
+from femfit.open_loop.result import OpenLoop
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.study import ClosedLoopStudy
 from femfit.tables.sweep_table import SweepTable
@@ -28,6 +29,7 @@ class ReportContent:
     fit: FitResult | None = None
     study: ClosedLoopStudy | None = None
     no_study: str = ""  # Why the loop was not closed, as the error said
+    motion: OpenLoop | None = None  # As of :func:`femfit.open_loop.supply.motion_at_supply`
     # The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged
     field: FieldSample | None = None
     strongest: FieldSample | None = None

@@ -17,6 +17,7 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
+from femfit.open_loop.supply import motion_at_supply
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.bench_report import render_added, render_comparison, render_diagnosis
 from femfit.report.content import ReportContent, picture_point, strongest_point
@@ -74,6 +75,8 @@ def _page(result: Any) -> str:
     if isinstance(result, Diagnosis):
         return render_diagnosis(result)
     content = result if isinstance(result, ReportContent) else _content(result)
+    if not isinstance(result, ReportContent):
+        content = replace(content, motion=motion_at_supply(content.model))
     return render_report(content, draw_figures(content))
 
 

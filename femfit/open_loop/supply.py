@@ -1,0 +1,78 @@
+"""What the drawing's own supply does to a body at rest: it switches there and back, or answers a step."""
+
+import numpy as np
+
+from femfit.core.errors import DomainError, MissingPartError, SimulationError
+from femfit.model.actuator_model import ActuatorModel
+from femfit.open_loop.profile import Profile
+from femfit.open_loop.result import OpenLoop
+from femfit.open_loop.simulate import simulate
+
+FIRST_S, LONGEST_S = 0.05, 3.0
+"""Conventional: duration that is tried first and doubled while something still moves, and the longest."""
+
+WEAKEST = 1.0 / 64.0
+"""Conventional: smallest part of the supply's voltage that is tried on a body that it drives out of its travel."""
+
+
+def motion_at_supply(model: ActuatorModel) -> OpenLoop | None:
+    """The motion that the supply's largest voltage makes of a body at rest.
+
+    A body between two stops is switched on and, once it is at rest, off again. A body on springs gets a step of the
+    whole voltage, or of half, a quarter ... of it where that drives it out of its travel.
+
+    Returns
+    -------
+    OpenLoop or None
+        None where there is no voltage drive, no mechanics, or nothing that keeps the body within the model, as with a
+        levitated one.
+    """
+    circuit, motion = model.circuit, model.motion
+    if circuit is None or motion is None or len(model.circuits) > 1 or circuit.drive.kind == "current":
+        return None
+    voltage = max((circuit.voltage_max_V, circuit.voltage_min_V), key=abs)
+    try:
+        if motion.near_stop is not None and motion.far_stop is not None:
+            switched = _switched(model, voltage)
+            if switched is not None:
+                return switched
+        return _stepped(model, voltage) if motion.springs else None
+    except (DomainError, MissingPartError, SimulationError):
+        return None
+
+
+def _switched(model: ActuatorModel, voltage: float) -> OpenLoop | None:
+    on = _until_rest(model, [voltage], [0.0])
+    if on is None or not on.switchings or on.left_domain:
+        return on
+    return _until_rest(model, [voltage, 0.0], [0.0, on.duration_s])
+
+
+def _until_rest(model: ActuatorModel, values: list[float], times: list[float]) -> OpenLoop | None:
+    """A simulation of the command that lasts until nothing moves any more; None where the body leaves the domain."""
+    after = FIRST_S
+    while True:
+        command = Profile("voltage", np.array(times), np.array(values))
+        found = simulate(model, drive=command, duration_s=times[-1] + after)
+        if found.left_domain:
+            return None if any(name == "distance" for name, _ in found.left_domain) else found
+        moving = [event.time_s for event in found.events if event.name != "sticks"]
+        still = abs(found.table["velocity_m_s"][-1]) == 0.0 and (not moving or max(moving) < times[-1] + 0.8 * after)
+        if (still and len(found.switchings) == len(values)) or after > LONGEST_S:
+            return found
+        after *= 2.0
+
+
+def _stepped(model: ActuatorModel, voltage: float) -> OpenLoop | None:
+    share, duration = 1.0, FIRST_S
+    while share >= WEAKEST:
+        found = simulate(model, voltage_V=share * voltage, duration_s=duration)
+        if found.step is not None:
+            return found
+        if found.left_domain or found.switchings or any(event.name.startswith("hits") for event in found.events):
+            share *= 0.5
+        elif duration > LONGEST_S:
+            return None
+        else:
+            duration *= 2.0
+    return None
