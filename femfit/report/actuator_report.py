@@ -121,7 +121,7 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
         if content.field is not None:
             figures["field"] = partial(field_figure, actuator, content.field)
     if rating is not None:
-        figures["stroke"] = partial(stroke_figure, rating, content.weight if content.levitates else None)
+        figures["stroke"] = partial(stroke_figure, rating, model.motion)
         figures["coil"] = partial(coil_figure, rating)
     if content.motion is not None:
         figures["motion"] = partial(open_loop_figure, content.motion)

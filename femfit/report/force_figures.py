@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femfit.core.amount import axis_scale
+from femfit.device.mechanics import Mechanics
 from femfit.report.numbers import plain, significant
 from femfit.report.rating import Rating
 from femfit.report.style import (
@@ -42,8 +43,8 @@ FEEDS = {
 
 
 @styled
-def stroke_figure(rating: Rating, weight: float | None) -> "Figure":
-    """Draw force over the stroke at the supply's voltage with a cold and a warm coil, and at the rated current."""
+def stroke_figure(rating: Rating, motion: Mechanics | None) -> "Figure":
+    """Draw force over the stroke at the supply's voltage and the rated current, and what it has to overcome."""
     figure = new_figure(3.6)
     axes = figure.subplots()
     factor, unit = axis_scale(np.concatenate(list(rating.forces_N.values())), "N")
@@ -55,8 +56,14 @@ def stroke_figure(rating: Rating, weight: float | None) -> "Figure":
         if feed.limited:
             said += words("stroke", "limited", drawn=significant(feed.drawn_A))
         axes.plot(MM * rating.distance_m, factor * rating.forces_N[feed.name], line, color=colour, label=said)
-    if weight is not None:
-        axes.axhline(factor * weight, color=ORANGE, linewidth=1.0, dashes=(5, 3), label=words("stroke", "weight"))
+    if motion is not None:
+        against, name = (
+            motion.static_force(rating.distance_m),
+            "static" if motion.springs or motion.load_N else "weight",
+        )
+        if np.any(against):
+            x, dashes = MM * rating.distance_m, (5, 3)
+            axes.plot(x, factor * against, color=ORANGE, linewidth=1.0, dashes=dashes, label=words("stroke", name))
     label(axes, "stroke", "distance", "force", unit=unit)
     axes.legend(loc="best")
     return figure

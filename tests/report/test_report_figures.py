@@ -35,7 +35,7 @@ def all_figures(content):
     return {
         "actuator": actuator_figure(content.actuator, 0.022),
         "field": field_figure(content.actuator, content.field),
-        "stroke": stroke_figure(rating, rows.weight),
+        "stroke": stroke_figure(rating, content.model.motion),
         "coil": coil_figure(rating),
         "force-map": force_map_figure(grid, rows.weight),
         "force-curves": force_curves_figure(grid, rows.weight),
