@@ -72,7 +72,7 @@ def run(
         loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
         with steps.timed("open loop"):
             motion = motion_at_supply(reference.model)
-        steps.say(_motion_line(motion))
+        steps.say(_motion_line(motion, parts))
         with steps.timed("first half of the report"):
             first = ReportContent(reference.model, parts, table, reference, motion=motion, unfinished=True)
             content = with_field(first, parts)
@@ -183,7 +183,9 @@ def _print_lines(lines: Iterable[str]) -> None:
         print(line)
 
 
-def _motion_line(motion: "OpenLoop | None") -> str:
+def _motion_line(motion: "OpenLoop | None", parts: "Actuator") -> str:
+    if motion is None and not parts.circuits:
+        return f"none: {NO_COIL}"
     if motion is None:
         return "none: the supply neither switches the body between two stops nor moves it on springs"
     return f"{motion.profile.value[0]:g} V: {str(motion).splitlines()[0]}"

@@ -18,8 +18,8 @@ WEAKEST = 1.0 / 64.0
 def motion_at_supply(model: ActuatorModel) -> OpenLoop | None:
     """The motion that the supply's largest voltage makes of a body at rest.
 
-    A body between two stops is switched on and, once it is at rest, off again. A body on springs gets a step of the
-    whole voltage, or of half, a quarter ... of it where that drives it out of its travel.
+    A body that rests on one of two stops is switched on and, once it is at rest again, off. A body that springs hold
+    between them gets a step of the whole voltage, or of half, a quarter ... of it where that drives it to its ends.
 
     Returns
     -------
@@ -32,10 +32,9 @@ def motion_at_supply(model: ActuatorModel) -> OpenLoop | None:
         return None
     voltage = max((circuit.voltage_max_V, circuit.voltage_min_V), key=abs)
     try:
-        if motion.near_stop is not None and motion.far_stop is not None:
-            switched = _switched(model, voltage)
-            if switched is not None:
-                return switched
+        stops = [stop.distance_m for stop in (motion.near_stop, motion.far_stop) if stop is not None]
+        if len(stops) == 2 and simulate(model, voltage_V=0.0, duration_s=1e-3).table["distance_m"][0] in stops:
+            return _switched(model, voltage)
         return _stepped(model, voltage) if motion.springs else None
     except (DomainError, MissingPartError, SimulationError):
         return None

@@ -39,6 +39,15 @@ def test_a_body_on_springs_gets_a_step_that_it_can_follow():
     assert found.table["distance_m"][-1] < found.table["distance_m"][0]
 
 
+def test_a_body_that_springs_hold_between_its_stops_is_stepped_and_not_driven_onto_them():
+    model = on_springs(
+        springs=(Spring(80.0, 0.0, 3e-3),), viscous_N_s_per_m=2.0, near_stop=Stop(2e-3), far_stop=Stop(4e-3)
+    )
+    found = motion_at_supply(model)
+    assert found.step is not None
+    assert found.profile.value[0] < model.circuit.voltage_max_V
+
+
 def test_a_body_that_the_supply_is_too_weak_for_is_said_to_stay():
     strong = on_springs(springs=(Spring(500.0, 1.0, 5e-3),), near_stop=Stop(0.5e-3), far_stop=Stop(5e-3))
     assert "stays at 5.00 mm" in str(motion_at_supply(strong))
