@@ -46,6 +46,17 @@ LEAST_SPREAD_C = 0.5
 SPANNED = 1e-4
 """Numerical: squared sine below which a pattern lies in the fitted columns."""
 
+# What an added effect does to the filter
+
+FILTER_RUNS = 4
+"""Conventional: runs left out that the filter is judged on, the last ones; each costs four passes of a filter."""
+
+FILTER_BLOCK = 100
+"""Conventional: samples of a block whose mean counts as one, since innovations of a wrong model are not white."""
+
+FILTER_WORSE, FILTER_GREW = 3.0, 1.05
+"""Conventional: standard errors, and a factor of an error, from which the filter has become worse."""
+
 # Which effect is named
 
 ENOUGH, ENOUGH_OF_TWO = 0.97, 0.98

@@ -10,9 +10,10 @@ from femfit.core.arrays import FloatArray
 from femfit.filters.filter import Filter
 from femfit.filters.kalman_filter import FilterKind, kalman_filter
 from femfit.filters.levitation import kept_between_stops
-from femfit.filters.noise import FilterNoise, operating_distance
+from femfit.filters.noise import FilterNoise, default_noise, operating_distance
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import runge_kutta_step
+from femfit.model.sensors import HALL
 from femfit.replay.constants import RUNGE_KUTTA_STEP, UNMOVED_KG
 from femfit.replay.prepare import Prepared
 
@@ -23,6 +24,13 @@ FILTERS: dict[str, tuple[FilterKind, bool]] = {
     "ekf4": ("ekf", True),
 }
 """Name -> kind, and whether a bias is a further state."""
+
+
+def noise_of(prepared: Prepared, noise: FilterNoise | None) -> FilterNoise:
+    """Noises as given, or of the model and the record."""
+    noise = default_noise(prepared.model) if noise is None else noise
+    hall = prepared.noise.get(HALL, noise.hall_V)
+    return replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
 
 
 def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> Filter:

@@ -7,21 +7,22 @@ from pathlib import Path
 import numpy as np
 
 from femfit.core.amount import counted
-from femfit.core.errors import FilterError, TableError
+from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.finding import Finding
 from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
-from femfit.filters.noise import FilterNoise, default_noise
+from femfit.filters.noise import FilterNoise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.model.sensors import HALL, predict_sensor, reading_of, sensors_of
-from femfit.replay.build_filter import FILTERS, filter_of, resting_filter
+from femfit.replay.build_filter import FILTERS, filter_of, noise_of, resting_filter
 from femfit.replay.consistency import beside, innovations_of
-from femfit.replay.constants import AT_STOP, LEAST_JUDGED
+from femfit.replay.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
 from femfit.replay.find_noise import find_noise
 from femfit.replay.prepare import Prepared, prepare
 from femfit.replay.result import Observation, OneFilter
 from femfit.replay.run_filter import Replayed, replay
+from femfit.replay.score import can_be_filtered
+from femfit.replay.unread import estimates_beside
 from femfit.tables.measurement import Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
 
@@ -91,7 +92,7 @@ def observe(
     if unknown or not names:
         raise FilterError(f"A filter must be one of {', '.join(FILTERS)}; instead received {filter!r}.")
     prepared = prepare(model, series, sensors)
-    noise = _noise(prepared, noise)
+    noise = noise_of(prepared, noise)
     runs = []
     for name in names:
         built = filter_of(prepared, name, biases, noise)
@@ -113,24 +114,26 @@ def observe(
     )
 
 
-def _noise(prepared: Prepared, noise: FilterNoise | None) -> FilterNoise:
-    noise = default_noise(prepared.model) if noise is None else noise
-    hall = prepared.noise.get(HALL, noise.hall_V)
-    return replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
+def filtered(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
+    """The first samples of a record through the unscented filter; None where the model has no filter for it."""
+    if not can_be_filtered(model, series):
+        return None
+    short = {name: values[:NOISE_SAMPLES] for name, values in series.clipped.items()}
+    series = replace(series, rows=series.rows[:NOISE_SAMPLES], clipped=short)
+    try:
+        return observe(model, series, find=False).filters[0]
+    except (FilterError, MissingPartError, TableError):  # as of a coil too fast for the record, or a force law alone
+        return None
 
 
 def _one(prepared: Prepared, name: str, built: Filter, replayed: Replayed) -> OneFilter:
-    model, order = prepared.model, prepared.model.order
+    model = prepared.model
     judged = [
         innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
         for k, reading in enumerate(prepared.readings)
     ]
     used = {reading.column for reading in prepared.readings}
-    estimates = {}
-    for sensor_name, sensor in sensors_of(model).items():
-        column = reading_of(model, sensor_name).column
-        if column in prepared.recorded and column not in estimates:
-            estimates[column] = predict_sensor(model, sensor, replayed.mean[:, :order])
+    estimates = estimates_beside(prepared, replayed)
     compared = [
         beside(column, column in used, prepared.recorded[column], values, model.sample_time_s)
         for column, values in estimates.items()

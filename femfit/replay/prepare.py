@@ -51,7 +51,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
             f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
             f"{', '.join(series.given)}. Record voltage_V, or say which column it is with --column HEADER=voltage_V."
         )
-    model, findings = _with_recorded_sensors(model, series), list(series.findings)
+    model, findings = with_recorded_sensors(model, series), list(series.findings)
     names = _chosen(model, series, sensors)
     readings = tuple(reading_of(model, name) for name in names)
     time, recorded = rows["time_s"].to_numpy(), {}
@@ -89,7 +89,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting)
 
 
-def _with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
+def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
     """The model with a sensor for each recorded current or distance that none of its own reads."""
     known = sensors_of(model)
     read = {reading_of(model, name).column for name in known}
@@ -103,9 +103,14 @@ def _with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> Actuator
     return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
 
 
+def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence[str] = ()) -> tuple[str, ...]:
+    """Names of the sensors that the record has readings of, those of some columns left out."""
+    columns = {name: reading_of(model, name).column for name in sensors_of(model)}
+    return tuple(name for name, one in columns.items() if one in series.given and one not in without)
+
+
 def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> tuple[str, ...]:
-    can = {name: reading_of(model, name).column for name in sensors_of(model)}
-    usable = [name for name, column in can.items() if column in series.given]
+    usable = recorded_sensors(model, series)
     wanted = tuple(usable) if sensors is None else tuple(sensors)
     for name in wanted:
         sensor_named(model, name)

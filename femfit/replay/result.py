@@ -39,24 +39,23 @@ class OneFilter:
         judged = self.innovations
         return self.lost_at_s is None and bool(judged) and all(one.consistent and one.white for one in judged)
 
-    def lines(self) -> list[str]:
-        """What became of it."""
+    @property
+    def sentence(self) -> str:
+        """Whether it can be relied on."""
         settled = self.replayed.deviation[len(self.replayed.deviation) // 2 :, 0]
         certain = amount(float(np.nanmedian(settled)), "m") if np.isfinite(settled).any() else "unknown"
         if self.lost_at_s is not None:
-            head = f"{self.name}: lost at {amount(self.lost_at_s, 's', 4)}. {self.outcome.sentence}"
-        elif self.trusted:
-            head = f"{self.name}: consistent. It claims the distance to {certain}."
-        elif not self.innovations:
-            head = (
-                f"{self.name}: not judged, because no sensor has {LEAST_JUDGED} readings. It claims the distance to "
-                f"{certain}."
-            )
-        else:
-            head = (
-                f"{self.name}: not consistent with its noise. It claims the distance to {certain}; do not rely on it."
-            )
-        lines = [head]
+            return f"{self.name}: lost at {amount(self.lost_at_s, 's', 4)}. {self.outcome.sentence}"
+        if self.trusted:
+            return f"{self.name}: consistent. It claims the distance to {certain}."
+        if not self.innovations:
+            few = f"no sensor has {LEAST_JUDGED} readings"
+            return f"{self.name}: not judged, because {few}. It claims the distance to {certain}."
+        return f"{self.name}: not consistent with its noise. It claims the distance to {certain}; do not rely on it."
+
+    def lines(self) -> list[str]:
+        """What became of it."""
+        lines = [self.sentence]
         for one in self.innovations:
             band = f"{one.band.lower:.3g} to {one.band.upper:.3g}"
             worst = int(np.argmax(np.abs(one.autocorrelation)))
@@ -75,6 +74,10 @@ class OneFilter:
                 f"{amount(channel.mean, unit)}{late}"
             )
         return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, without the series."""
+        return _filter_data(self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,7 +135,7 @@ class Observation(Printed):
             "source": self.source,
             "samples": len(self.time_s),
             "sensors": list(self.sensors),
-            "filters": [_filter_data(one) for one in self.filters],
+            "filters": [one.to_dict() for one in self.filters],
             "noise": None if self.noise is None else self.noise.to_dict(),
             "findings": [str(one) for one in self.findings],
         }

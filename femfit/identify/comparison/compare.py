@@ -22,10 +22,12 @@ from femfit.identify.decision.own_misfit import finer_model, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import notes, placed, suspicions
+from femfit.identify.readings.place import measurement_of, notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.tables.measurement import CHANNEL_WORDS, Measurement
+from femfit.replay.observe import filtered
+from femfit.replay.result import OneFilter
+from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
 
 CompareVerdict = Literal["agrees", "fails", "wrong_shape", "compare_only"]
 
@@ -109,6 +111,8 @@ class Comparison(Printed):
         Whether it is assumed rather than estimated, since there are few mounts.
     times_own : float
         Misfit beyond noise over the model's own misfit to its table; infinite where that is none or there is no test.
+    filter : OneFilter or None
+        A record through the model's filter; None of a bench table, and where the model has no filter for it.
     shape : ShapeMisfit or None
         Of a law: how far it is from its own table, before any measurement.
 
@@ -133,6 +137,7 @@ class Comparison(Printed):
     observations: Observations
     model: ActuatorModel
     findings: tuple[Finding, ...] = ()
+    filter: OneFilter | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -144,6 +149,7 @@ class Comparison(Printed):
             "channels": [asdict(one) for one in self.channels],
             "maps": [one.to_dict() for one in self.maps],
             "findings": [one.as_dict() for one in self.findings],
+            "filter": self.filter and self.filter.to_dict(),
         }
 
     def __str__(self) -> str:
@@ -167,6 +173,9 @@ class Comparison(Printed):
             lines.append(f"The test allows for {freedom}.")
         if self.shape is not None:
             lines.append(self.shape.sentence)
+        if self.filter is not None:
+            squares = ", ".join(f"{rounded(one.mean_square)} of {one.sensor}" for one in self.filter.innovations)
+            lines.append(f"Filter {self.filter.sentence} Innovations' mean square (should be 1): {squares or 'none'}.")
         said = self.findings[:-1] if self.verdict == "compare_only" else self.findings
         return "\n".join([*lines, *notes(said)])
 
@@ -192,6 +201,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     ('fails', 'voltage_V')
     """
     model = model_of(model)
+    data = measurement_of(data)
     observations = placed(model, data)
     campaign = gather(observations, considered_effects())
     if isinstance(campaign, Finding):
@@ -219,6 +229,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         observations=observations,
         model=model,
         findings=(*observations.findings, *findings),
+        filter=filtered(model, data) if isinstance(data, TimeSeries) else None,
     )
 
 

@@ -26,6 +26,7 @@ from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import measurement_of, placed
 from femfit.identify.refit.add_result import AddResult, Step
 from femfit.identify.refit.checked_refit import Base, CheckedRefit, better_alone, checked_refit, with_tolerances
+from femfit.identify.refit.filter_fall import filter_fall
 from femfit.identify.refit.refit import refit
 from femfit.identify.refit.sizes import effect_sizes, suspicious_values
 from femfit.identify.refit.start import starting_point
@@ -34,7 +35,7 @@ from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
-from femfit.tables.measurement import Measurement
+from femfit.tables.measurement import Measurement, TimeSeries
 
 
 def add_effects(
@@ -103,8 +104,9 @@ def add_effects(
     beside = len(fitted.fit.effects) - len(start)
     stages = [(effect.name, one) for effect, one in zip(new, [*partial, alone.fit.effects], strict=False)]
     stages += [("tolerances" if beside else "refit", fitted.fit.effects)] if beside or not new else []
-    return _result(
-        with_effects(_at_temperature(model, observations, temperatures), (*kept, *fitted.fit.effects)),
+    after = with_effects(_at_temperature(model, observations, temperatures), (*kept, *fitted.fit.effects))
+    result = _result(
+        after,
         kept,
         whitening,
         fitted,
@@ -113,6 +115,10 @@ def add_effects(
         dropped,
         better_alone(whitening, alone.fit, fitted.fit.start[:beside]),
     )
+    if not isinstance(measured, TimeSeries):
+        return result
+    say("Running the filter over what was left out")
+    return replace(result, filter=filter_fall(model, after, kept, measured, observations, fitted.error.effects))
 
 
 def _result(

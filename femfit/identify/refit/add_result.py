@@ -14,6 +14,7 @@ from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import notes, suspicions
+from femfit.identify.refit.filter_fall import FilterFall
 from femfit.identify.refit.sizes import EffectSize
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -55,6 +56,8 @@ class AddResult(Printed):
         A tolerance that was fitted beside the effects and explains more by itself than they do, in words; else empty.
     observations : Observations
         The readings beside the model without what was refitted.
+    filter : FilterFall or None
+        What it does to the filter on runs of a record that were left out; None of a bench table.
 
     Examples
     --------
@@ -83,6 +86,12 @@ class AddResult(Printed):
     observations: Observations
     findings: tuple[Finding, ...] = ()
     better_alone: str = ""
+    filter: FilterFall | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the filter is no worse with the effects on runs left out; true where no filter can tell."""
+        return self.filter is None or self.filter.accepted
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
@@ -100,10 +109,13 @@ class AddResult(Printed):
             "coil_temperature_C": self.model.coil_temperature_C,
             "magnet_temperature_C": self.model.magnet_temperature_C,
             "findings": [one.as_dict() for one in self.findings],
+            "accepted": self.accepted,
+            "filter": self.filter and self.filter.to_dict(),
         }
 
     def __str__(self) -> str:
         lines = [*suspicions(self.findings), self._verdict()]
+        lines += [] if self.filter is None else [str(self.filter)]
         for added in self.added:
             words = describe(added, self.observations.nominal) or [added.effect.symptom.rstrip(".")]
             lines.append(f"  {added.effect.name}: {'; '.join(words)}.")
@@ -123,6 +135,8 @@ class AddResult(Printed):
         doubt = " Its size is not certain: see below." if self.suspicious else ""
         if self.better_alone:
             names += f", but a tolerance of the drawing explains more than it by itself ({self.better_alone})"
+        if not self.accepted:
+            return f"Not accepted: with {names} the filter is worse on runs left out. On the readings fitted, {rest}"
         return f"Added {names}: {rest}{doubt}"
 
     def _left_out(self) -> str:

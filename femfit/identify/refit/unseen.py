@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
+from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import refit
@@ -29,6 +30,8 @@ class UnseenError:
     rms: Mapping[str, float]  # Root mean square of recorded minus predicted per channel
     rms_beside_random: Mapping[str, float]  # The same with each run's own re-mount and offset predicted from that run
     chi2: float  # Weighted sum of squares over all noise, re-mounts and offsets
+    # What was fitted without each group, by its number, as the rows are grouped
+    effects: Mapping[int, tuple[AddedEffect, ...]]
 
 
 def unseen_error(
@@ -41,17 +44,18 @@ def unseen_error(
     """Cross-validate effects over the runs of a campaign."""
     group = left_out_groups(observations)
     beside, as_read = np.zeros(len(group)), np.zeros(len(group))
-    chi2 = 0.0
+    chi2, effects = 0.0, {}
     for one in np.unique(group):
         out = group == one
         seen, unseen = observations.select(~out), observations.select(out)
         fit = refit(seen, Whitening(seen, noise, chains_of(seen)), start, fixed=fixed, prior_sd=prior_sd)
+        effects[int(one)] = fit.effects
         residual = unseen.value - unseen.predict(fit.effects)
         whitening = Whitening(unseen, noise, chains_of(unseen))
         as_read[out], beside[out] = residual, beside_random(residual, whitening)
         white = whitening.full(residual)
         chi2 += float(white @ white)
-    return UnseenError(channel_rms(observations, as_read), channel_rms(observations, beside), chi2)
+    return UnseenError(channel_rms(observations, as_read), channel_rms(observations, beside), chi2, effects)
 
 
 def left_out_groups(observations: Observations) -> IntArray:

@@ -125,6 +125,7 @@ def _covariates(
     return pd.DataFrame(
         {
             "run": run,
+            "run_label": np.asarray(labels)[run],
             "mount": run,
             "distance_m": mean @ _known(samples, "distance_m"),
             "current_A": current,

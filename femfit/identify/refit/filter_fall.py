@@ -1,0 +1,173 @@
+"""What added effects do to the filter on runs that they were not fitted to.
+
+The filter of the model as it was and that of the model with the effects run over each run left out, with the same
+noises: once with all sensors, which gives the innovations and their likelihood, and once without the distance, which
+then checks the estimate.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from femfit.core.amount import amount, counted, rounded
+from femfit.core.arrays import FloatArray
+from femfit.core.printed import Printed
+from femfit.effects.effect import AddedEffect
+from femfit.filters.noise import FilterNoise, default_noise
+from femfit.identify.constants import FILTER_BLOCK, FILTER_GREW, FILTER_RUNS, FILTER_WORSE
+from femfit.identify.readings.observations import Observations
+from femfit.identify.refit.unseen import left_out_groups
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.with_effects import with_effects
+from femfit.replay.score import FilterScore, can_be_filtered, filter_score
+from femfit.tables.measurement import TimeSeries
+
+
+@dataclass(frozen=True)
+class Change:
+    """A number before and after, and whether it grew by more than its scatter."""
+
+    before: float
+    after: float
+    worse: bool
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FilterFall(Printed):
+    """The filter before and after, on runs left out."""
+
+    runs: int
+    single: bool  # Whether quarters of a single run were left out
+    mean_square: Change  # Of the normalised innovations, which should be 1
+    gain: float  # Logarithm of the likelihood of a sample, after less before
+    gain_error: float  # Its standard error
+    unread: Mapping[str, Change]  # Rms of recorded less estimated, of channels that the filter does not read
+    lost: Change  # Runs in which the filter was lost
+
+    @property
+    def accepted(self) -> bool:
+        """Whether nothing of it is worse with the effects than without."""
+        return not (self.mean_square.worse or self.lost.worse or any(one.worse for one in self.unread.values()))
+
+    @property
+    def better(self) -> bool:
+        """Whether the innovations are more likely by more than their scatter."""
+        return self.accepted and self.gain > FILTER_WORSE * self.gain_error
+
+    def __str__(self) -> str:
+        part = counted(self.runs, "quarter" if self.single else "run")
+        square = f"{rounded(self.mean_square.before)} -> {rounded(self.mean_square.after)}"
+        text = f"The filter on {part} left out: innovations' mean square {square} (should be 1), "
+        text += f"log-likelihood {self.gain:+.3g} a sample"
+        for name, one in self.unread.items():
+            text += f"; {name} not read, error {amount(one.before, name, 3)} -> {amount(one.after, name, 3)} rms"
+        if self.lost.before or self.lost.after:
+            text += f"; lost in {self.lost.before:g} -> {self.lost.after:g} of them"
+        return f"{text}: {'worse' if not self.accepted else 'better' if self.better else 'no better'}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return {
+            "runs": self.runs,
+            "accepted": self.accepted,
+            "mean_square": vars(self.mean_square),
+            "log_likelihood_gain": self.gain,
+            "log_likelihood_gain_error": self.gain_error,
+            "unread": {name: vars(one) for name, one in self.unread.items()},
+            "lost": vars(self.lost),
+        }
+
+
+def filter_fall(
+    before: ActuatorModel,
+    after: ActuatorModel,
+    kept: Sequence[AddedEffect],
+    series: TimeSeries,
+    observations: Observations,
+    left_out: Mapping[int, tuple[AddedEffect, ...]],
+) -> FilterFall | None:
+    """Run both filters over the last runs left out; None where the record or the model allows none.
+
+    Parameters
+    ----------
+    before, after : ActuatorModel
+        As it was, and with all effects; of the latter its temperatures and the effects in ``kept`` count.
+    left_out : mapping of int to tuple of AddedEffect
+        What was fitted without each run.
+    """
+    if not can_be_filtered(before, series):
+        return None
+    noise, seen, checked = default_noise(before), [], []
+    for one in sorted(left_out)[-FILTER_RUNS:]:
+        run = _left_out(series, observations, one)
+        models = before, with_effects(after, (*kept, *left_out[one]))
+        seen.append(_pair(models, run, (), noise))
+        if {"current_A", "hall_V"} & set(series.given):
+            checked.append(_pair(models, run, ("distance_m",), noise))
+    pairs = [pair for pair in seen if pair is not None]
+    if not pairs:
+        return None
+    gain = np.concatenate([after.likelihood - before.likelihood for before, after in pairs])
+    mean, error = _mean(gain)
+    squares = [float(np.mean([pair[k].mean_square for pair in pairs])) for k in (0, 1)]
+    beside = [pair for pair in checked if pair is not None]
+    lost = [float(sum(pair[k].lost_at_s is not None for pair in (*pairs, *beside))) for k in (0, 1)]
+    return FilterFall(
+        runs=len(pairs),
+        single=observations.column("run").max() == observations.column("run").min(),
+        mean_square=Change(squares[0], squares[1], worse=mean + FILTER_WORSE * error < 0.0),
+        gain=mean,
+        gain_error=error,
+        unread=_unread(beside),
+        lost=Change(lost[0], lost[1], worse=lost[1] > lost[0]),
+    )
+
+
+_Pair = tuple[FilterScore, FilterScore]
+
+
+def _pair(
+    models: tuple[ActuatorModel, ActuatorModel], run: TimeSeries, without: Sequence[str], noise: FilterNoise
+) -> _Pair | None:
+    before, after = (filter_score(model, run, without, noise) for model in models)
+    return None if before is None or after is None else (before, after)
+
+
+def _unread(pairs: Sequence[_Pair]) -> dict[str, Change]:
+    """Of channels that no filter read, where both filters ran through."""
+    ran = [pair for pair in pairs if all(one.lost_at_s is None for one in pair)]
+    found = {}
+    for name in sorted({name for pair in ran for name in pair[0].unread}):
+        squares = [np.concatenate([pair[k].unread[name] for pair in ran]) ** 2 for k in (0, 1)]
+        mean, error = _mean(squares[1] - squares[0])
+        sizes = [float(np.sqrt(np.nanmean(one))) for one in squares]
+        found[name] = Change(
+            sizes[0], sizes[1], worse=mean > FILTER_WORSE * error and sizes[1] > FILTER_GREW * sizes[0]
+        )
+    return found
+
+
+def _mean(values: FloatArray) -> tuple[float, float]:
+    """Mean of a series and its standard error, by means of blocks, since neighbours depend on each other."""
+    count = max(2, len(values) // FILTER_BLOCK)
+    means = np.array([float(np.nanmean(one)) for one in np.array_split(values, count) if np.isfinite(one).any()])
+    if len(means) < 2:
+        return float(np.nanmean(values)), float("inf")
+    return float(means.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))
+
+
+def _left_out(series: TimeSeries, observations: Observations, group: int) -> TimeSeries:
+    """The samples of a run, or of a quarter of the only run, with their clipped ones."""
+    rows, run = series.rows, observations.column("run")
+    if run.max() > run.min():
+        label = observations.column("run_label")[run.astype(int) == group][0]
+        here = (rows["run"] == label).to_numpy()
+    else:
+        order = observations.column("order")[left_out_groups(observations) == group]
+        span, whole = (order.min(), order.max()), observations.column("order").max()
+        place = np.arange(len(rows)) / len(rows) * (whole + 1.0)
+        here = (place >= span[0]) & (place < span[1] + 1.0)
+    clipped = {name: values[here] for name, values in series.clipped.items()}
+    return replace(series, rows=rows[here].reset_index(drop=True), clipped=clipped, findings=())

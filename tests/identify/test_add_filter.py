@@ -1,0 +1,91 @@
+"""An added effect is judged by what it does to the filter on runs of a record that were left out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femfit as ff
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect
+from femfit.identify.readings.place import placed
+from femfit.identify.refit.filter_fall import filter_fall
+from femfit.model.with_effects import nominal_of
+from support.closed_loop import closed_loop, recorded
+
+NOISE = {"distance_m": 3e-5, "current_A": 4e-3}
+
+
+def added(name, **parameters):
+    effect = effect_by_name(name)
+    return AddedEffect(effect, effect.null() | parameters)
+
+
+@pytest.fixture(scope="module")
+def model(levitation_model):
+    return replace(levitation_model, sample_time_s=1e-3)
+
+
+@pytest.fixture(scope="module")
+def clean(model):
+    return recorded(closed_loop(model, runs=3, seconds=2.0, seed=3), runs=(1, 2, 3), **NOISE)
+
+
+def test_an_effect_that_is_there_makes_the_filter_on_a_run_left_out_what_it_claims(model):
+    hidden = closed_loop(model, [added("coil_temperature", warmer_K=20.0)], runs=2, seconds=2.0, seed=4)
+    record = recorded(hidden, runs=(1, 2), **NOISE)
+    result = ff.add_effects(model, record, "coil_temperature", base="never")
+    seen = result.filter
+    assert seen.better
+    assert result.accepted
+    assert seen.mean_square.before > 10.0
+    assert seen.mean_square.after == pytest.approx(1.0, abs=0.05)
+    assert seen.unread["distance_m"].after < 0.3 * seen.unread["distance_m"].before
+    assert "left out" in str(result).splitlines()[1]
+
+
+def test_an_effect_that_is_not_there_is_not_called_better(model, clean):
+    result = ff.add_effects(model, clean, "coil_temperature", base="never")
+    assert not result.filter.better
+    assert result.filter.mean_square.after == pytest.approx(result.filter.mean_square.before, abs=0.01)
+
+
+def test_an_effect_with_which_the_filter_goes_wrong_is_not_accepted(model, clean):
+    """As an asymptote that the runs did not show: the winding 100 K warmer than it is."""
+    wrong = {run: (added("coil_temperature", warmer_K=100.0),) for run in (0, 1, 2)}
+    seen = filter_fall(model, model, (), clean, placed(model, clean), wrong)
+    assert not seen.accepted
+    assert seen.gain < 0.0
+    assert str(seen).endswith("worse.")
+
+
+def test_a_warming_that_only_begins_is_written_as_far_as_the_record_shows_it(model, clean):
+    """100 K with a time constant of 60 s, of which runs of 2 s show 3.3 K: the filter runs with that and no end."""
+    rows = clean.rows
+    warm = 100.0 * -np.expm1(-rows["time_s"].to_numpy() / 60.0)
+    drop = model.circuit.resistance_ohm * 3.93e-3 * warm * rows["current_A"].to_numpy()
+    record = replace(clean, rows=rows.assign(voltage_V=rows["voltage_V"] + drop))
+    result = ff.add_effects(model, record, "coil_temperature", base="never")
+    at, one = replace(Conditions(nominal_of(model)), running=True), np.ones(1)
+    (effect,) = result.model.effects
+    growth = float(effect.effect.circuit(one, one, one, at, effect.parameters)[0][0]) - 1.0
+    assert growth == pytest.approx(3.93e-3 * warm.max(), abs=0.007)  # of 39 % in the end
+    assert result.filter.accepted
+    assert result.filter.mean_square.after <= result.filter.mean_square.before
+
+
+def test_compare_says_in_one_line_whether_the_filter_is_consistent(model, clean):
+    comparison = ff.compare(model, clean)
+    assert comparison.filter.trusted
+    assert sum(line.startswith("Filter ukf: consistent") for line in str(comparison).splitlines()) == 1
+    assert comparison.to_dict()["filter"]["trusted"]
+
+
+def test_a_record_without_commands_has_no_filter_line(model, clean):
+    silent = replace(
+        clean,
+        rows=clean.rows.assign(voltage_V=np.nan),
+        given=tuple(name for name in clean.given if name != "voltage_V"),
+    )
+    assert ff.compare(model, silent).filter is None
