@@ -7,14 +7,18 @@ import numpy as np
 
 from femfit.audit.carried import held_body
 from femfit.audit.conclusions import Audit, AuditFinding, Severity
+from femfit.audit.held_currents import held_by_several
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError
 from femfit.device.hall_range import REMEDY, where_clipped
+from femfit.fit.circuits_build import circuit_rows, misfit_of_circuits
+from femfit.fit.circuits_fit import CircuitRows
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline
+from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
@@ -22,6 +26,9 @@ from femfit.model.misfit import Misfit
 from femfit.tables.sweep_table import TABLE_STEM, read_sweep_table
 
 _GRID = (41, 15)
+
+_EACH = 5
+"""Currents of each of several circuits."""
 
 _LARGE_MISFIT = 0.1
 """Share of a quantity's rms from which a model that misses its table by it is wrong; conventional."""
@@ -65,48 +72,49 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
                 findings.append(AuditFinding("table", "note", "table", text))
     if table is not None:
         rows = _rows_of(Path(table), model)
-    domain = model.validity
-    d, i = (
-        x.ravel()
-        for x in np.meshgrid(
-            np.linspace(domain.distance_min_m, domain.distance_max_m, _GRID[0]),
-            np.linspace(domain.current_min_A, domain.current_max_A, _GRID[1]),
-        )
-    )
+    several = len(model.validity.current_limits_A) > 1
+    d, i = model.validity.grid(_GRID[0], _EACH if several else _GRID[1])
     findings += [*_misfit(model, rows, d, i), *_positive(model), *_circuit(model, d, i)]
     if model.has_winding:
         findings += [*_signs(model, d, i), _reciprocity(model.magnetics, d, i)]
     findings += _bounds(model)
     findings += _single_precision(model.without_effects.magnetics, d, i)
     if model.circuit is not None and model.motion is not None and not any(one.code == "positive" for one in findings):
-        findings += held_body(model)
+        findings += held_by_several(model) if several else held_body(model)
     if model.sensor is not None:
         findings += _sensor(model.sensor, d, i)
     return Audit(tuple(findings))
 
 
-def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
+def _rows_of(path: Path, model: ActuatorModel) -> FitRows | CircuitRows:
     motion = model.without_effects.motion
+    if len(model.validity.current_limits_A) > 1:
+        return circuit_rows(read_sweep_table(path))
     return rows_of_table(
         read_sweep_table(path), motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0
     )
 
 
-def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | None:
+def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | CircuitRows | None:
     if not any((directory / f"{TABLE_STEM}{suffix}").is_file() for suffix in (".parquet", ".csv")):
         return None
     rows = _rows_of(directory, model)
     domain = model.validity
-    own = (domain.distance_min_m, domain.distance_max_m, domain.current_min_A, domain.current_max_A)
-    ends = (rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
-    return rows if np.allclose(own, ends) else None
+    own = np.array([[domain.distance_min_m, domain.distance_max_m], *domain.current_limits_A])
+    columns = rows.currents.T if isinstance(rows, CircuitRows) else [rows.currents]
+    ends = np.array([[one.min(), one.max()] for one in (rows.distances, *columns)])
+    return rows if own.shape == ends.shape and np.allclose(own, ends) else None
 
 
-def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
+def _misfit(
+    model: ActuatorModel, rows: FitRows | CircuitRows | None, d: FloatArray, i: FloatArray
+) -> list[AuditFinding]:
     """How far the model is from its table: recomputed where that is at hand, else as the file states it."""
     base = model.without_effects
     stated = base.misfit
-    misfit = misfit_to_rows(base, rows) if rows is not None else stated
+    misfit = stated
+    if rows is not None:
+        misfit = misfit_of_circuits(base, rows) if isinstance(rows, CircuitRows) else misfit_to_rows(base, rows)
     if misfit is None:
         return []
     source = "its table" if rows is not None else f"its {misfit.against}, as the file states,"
@@ -143,9 +151,12 @@ def _shares(misfit: Misfit, magnetics: Magnetics, d: FloatArray, i: FloatArray) 
 
 def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     """The time that a current takes to build up."""
-    if model.circuit is None or model.circuit.resistance_ohm <= 0.0:
+    if not model.circuits or np.any(model.resistances_ohm <= 0.0):
         return []
-    slowest = float(model.magnetics.inductance(d, i).max()) / model.circuit.resistance_ohm
+    inductance = model.magnetics.state_of_circuits(d, i.reshape(len(d), -1)).inductance + model.series_inductances_H
+    # Eigenvalues of R^-1 L, made symmetric: of one circuit L / R
+    root = np.sqrt(model.resistances_ohm)
+    slowest = float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).max())
     severity: Severity = "holds"
     text = f"inductance over resistance is at most {amount(slowest, 's', 3)}"
     force, stroke = float(np.abs(model.magnetics.force(d, i)).max()), float(np.ptp(d))
@@ -158,6 +169,8 @@ def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFi
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     state = model.magnetics.state(d, i)
+    if i.ndim > 1:
+        return [_definite(state.inductance)]
     slope = state.motional_constant
     pushing = float(np.mean((slope <= 0.0) & (i != 0.0)))  # steel alone has dF/di = 0 without a current
     findings = []
@@ -175,13 +188,24 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
     return findings
 
 
+def _definite(inductance: FloatArray) -> AuditFinding:
+    """Whether the currents of several circuits have energy, whatever they are."""
+    least, own = float(np.linalg.eigvalsh(inductance).min()), np.diagonal(inductance, axis1=1, axis2=2)
+    text = f"the inductances are {amount(float(own.min()), 'H', 3)} to {amount(float(own.max()), 'H', 3)}, and any "
+    text += "currents together store energy."
+    if least <= 0.0:
+        text = f"their matrix must be positive definite; its least eigenvalue is {amount(least, 'H', 3)}. Sweep again."
+    return AuditFinding("inductance", "holds" if least > 0.0 else "wrong", "flux linkages", text, None, least)
+
+
 def _positive(model: ActuatorModel) -> list[AuditFinding]:
     """What must be above zero in circuit and motion."""
     negative = []
-    if model.circuit is not None:
-        span = model.circuit.voltage_max_V - model.circuit.voltage_min_V
-        values = {"resistance_ohm": model.circuit.resistance_ohm, "voltage_max_V - voltage_min_V": span}
-        negative += [name for name, value in values.items() if value <= 0.0]
+    for circuit in model.circuits:
+        of = f" of {circuit.name}" if model.further_circuits else ""
+        span = circuit.voltage_max_V - circuit.voltage_min_V
+        values = {"resistance_ohm": circuit.resistance_ohm, "voltage_max_V - voltage_min_V": span}
+        negative += [f"{name}{of}" for name, value in values.items() if value <= 0.0]
     if model.motion is not None and model.motion.mass_kg <= 0.0:
         negative.append("mass_kg")
     return [AuditFinding("positive", "wrong", name, "it must be > 0.") for name in negative]
@@ -191,9 +215,12 @@ def _reciprocity(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> AuditFin
     """dF/di against -d(flux linkage)/dd, each by differences of the quantity itself."""
     step_d, step_i = 1e-4 * float(np.ptp(d)), 1e-4 * (float(np.ptp(i)) or 1.0)
     inside_d, inside_i = np.clip(d, d.min() + step_d, d.max() - step_d), np.clip(i, i.min() + step_i, i.max() - step_i)
-    force = (magnetics.force(inside_d, inside_i + step_i) - magnetics.force(inside_d, inside_i - step_i)) / (2 * step_i)
+    directions = step_i * (np.eye(i.shape[1]) if i.ndim > 1 else np.ones(1))
+    slopes = [magnetics.force(inside_d, inside_i + s) - magnetics.force(inside_d, inside_i - s) for s in directions]
+    force = np.stack(slopes, axis=-1) / (2 * step_i)
     flux = magnetics.flux_linkage(inside_d + step_d, inside_i) - magnetics.flux_linkage(inside_d - step_d, inside_i)
-    off = float(np.abs(force + flux / (2 * step_d)).max() / max(float(np.abs(force).max()), 1e-300))
+    flux = flux.reshape(force.shape) / (2 * step_d)
+    off = float(np.abs(force + flux).max() / max(float(np.abs(force).max()), 1e-300))
     severity: Severity = "holds" if off < _RECIPROCITY else "wrong"
     text = f"dF/di and -d(flux linkage)/dd differ by at most {off:.1g} of the largest."
     return AuditFinding("reciprocity", severity, "force and flux linkage", text, None, off)
@@ -237,6 +264,8 @@ def _rounded(magnetics: Magnetics) -> Magnetics | None:
         coefficients = spline.coefficients.astype(np.float32).astype(np.float64)
         rounded = TensorSpline(spline.x_knots, spline.y_knots, spline.x_degree, spline.y_degree, coefficients)
         return replace(magnetics, spline=rounded)
+    if isinstance(magnetics, CoenergyMatrix):
+        return replace(magnetics, coefficients=magnetics.coefficients.astype(np.float32).astype(np.float64))
     return None
 
 

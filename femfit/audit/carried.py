@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.audit.conclusions import AuditFinding, Severity
+from femfit.audit.held_currents import FASTEST
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
@@ -20,9 +21,6 @@ _DISTANCES = 601
 
 _OFF_PLACE = 0.01
 """Part of the stroke by which the force's misfit may move the place where a body is held; conventional."""
-
-_FASTEST = 0.3
-"""Unstable pole times sample time that a loop can still be closed with."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +102,7 @@ def held_body(model: ActuatorModel) -> list[AuditFinding]:
     rate = float(np.sqrt(fall.max() / model.require_motion().mass_kg))
     turn = rate * model.sample_time_s
     text = f"held, the body leaves at up to {amount(rate, '1/s')}, {turn:.2g} a sample.".replace("1/s", "rad/s")
-    severity: Severity = "holds" if turn < _FASTEST else "wrong"
+    severity: Severity = "holds" if turn < FASTEST else "wrong"
     findings.append(AuditFinding("sample_time", severity, "sample time", text, model.sample_time_s, rate))
     misfit = model.without_effects.misfit
     if misfit is not None and np.median(fall) > 0.0:

@@ -80,7 +80,7 @@ def run(
             write_page(render_report(content, drawn), page)
         steps.say(f"{page} can be read; the laws and the loop follow")
         with steps.timed("rank laws"):
-            ranked = _fit(table, "all", law_file)
+            ranked = reference if reference.circuits else _fit(table, "all", law_file)
         steps.say(_law_line(ranked))
         with steps.timed("export"):
             exported = _export(reference.model, directory / "estimator")
@@ -96,7 +96,7 @@ def run(
             no_study=no_study,
             unfinished=False,
             timings_s=tuple(steps.times.items()),
-            hashes=hashes([directory / "sweep.parquet", model_file, law_file]),
+            hashes=hashes([one for one in (directory / "sweep.parquet", model_file, law_file) if one.is_file()]),
         )
         write_page(render_report(content, draw_figures(content, drawn=drawn)), page)
     steps.say(f"{page}, {page.stat().st_size / 1e6:.1f} MB")
@@ -140,8 +140,9 @@ def _single_actuator(path: Path) -> "Actuator":
         )
         raise ActuatorFileError(str(path), [problem])
     axes = sweep.actuator.sweep
-    # Without a circuit the co-energy depends on the distance alone.
-    check_grid(len(axes.currents_A) if sweep.actuator.circuits else FEWEST_CURRENTS, len(axes.distances_m))
+    # Without a circuit the co-energy depends on the distance alone; that of several is a quadratic form.
+    one = len(sweep.actuator.circuits) == 1
+    check_grid(len(axes.currents_A) if one else FEWEST_CURRENTS, len(axes.distances_m))
     return sweep.actuator
 
 
@@ -233,7 +234,7 @@ def _law_line(ranked: "FitResult") -> str:
 
     ranking = ranked.ranking
     if ranking is None:
-        return "none"
+        return "none: laws are of one current, and this drawing has several circuits"
     best = f"{ranking.recommended.law.name} {{}}{100 * ranking.recommended.error:.2f} % of the {ranking.of}"
     if ranked.network is not None:
         left_out = f"{100 * ranked.network.left_out:.2f} % of the rms force on points left out"

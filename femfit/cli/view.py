@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter, validators
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from femfit.device.parts import Actuator
     from femfit.field.settings import SolverSettings
 
@@ -19,7 +21,7 @@ def view(
     *,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     distance_mm: float | None = None,
-    current_A: Annotated[float | None, Parameter(name="--current-A")] = None,
+    current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
     row: Annotated[int | None, Parameter(validator=validators.Number(gte=0))] = None,
     what: Annotated[tuple[What, ...], Parameter(negative=())] = (),
     json: Path | None = None,
@@ -35,8 +37,8 @@ def view(
         otherwise), .vtu (the field for ParaView); NAME-view by default.
     distance_mm : float
         Distance within the sweep; the middle one by default.
-    current_A : float
-        Current; the sweep's largest by default.
+    current_A : tuple of float
+        Current; the sweep's largest by default. Repeated for each of several circuits.
     row : int
         Row of the sweep's table instead, counted from 0.
     what : tuple of str
@@ -51,13 +53,13 @@ def view(
     from femfit.report.field_figures import point_title, write_views
     from femfit.report.field_sample import solve_point
 
-    if row is not None and (not source.is_dir() or distance_mm is not None or current_A is not None):
+    if row is not None and (not source.is_dir() or distance_mm is not None or current_A):
         raise UsageError(
             "--row counts the rows of a sweep's table: give a run directory with it, and neither --distance-mm nor "
             "--current-A."
         )
     settings: SolverSettings | None = None
-    place: tuple[float, float] | None = None
+    place: tuple[float, float | tuple[float, ...]] | None = None
     if source.is_dir():
         actuator, settings, place = _swept(source, row)
     else:
@@ -86,10 +88,12 @@ def view(
     )
 
 
-def _swept(directory: Path, row: int | None) -> "tuple[Actuator, SolverSettings, tuple[float, float] | None]":
+def _swept(
+    directory: Path, row: int | None
+) -> "tuple[Actuator, SolverSettings, tuple[float, float | tuple[float, ...]] | None]":
     """The actuator and settings of a sweep, and the point of a row of its table."""
     from femfit.core.errors import DomainError, RunDirectoryError
-    from femfit.core.sweep_columns import VARIANT
+    from femfit.core.sweep_columns import VARIANT, current_columns
     from femfit.device.summary import actuator_from_record
     from femfit.field.settings import SolverSettings
     from femfit.tables.sweep_table import read_sweep_table
@@ -112,12 +116,20 @@ def _swept(directory: Path, row: int | None) -> "tuple[Actuator, SolverSettings,
         if inputs is None:
             raise DomainError(f"Row {row} has no drawing: {chosen['status']}.")
     actuator = actuator_from_record(inputs, str(directory))
-    return actuator, settings, (float(chosen["distance_m"]), float(chosen["current_A"]))
+    currents = [float(chosen[name]) for name in current_columns([one.name for one in actuator.circuits])]
+    return actuator, settings, (float(chosen["distance_m"]), _current(currents))
 
 
-def _within(actuator: "Actuator", distance_mm: float | None, current: float | None) -> tuple[float, float]:
-    """Distance in m, within the sweep, and current in A."""
-    from femfit.core.errors import DomainError
+def _current(currents: "Sequence[float]") -> float | tuple[float, ...]:
+    """One number where there is one circuit, or none."""
+    return currents[0] if len(currents) == 1 else tuple(currents)
+
+
+def _within(
+    actuator: "Actuator", distance_mm: float | None, currents: tuple[float, ...]
+) -> tuple[float, float | tuple[float, ...]]:
+    """Distance in m, within the sweep, and currents in A."""
+    from femfit.core.errors import DomainError, UsageError
 
     axes = actuator.sweep
     low, high = min(axes.distances_m), max(axes.distances_m)
@@ -128,7 +140,13 @@ def _within(actuator: "Actuator", distance_mm: float | None, current: float | No
             f"--distance-mm must be within the sweep, {1e3 * low:g} to {1e3 * high:g} mm, where no parts collide; "
             f"instead received {1e3 * distance:g}. Widen [sweep] in the actuator file."
         )
-    return distance, max(axes.currents_A) if current is None else current
+    each = (axes.currents_A, *axes.further_A)
+    if currents and len(currents) != len(each):
+        names = ", ".join(one.name for one in actuator.circuits)
+        raise UsageError(
+            f"--current-A must be given once for each circuit ({names}); instead received it {len(currents)} times."
+        )
+    return distance, _current(currents or [max(one) for one in each])
 
 
 def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:

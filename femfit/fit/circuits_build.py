@@ -66,7 +66,7 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     model = replace(model, sample_time_s=period)
     model = replace(model, misfit=misfit_of_circuits(as_written(model), rows))
     first_rows = FitRows(
-        rows.distance, rows.currents[:, 0], rows.force, rows.flux_linkage[:, 0], None, np.zeros_like(rows.force), None
+        rows.distance, rows.currents[:, 0], rows.force, rows.flux_linkage[:, 0], None, rows.force_error, None
     )
     result = FitResult(model, None, None, None, None, first_rows, notes, import_notes(table), circuits=fit)
     provenance = {
@@ -88,12 +88,15 @@ def circuit_rows(table: SweepTable) -> CircuitRows:
             f"A table of the circuits {', '.join(names)} must have the columns {', '.join(missing)} as well. Sweep it "
             "with femfit, or import these columns."
         )
+    force = _numbers(rows, ["force_N"])[:, 0]
+    known = "force_error_N" in rows and bool(rows["force_error_N"].notna().all())
     return CircuitRows(
         names,
         _numbers(rows, ["distance_m"])[:, 0],
         _numbers(rows, columns),
-        _numbers(rows, ["force_N"])[:, 0],
+        force,
         _numbers(rows, fluxes),
+        np.abs(_numbers(rows, ["force_error_N"])[:, 0]) if known else np.zeros_like(force),
     )
 
 

@@ -37,6 +37,7 @@ class CircuitRows:
     currents: FloatArray  # (rows, n)
     force: FloatArray
     flux_linkage: FloatArray  # (rows, n)
+    force_error: FloatArray  # Estimated error of the force; zero where the table gives none
 
     @property
     def distances(self) -> FloatArray:

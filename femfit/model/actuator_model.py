@@ -172,7 +172,7 @@ class ActuatorModel(Printed):
     def magnet_known(self) -> bool:
         """Whether a drawing, or a validity domain with a current of zero, can tell if there is a magnet."""
         domain = self.validity
-        return self.kind is not None or domain.current_min_A <= 0.0 <= domain.current_max_A
+        return self.kind is not None or all(low <= 0.0 <= high for low, high in domain.current_limits_A)
 
     def share_without_current(self) -> float:
         """Larger of force and flux linkage without current, each over its largest in the validity domain.
@@ -181,13 +181,11 @@ class ActuatorModel(Printed):
         that.
         """
         domain = self.validity
-        d, i = np.meshgrid(
-            np.linspace(domain.distance_min_m, domain.distance_max_m, 15),
-            np.linspace(domain.current_min_A, domain.current_max_A, 15),
-        )
-        orders = ((1, 0), (0, 1))
-        everywhere = self.magnetics.coenergy_derivatives(d, i, orders)
-        idle = self.magnetics.coenergy_derivatives(d[0], np.zeros_like(d[0]), orders)
+        d, i = domain.grid(15, 5 if domain.further_A else 15)
+        still = np.linspace(domain.distance_min_m, domain.distance_max_m, 15)
+        everywhere = self.magnetics.force(d, i), self.magnetics.flux_linkage(d, i)
+        no_current = np.zeros((15, *i.shape[1:]))
+        idle = self.magnetics.force(still, no_current), self.magnetics.flux_linkage(still, no_current)
         largest = [float(np.abs(values).max()) for values in everywhere]
         misfit = self.misfit
         errors = (misfit.force_max_N, 3.0 * (misfit.flux_linkage_rms_Wb or 0.0)) if misfit is not None else (0.0, 0.0)

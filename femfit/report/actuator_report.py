@@ -20,6 +20,8 @@ from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
+from femfit.report.circuits import SeveralCircuits, several_circuits
+from femfit.report.circuits_figure import circuits_figure
 from femfit.report.content import ReportContent
 from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
@@ -34,7 +36,7 @@ from femfit.report.force_figures import (
 )
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
-from femfit.report.numbers import quantity, significant
+from femfit.report.numbers import percent, plain, quantity, significant
 from femfit.report.open_loop_figure import open_loop_figure
 from femfit.report.page import render
 from femfit.report.parts import all_regions, saturates
@@ -75,8 +77,9 @@ def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
 
 def _facts(content: ReportContent) -> dict[str, Any]:
     model, actuator, rows = content.model, content.actuator, content.rows
-    grid = None if rows is None else sweep_grid(rows)
+    grid = _grid(content)
     rating = rate(model, actuator, grid)
+    several = several_circuits(model)
     iron = () if actuator is None or content.strongest is None else iron_loads(actuator, content.strongest)
     return {
         "title": model.name,
@@ -89,6 +92,11 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "levitates": content.levitates,
         "rating": rating,
         "stroke_table": [] if rating is None else _stroke_rows(rating),
+        "several": several,
+        "circuit_table": [] if several is None else _circuit_rows(several),
+        "circuit_names": [] if actuator is None else [one.name for one in actuator.circuits],
+        "limits": model.validity.current_limits_A.tolist(),
+        "ranges": " and ".join(_ranges(model)),
         "copper_share": None if actuator is None else copper_share(actuator),
         "iron": iron,
         "growth": growth(model, content.strongest.current_A) if iron and content.strongest else None,
@@ -113,7 +121,7 @@ def _facts(content: ReportContent) -> dict[str, Any]:
 def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     model, actuator, rows = content.model, content.actuator, content.rows
     figures: dict[str, Drawing] = {}
-    grid = None if rows is None else sweep_grid(rows)
+    grid, several = _grid(content), several_circuits(model)
     rating = rate(model, actuator, grid)
     if actuator is not None:
         distance = content.field.distance_m if content.field else float(np.median(actuator.sweep.distances_m))
@@ -130,6 +138,11 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
         figures["force-curves"] = partial(force_curves_figure, grid, weight)
         if grid.is_plane:
             figures["force-map"] = partial(force_map_figure, grid, weight)
+    if several is not None:
+        weight = content.weight if content.levitates else None
+        figures["force-curves"] = partial(force_curves_figure, several.grid, weight, differential=True)
+        figures["force-map"] = partial(force_map_figure, several.grid, weight, differential=True)
+        figures["circuits"] = partial(circuits_figure, several)
     ranking = None if content.fit is None else content.fit.ranking
     if rows is not None and ranking is not None and ranking.recommended.fit is not None:
         figures["ranking"] = partial(ranking_figure, ranking)
@@ -142,9 +155,38 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     return figures
 
 
+def _grid(content: ReportContent) -> SweepGrid | None:
+    """The sweep over its current and distance; several circuits have no such grid."""
+    rows = content.rows
+    return None if rows is None or content.several is not None else sweep_grid(rows)
+
+
+def _ranges(model: ActuatorModel) -> list[str]:
+    """The validity domain's currents, by name where there are several; none of magnets alone."""
+    if not model.has_winding:
+        return []
+    limits = model.validity.current_limits_A
+    names = [f"{name} " for name in getattr(model.magnetics, "names", ())] if len(limits) > 1 else [""]
+    return [f"{name}{plain(low)} to {plain(high)} A" for name, (low, high) in zip(names, limits, strict=True)]
+
+
+def _circuit_rows(several: SeveralCircuits) -> list[tuple[str, ...]]:
+    """A row for each level of the distance: currents, force per current, slope of the force, coupling."""
+    return [
+        (
+            significant(1e3 * several.distance_m[k], 3),
+            *(significant(one, 3) for one in several.holding_A[k]),
+            *(significant(one, 3) for one in several.force_per_A[k]),
+            significant(1e-3 * several.stiffness_N_per_m[k], 3),
+            percent(float(several.coupling[k])),
+        )
+        for k in several.levels
+    ]
+
+
 def _carried(model: ActuatorModel) -> list[str]:
     """What ``femfit audit`` says of the weight, with a cold and a warm coil."""
-    if model.circuit is None or model.motion is None:
+    if model.circuit is None or model.motion is None or model.further_circuits:
         return []
     return list(dict.fromkeys(str(carried_range(model, celsius)) for celsius in (COLD_C, WARM_C)))
 
@@ -188,10 +230,10 @@ def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]
 
 def _at_rest(content: ReportContent) -> str:
     """What happens without current: ``attracted``, ``repelled``, ``both``, ``nothing``, or ``unknown``."""
-    rows = content.rows
-    if rows is None or not np.any(rows.current == 0.0):
+    rows, idle = content.rows, content.idle
+    if rows is None or not np.any(idle):
         return "unknown"
-    force = rows.force[rows.current == 0.0]
+    force = rows.force[idle]
     if np.max(np.abs(force)) <= SMALL * np.max(np.abs(rows.force)):
         return "nothing"
     small = SMALL * np.max(np.abs(force))
@@ -202,7 +244,10 @@ def _at_rest(content: ReportContent) -> str:
 def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) -> dict[str, Any]:
     largest = float(np.max(np.abs(rows.force))) or 1.0
     known = rows.force_error > 0.0
+    several = content.several
+    combined = rows.currents[:, None] if several is None else np.unique(several.currents, axis=0)
     facts: dict[str, Any] = {
+        "combinations": len(combined),
         "failed": 0 if content.sweep is None else len(content.sweep.rows) - len(rows.force),
         "currents": rows.currents.tolist(),
         "distances": rows.distances.tolist(),

@@ -2,13 +2,17 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
+from femfit.core.arrays import BoolArray
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError
 from femfit.device.parts import Actuator
 from femfit.filters.holding import holding_current
+from femfit.fit.circuits_build import circuit_rows
+from femfit.fit.circuits_fit import CircuitRows
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
@@ -16,6 +20,9 @@ from femfit.open_loop.result import OpenLoop
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.study import ClosedLoopStudy
 from femfit.tables.sweep_table import SweepTable
+
+Place: TypeAlias = tuple[float, float | tuple[float, ...]]
+"""Distance in m and current in A; of several circuits one current each."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,21 @@ class ReportContent:
         return rows_of_table(self.sweep, mass, GRAVITY)
 
     @property
+    def several(self) -> CircuitRows | None:
+        """The same with all currents, where there are several circuits."""
+        if self.sweep is None or len(self.model.validity.current_limits_A) == 1:
+            return None
+        return circuit_rows(self.sweep)
+
+    @property
+    def idle(self) -> BoolArray:
+        """Which of the sweep's rows have no current in any circuit."""
+        several = self.several
+        if several is not None:
+            return np.asarray(np.all(several.currents == 0.0, axis=1))
+        return np.zeros(0, dtype=np.bool_) if self.rows is None else self.rows.current == 0.0
+
+    @property
     def weight(self) -> float | None:
         """Weight of the moving part in N, where its mass is known."""
         motion = self.model.motion
@@ -68,8 +90,8 @@ def levitates(actuator: Actuator | None, rows: FitRows | None) -> bool:
     return actuator.hall is not None or bool(actuator.reference_distances_m)
 
 
-def picture_point(actuator: Actuator, model: ActuatorModel, rows: FitRows) -> tuple[float, float]:
-    """Distance in m and current in A at which the field is drawn.
+def picture_point(actuator: Actuator, model: ActuatorModel, rows: FitRows) -> Place:
+    """Distance in m and current in A, or one a circuit, at which the field is drawn.
 
     A body that is meant to hang is drawn at its first reference distance and its holding current, every other actuator
     at :func:`strongest_point`.
@@ -83,7 +105,8 @@ def picture_point(actuator: Actuator, model: ActuatorModel, rows: FitRows) -> tu
     return strongest_point(actuator)
 
 
-def strongest_point(actuator: Actuator) -> tuple[float, float]:
-    """Smallest distance in m and largest current in A of the sweep: where iron carries the most flux."""
+def strongest_point(actuator: Actuator) -> Place:
+    """Smallest distance in m and largest currents in A of the sweep: where iron carries the most flux."""
     axes = actuator.sweep
-    return min(axes.distances_m), max(axes.currents_A, key=lambda current: (abs(current), current))
+    largest = [max(each, key=lambda i: (abs(i), i)) for each in (axes.currents_A, *axes.further_A)]
+    return min(axes.distances_m), tuple(largest) if axes.further_A else largest[0]

@@ -125,7 +125,7 @@ def write_vtu(point: SolvedPoint, cells: FieldCells, path: Path) -> None:
     grid.cell_data["region"] = cells.triangle_region
     grid.field_data["regions"] = list(cells.regions)
     for name, value in (("distance_m", point.distance_m), ("current_A", point.current_A), ("force_N", point.force_N)):
-        grid.field_data[name] = [value]
+        grid.field_data[name] = np.atleast_1d(value)
     writer = vtkXMLUnstructuredGridWriter()
     writer.SetInputData(grid)
     # VTK does not say that a disk is full, and may crash on it: it writes to memory, and Python to the disk.

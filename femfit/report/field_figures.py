@@ -225,7 +225,8 @@ def point_title(sample: FieldSample) -> str:
     """The point and its force in words."""
     force = sample.force_N
     sense = words("point", "attracted" if force > 0.0 else "repelled") if force else ""
-    distance, current = plain(MM * sample.distance_m, 4), plain(sample.current_A, 4)
+    distance = plain(MM * sample.distance_m, 4)
+    current = " and ".join(plain(one, 4) for one in np.atleast_1d(sample.current_A))
     return words("point", "title", distance=distance, current=current, force=quantity(force, "N", 4), sense=sense)
 
 

@@ -28,7 +28,7 @@ class SolvedPoint:
 
     actuator: Actuator
     distance_m: float
-    current_A: float
+    current_A: float | tuple[float, ...]  # One each of several circuits
     mesh: Any
     w: Any
     force_N: float
@@ -37,7 +37,7 @@ class SolvedPoint:
 
 
 def solve_point(
-    actuator: Actuator, distance: float, current: float, settings: SolverSettings | None = None
+    actuator: Actuator, distance: float, current: float | tuple[float, ...], settings: SolverSettings | None = None
 ) -> SolvedPoint:
     """Solve at one point."""
     from femfit.field.layout import layout_of
@@ -56,7 +56,7 @@ class FieldSample:
     """A field at one distance and current on a grid of m heights and n radii, arrays of shape (m, n)."""
 
     distance_m: float
-    current_A: float
+    current_A: float | tuple[float, ...]  # One each of several circuits
     radius_m: FloatArray
     height_m: FloatArray
     flux_density_T: FloatArray  # |B|
@@ -69,7 +69,7 @@ class FieldSample:
 
 
 def sample_field(
-    actuator: Actuator, distance: float, current: float, settings: SolverSettings | None = None
+    actuator: Actuator, distance: float, current: float | tuple[float, ...], settings: SolverSettings | None = None
 ) -> FieldSample:
     """Solve at one point and sample the field."""
     return sample_of(solve_point(actuator, distance, current, settings))

@@ -94,8 +94,14 @@ def coil_figure(rating: Rating) -> "Figure":
 
 
 @styled
-def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
-    """Draw force over distance, a curve for each current, on logarithmic axes too where its sign allows."""
+def force_curves_figure(grid: SweepGrid, weight: float | None, differential: bool = False) -> "Figure":
+    """Draw force over distance, a curve for each current, on logarithmic axes too where its sign allows.
+
+    Parameters
+    ----------
+    differential : bool
+        Whether the current is the differential one of several circuits.
+    """
     figure = new_figure(3.3)
     scales = ("linear",) if changes_sign(grid) else ("linear", "log")
     axes = figure.subplots(1, len(scales), squeeze=False)[0]
@@ -104,7 +110,7 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
         for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
             if scale == "log" and not np.all(force > 0):
                 continue
-            said = words("force-curves", "current", current=f"{current:g}")
+            said = words("force-curves", "current", current=f"{current:.3g}")
             ax.plot(MM * grid.distances, factor * force, color=colour, label=said)
         if weight is not None:
             ax.axhline(
@@ -116,16 +122,18 @@ def force_curves_figure(grid: SweepGrid, weight: float | None) -> "Figure":
             _plain_decades(ax.xaxis)
             _plain_decades(ax.yaxis)
     figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside right center", title=words("force-curves", "legend")
+        *axes[0].get_legend_handles_labels(),
+        loc="outside right center",
+        title=words("force-curves", "differential" if differential else "legend"),
     )
     return figure
 
 
 @styled
-def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
+def force_map_figure(grid: SweepGrid, weight: float | None, differential: bool = False) -> "Figure":
     """Draw force over distance and current in colours, blue and red where it changes its sign.
 
-    The weight in N is drawn as the line on which the body is held.
+    The weight in N is drawn as the line on which the body is held; ``differential`` as of :func:`force_curves_figure`.
     """
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import MaxNLocator
@@ -156,7 +164,7 @@ def force_map_figure(grid: SweepGrid, weight: float | None) -> "Figure":
     if weight is not None and force.min() < factor * weight < top:
         held = axes.contour(x, grid.currents, force, levels=[factor * weight], colors=[VERMILION], linewidths=2.2)
         axes.clabel(held, fmt=lambda value: words("force-map", "weight", weight=f"{value:.3g}"), fontsize=8.5)
-    label(axes, "force-map", "distance", "current")
+    label(axes, "force-map", "distance", "differential" if differential else "current")
     axes.grid(visible=False)
     bar = figure.colorbar(image, ax=axes, pad=0.02)
     bar.set_label(words("force-map", "force", unit=unit))

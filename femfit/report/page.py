@@ -11,6 +11,7 @@ from femfit import __version__
 from femfit.core.amount import counted
 from femfit.core.atomic import write_text
 from femfit.core.errors import RunDirectoryError
+from femfit.report.circuits import at_currents
 from femfit.report.numbers import NOTHING, formula_markup, p_value, percent, plain, quantity, significant
 from femfit.report.style import words
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -47,6 +48,7 @@ def _environment() -> "Environment":
         "significant": significant,
         "mm": lambda metres, digits=4: plain(1e3 * metres, digits),
         "words": lambda name: str(name).replace("_", " "),
+        "at_currents": at_currents,
         "amperes": lambda current: f"{plain(current)} A",
         "wordy": lambda cells: (str(cells[0]).replace("_", " "), *cells[1:]),
         "formula": formula_markup,

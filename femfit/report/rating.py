@@ -95,12 +95,12 @@ class Rating:
 
 
 def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None = None) -> Rating | None:
-    """Rate a coil; None where the model has no circuit.
+    """Rate a coil; None where the model has no circuit, or several.
 
     Forces are the model's, and with a grid also what the model misses the sweep by, so that they agree with its table.
     """
     circuit, box = model.circuit, model.validity
-    if circuit is None:
+    if circuit is None or model.validity.further_A:
         return None
     cold, warm = circuit.resistance_ohm, resistance_at(circuit.resistance_ohm, WARM_C)
     distance = np.linspace(box.distance_min_m, box.distance_max_m, POINTS)
@@ -177,8 +177,10 @@ class Growth:
         return self.gained_N < 0.9 * self.expected_N
 
 
-def growth(model: ActuatorModel, current: float) -> Growth | None:
-    """How the force grows to a current, by the model; None where it knows too few smaller currents."""
+def growth(model: ActuatorModel, current: float | tuple[float, ...]) -> Growth | None:
+    """How the force grows to a current, by the model; None where it knows too few smaller currents, or of several."""
+    if not isinstance(current, float):
+        return None
     low = model.validity.distance_min_m
     i = np.linspace(0.0, current, 41)
     i = i[(i >= model.validity.current_min_A) & (i <= model.validity.current_max_A)]

@@ -20,7 +20,7 @@ from femfit.model.json_file import read_model
 from femfit.open_loop.supply import motion_at_supply
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.bench_report import render_added, render_comparison, render_diagnosis
-from femfit.report.content import ReportContent, picture_point, strongest_point
+from femfit.report.content import Place, ReportContent, picture_point, strongest_point
 from femfit.report.page import write_page
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 
@@ -124,7 +124,7 @@ def with_field(content: ReportContent, actuator: "Actuator") -> ReportContent:
     rows = content.rows
     assert rows is not None  # noqa: S101 - a drawing comes with its sweep
     points = picture_point(actuator, content.model, rows), strongest_point(actuator)
-    samples: dict[tuple[float, float], FieldSample] = {p: sample_field(actuator, *p) for p in dict.fromkeys(points)}
+    samples: dict[Place, FieldSample] = {p: sample_field(actuator, *p) for p in dict.fromkeys(points)}
     return replace(content, field=samples[points[0]], strongest=samples[points[1]])
 
 

@@ -38,3 +38,21 @@ def test_a_pair_of_magnets_runs_from_its_drawing_to_its_report(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "the drawing has no coil" in done.stdout
     assert "There is no coil" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_bearing_of_two_coils_runs_from_its_drawing_to_its_report_and_pictures(tmp_path):
+    path = tmp_path / "bearing.toml"
+    assert femfit("new", "bearing", "-o", path).returncode == 0
+    text = path.read_text().replace("step = 0.05", "step = 0.12")  # six distances
+    path.write_text(text + "\n[solver]\ntolerance = 0.05\n")
+    done = femfit("run", path, "-o", tmp_path / "run", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    assert "several circuits" in done.stdout
+    assert "The circuits together" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    picture = ("view", tmp_path / "run", "--what", "flux-density", "-o", tmp_path / "field.png")
+    done = femfit(*picture, "--current-A", 1, "--current-A", -1)
+    assert done.returncode == 0, done.stderr
+    assert "i = 1 and −1 A" in done.stdout
+    refused = femfit(*picture, "--current-A", 1)
+    assert refused.returncode != 0
+    assert "lower, upper" in refused.stderr

@@ -1,0 +1,98 @@
+"""A two-coil axial bearing from closed forms, as a sweep table."""
+
+import numpy as np
+import pandas as pd
+
+from femfit.tables.sweep_table import SweepTable
+
+DISTANCES = np.linspace(0.2e-3, 0.8e-3, 9)
+NAMES = ("lower", "upper")
+CIRCUITS = [
+    {
+        "name": "lower",
+        "resistance_ohm": 1.5,
+        "inductance_H": 0.0,
+        "drive": {"kind": "voltage", "minimum": -24.0, "maximum": 24.0},
+    },
+    {
+        "name": "upper",
+        "resistance_ohm": 1.2,
+        "inductance_H": 1e-3,
+        "drive": {"kind": "voltage", "minimum": 0.0, "maximum": 24.0, "diode_V": 0.7},
+    },
+]
+ENTRY = {"name": "bearing", "mass_kg": 0.5, "circuits": CIRCUITS, "mechanics": {"gravity_m_s2": -9.81}}
+
+
+class Bearing:
+    """Two gaps d and 1 mm - d: L_1 = A / (d + a), L_2 = A / (1 mm - d + a), a mutual M(d) and a magnet's flux."""
+
+    AREA, PATH, GAP = 6e-6, 0.15e-3, 1e-3
+
+    def matrix(self, d):
+        """M of v = (1, i_1, i_2), and its slope."""
+        one, two = d + self.PATH, self.GAP - d + self.PATH
+        mutual, slope = 1e-3 + 0.4 * d, np.full_like(d, 0.4)
+        magnet = 0.01 + 3.0 * d
+        M = np.array(
+            [
+                [40.0 * d**2, magnet, -magnet],
+                [magnet, self.AREA / one, -mutual],
+                [-magnet, -mutual, self.AREA / two],
+            ]
+        )
+        rising = np.full_like(d, 3.0)
+        S = np.array(
+            [
+                [80.0 * d, rising, -rising],
+                [rising, -self.AREA / one**2, -slope],
+                [-rising, -slope, self.AREA / two**2],
+            ]
+        )
+        return np.moveaxis(M, -1, 0), np.moveaxis(S, -1, 0)
+
+    def force(self, d, i):
+        v = np.concatenate([np.ones((len(d), 1)), i], axis=1)
+        return -0.5 * np.einsum("na,nab,nb->n", v, self.matrix(d)[1], v)
+
+    def flux_linkage(self, d, i):
+        v = np.concatenate([np.ones((len(d), 1)), i], axis=1)
+        return np.einsum("nab,nb->na", self.matrix(d)[0], v)[:, 1:]
+
+
+TRUTH = Bearing()
+
+
+def grid(distances, *currents):
+    d, *i = (axis.ravel() for axis in np.meshgrid(distances, *currents, indexing="ij"))
+    return d, np.stack(i, axis=1)
+
+
+def table_of(truth=TRUTH, distances=DISTANCES, currents=(-2.0, 0.0, 2.0), entry=ENTRY):
+    d, i = grid(distances, currents, currents)
+    flux = truth.flux_linkage(d, i)
+    columns = {"current_lower_A": i[:, 0], "current_upper_A": i[:, 1], "distance_m": d, "force_N": truth.force(d, i)}
+    columns |= {"flux_linkage_lower_Wb": flux[:, 0], "flux_linkage_upper_Wb": flux[:, 1], "status": "ok"}
+    return SweepTable(pd.DataFrame(columns), {"actuator": entry})
+
+
+class Symmetric(Bearing):
+    """Without the magnet, and the same seen from both sides."""
+
+    def matrix(self, d):
+        """M of v = (1, i_1, i_2), and its slope."""
+        M, S = super().matrix(d)
+        M, S = M.copy(), S.copy()
+        M[:, 0], S[:, 0] = 0.0, 0.0
+        M[:, :, 0], S[:, :, 0] = 0.0, 0.0
+        M[:, 1, 2] = M[:, 2, 1] = -1e-3
+        S[:, 1, 2] = S[:, 2, 1] = 0.0
+        return M, S
+
+    def force_per_current(self, current):
+        """dF/di_1 in the middle at a bias."""
+        return self.AREA * current / (0.5 * self.GAP + self.PATH) ** 2
+
+    def stiffness(self, current):
+        """dF/dd in the middle at a bias."""
+        return -2.0 * self.AREA * current**2 / (0.5 * self.GAP + self.PATH) ** 3
