@@ -20,7 +20,7 @@ from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
-from femfit.report.circuits import SeveralCircuits, several_circuits
+from femfit.report.circuits import circuit_table, current_ranges, several_circuits
 from femfit.report.circuits_figure import circuits_figure
 from femfit.report.content import ReportContent
 from femfit.report.cutaway import draw_off_screen
@@ -36,7 +36,7 @@ from femfit.report.force_figures import (
 )
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
-from femfit.report.numbers import percent, plain, quantity, significant
+from femfit.report.numbers import quantity, significant
 from femfit.report.open_loop_figure import open_loop_figure
 from femfit.report.page import render
 from femfit.report.parts import all_regions, saturates
@@ -93,10 +93,10 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "rating": rating,
         "stroke_table": [] if rating is None else _stroke_rows(rating),
         "several": several,
-        "circuit_table": [] if several is None else _circuit_rows(several),
+        "circuit_table": [] if several is None else circuit_table(several),
         "circuit_names": [] if actuator is None else [one.name for one in actuator.circuits],
         "limits": model.validity.current_limits_A.tolist(),
-        "ranges": " and ".join(_ranges(model)),
+        "ranges": " and ".join(current_ranges(model)),
         "copper_share": None if actuator is None else copper_share(actuator),
         "iron": iron,
         "growth": growth(model, content.strongest.current_A) if iron and content.strongest else None,
@@ -159,29 +159,6 @@ def _grid(content: ReportContent) -> SweepGrid | None:
     """The sweep over its current and distance; several circuits have no such grid."""
     rows = content.rows
     return None if rows is None or content.several is not None else sweep_grid(rows)
-
-
-def _ranges(model: ActuatorModel) -> list[str]:
-    """The validity domain's currents, by name where there are several; none of magnets alone."""
-    if not model.has_winding:
-        return []
-    limits = model.validity.current_limits_A
-    names = [f"{name} " for name in getattr(model.magnetics, "names", ())] if len(limits) > 1 else [""]
-    return [f"{name}{plain(low)} to {plain(high)} A" for name, (low, high) in zip(names, limits, strict=True)]
-
-
-def _circuit_rows(several: SeveralCircuits) -> list[tuple[str, ...]]:
-    """A row for each level of the distance: currents, force per current, slope of the force, coupling."""
-    return [
-        (
-            significant(1e3 * several.distance_m[k], 3),
-            *(significant(one, 3) for one in several.holding_A[k]),
-            *(significant(one, 3) for one in several.force_per_A[k]),
-            significant(1e-3 * several.stiffness_N_per_m[k], 3),
-            percent(float(several.coupling[k])),
-        )
-        for k in several.levels
-    ]
 
 
 def _carried(model: ActuatorModel) -> list[str]:

@@ -13,7 +13,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.filters.holding import bias_currents, holding_currents
 from femfit.model.actuator_model import ActuatorModel
-from femfit.report.numbers import plain
+from femfit.report.numbers import percent, plain, significant
 from femfit.report.sweep_grid import SweepGrid
 
 POINTS, CURRENTS, LEVELS = 61, 9, 9
@@ -107,3 +107,26 @@ def at_currents(current: float | Sequence[float], names: Sequence[str], digits: 
         return f"{plain(current, digits)} A"
     each = (f"{name} {plain(value, digits)} A" for name, value in zip(names, current, strict=True))
     return " and ".join(each)
+
+
+def current_ranges(model: ActuatorModel) -> list[str]:
+    """The validity domain's currents, by name where there are several; none of magnets alone."""
+    if not model.has_winding:
+        return []
+    limits = model.validity.current_limits_A
+    names = [f"{name} " for name in getattr(model.magnetics, "names", ())] if len(limits) > 1 else [""]
+    return [f"{name}{plain(low)} to {plain(high)} A" for name, (low, high) in zip(names, limits, strict=True)]
+
+
+def circuit_table(several: SeveralCircuits) -> list[tuple[str, ...]]:
+    """A row for each level of the distance: currents, force per current, slope of the force, coupling."""
+    return [
+        (
+            significant(1e3 * several.distance_m[k], 3),
+            *(significant(one, 3) for one in several.holding_A[k]),
+            *(significant(one, 3) for one in several.force_per_A[k]),
+            significant(1e-3 * several.stiffness_N_per_m[k], 3),
+            percent(float(several.coupling[k])),
+        )
+        for k in several.levels
+    ]
