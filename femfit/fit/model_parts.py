@@ -58,8 +58,13 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
     circuit, motion, notes = circuit_and_motion(entry, rows.flux_linkage is not None, inductance_given, has_coil)
     element = entry.get("hall")
     if hall is None or not element:
-        note = "No sensor in the model: it needs hall_T in the table and [hall] in the actuator file."
-        return circuit, motion, None, (*notes, note) if has_coil else notes
+        if has_coil and not entry.get("sensors"):
+            notes = (
+                *notes,
+                "No sensor in the model: draw [sensors.NAME] in the actuator file; one of kind hall needs hall_T in the "
+                "table as well.",
+            )
+        return circuit, motion, None, notes
     names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
     values = {name: number(element, name) for name in names}
     sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)

@@ -1,31 +1,58 @@
-"""A page of the documentation as a session at a shell: its commands, and what it says that they print."""
+"""A page of the documentation as a session: commands of a shell, Python, and what the page says that they print."""
 
+import contextlib
+import io
+import os
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
-BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
+from support.command import femfit
+
+BLOCK = re.compile(r"^```(\S*)[^\n]*\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
 class Step:
-    """One block of commands and the block of output that follows it, empty where none does."""
+    """One block of commands or of Python, and the block of output that follows it, empty where none does."""
 
-    commands: tuple[str, ...]
-    printed: str
+    language: str
+    text: str
+    said: str = ""
 
 
 def steps_of(page: Path) -> list[Step]:
-    """The session of a page, in order; a block without a language right after commands is their output."""
+    """The session of a page, in order; a block without a language right after one of commands is their output."""
     steps: list[Step] = []
     for language, text in BLOCK.findall(page.read_text(encoding="utf-8")):
-        if language == "console":
-            lines = re.sub(r"\\\n\s*", "", text).splitlines()
-            steps.append(Step(tuple(line.removeprefix("$ ") for line in lines if line.startswith("$ ")), ""))
-        elif language == "" and steps and not steps[-1].printed:
-            steps[-1] = Step(steps[-1].commands, text)
+        if language in {"console", "python"}:
+            steps.append(Step(language, text))
+        elif language == "" and steps and not steps[-1].said:
+            steps[-1] = Step(steps[-1].language, steps[-1].text, text)
     return steps
+
+
+def run_step(step: Step, folder: Path, names: dict[str, object]) -> str:
+    """What a block prints in a folder; a command that fails raises."""
+    if step.language == "python":
+        home, out = Path.cwd(), io.StringIO()
+        os.chdir(folder)
+        try:
+            with contextlib.redirect_stdout(out):
+                exec(step.text, names)  # noqa: S102 - the page's own text
+        finally:
+            os.chdir(home)
+        return out.getvalue()
+    printed = ""
+    for line in re.sub(r"\\\n\s*", "", step.text).splitlines():
+        name, *words = shlex.split(line.removeprefix("$ "), comments=True)
+        assert name == "femfit", line
+        done = femfit(*words, cwd=folder)
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+        printed += done.stdout
+    return printed
 
 
 def differing_lines(said: str, printed: str, tolerance: float) -> list[str]:
