@@ -17,7 +17,7 @@ from femfit.core.amount import amount, amount_range, counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.finding import Finding
 from femfit.model.actuator_model import ActuatorModel
-from femfit.records.constants import NEARER, OFF
+from femfit.records.constants import FALLING, NEARER, OFF
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def given_voltage(
     diode = circuit.drive.diode_V
     if diode is not None:
         off = voltage <= 0.0
-        flows = current > (OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
+        flows = _conducts(current, segment, off, OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
         voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), one) for one in (voltage, clamped))
         beyond &= ~off
     if not beyond.any():
@@ -72,6 +72,25 @@ def given_voltage(
     text = f"{head}; {why}, and they were taken as clamped."
     remedy = "" if favour < -NEARER else "If the driver can do more, change [supply] in the drawing."
     return Given(clamped, (Finding("clamped", "warning", text, remedy),))
+
+
+def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: float) -> BoolArray:
+    """Where the freewheel diode carries a current: where it is clear of the noise, and on to its end at its last slope.
+
+    Without the last part the drop of the diode would be missing over the time that the current takes from the noise's
+    size to nothing.
+    """
+    flows = current > clear
+    ends = np.flatnonzero(flows[:-1] & ~flows[1:] & off[1:] & (np.diff(segment) == 0))
+    for last in ends:
+        first = max(last + 1 - FALLING, int(np.searchsorted(segment, segment[last])))
+        if last + 1 - first < FALLING or not flows[first : last + 1].all():
+            continue
+        slope, level = np.polyfit(np.arange(first - last, 1), current[first : last + 1], 1)
+        more = int(round(-level / slope)) if slope < 0.0 else 0
+        reach = slice(last + 1, last + 1 + min(more, FALLING))
+        flows[reach] = off[reach] & (segment[reach] == segment[last])
+    return np.asarray(flows)
 
 
 def _favour(

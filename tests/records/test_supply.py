@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import femfit as ff
+from femfit.records.supply import given_voltage
 from tests.support.solenoids import solenoid
 from tests.support.switching import logged, switched
 
@@ -42,3 +43,17 @@ def test_without_a_current_the_record_cannot_tell():
     (said,) = [one for one in seen.findings if one.code == "clamped"]
     assert "cannot tell" in str(said)
     assert np.isfinite(seen.filters[0].replayed.mean).any()
+
+
+def test_the_diodes_drop_lasts_until_a_falling_current_has_come_to_its_end():
+    model, noise_A = solenoid(), 3e-3
+    model = replace(model, circuit=replace(model.circuit, drive=replace(model.circuit.drive, diode_V=0.7)))
+    time = 1e-4 * np.arange(400)
+    current = np.maximum(0.1 - 8.0 * time, 0.0)
+    current[current > 0.0] += np.random.default_rng(1).normal(0.0, noise_A, int((current > 0.0).sum()))
+    distance = np.full(400, model.validity.distance_max_m)
+    noise, segment = (noise_A, 1e-6), np.zeros(400, dtype=int)
+    given = given_voltage(model, time, segment, np.zeros(400), current, distance, noise).voltage_V
+    conducts = int((given == -0.7).sum())
+    assert set(given) == {-0.7, 0.0}
+    assert abs(conducts - 125) <= 3  # it would end 11 samples before, three standard deviations from zero
