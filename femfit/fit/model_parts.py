@@ -59,11 +59,8 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
     element = entry.get("hall")
     if hall is None or not element:
         if has_coil and not entry.get("sensors"):
-            notes = (
-                *notes,
-                "No sensor in the model: draw [sensors.NAME] in the actuator file; one of kind hall needs hall_T in the "
-                "table as well.",
-            )
+            how = "draw [sensors.NAME] in the actuator file; one of kind hall needs hall_T in the table as well."
+            notes = (*notes, f"No sensor in the model: {how}")
         return circuit, motion, None, notes
     names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
     values = {name: number(element, name) for name in names}

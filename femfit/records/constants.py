@@ -31,7 +31,7 @@ OFF = 3.0
 """Conventional: a current within so many standard deviations of zero has stopped."""
 
 FALLING = 12
-"""Conventional: samples before a current is lost in its noise by whose slope it goes on to zero, and at most so many on."""
+"""Conventional: samples before a current is lost in its noise, by whose slope it goes on to zero, so many at most."""
 
 FINEST = 1e-7
 """Numerical: part of the validity domain below which a simulated distance is rounding, not noise."""

@@ -87,7 +87,7 @@ def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: flo
         if last + 1 - first < FALLING or not flows[first : last + 1].all():
             continue
         slope, level = np.polyfit(np.arange(first - last, 1), current[first : last + 1], 1)
-        more = int(round(-level / slope)) if slope < 0.0 else 0
+        more = round(-level / slope) if slope < 0.0 else 0
         reach = slice(last + 1, last + 1 + min(more, FALLING))
         flows[reach] = off[reach] & (segment[reach] == segment[last])
     return np.asarray(flows)
