@@ -168,7 +168,10 @@ def _unbalanced(
 
 
 def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noise: float) -> BoolArray:
-    """Samples within the noise of a stop, or of an end of the path at which the body was held, and their neighbours."""
+    """Samples from which the body may have touched a stop before the next one, and their neighbours.
+
+    An end of the path at which the body was held counts as a stop. A rebound lasts less than a sample.
+    """
     ends = [stop for stop in model.require_motion().ends if np.isfinite(stop)]
     means = np.convolve(distance, np.full(BLOCK, 1.0 / BLOCK), mode="valid")
     means = means[np.isfinite(means)]
@@ -176,9 +179,11 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
         low, high = means.min() + STILL * noise, means.max() - STILL * noise
         ends += [rest.distance_m for rest in rests if not low < rest.distance_m < high]
     near = np.zeros(len(distance))
+    moved = np.abs(np.diff(distance))
     with np.errstate(invalid="ignore"):
+        reach = np.fmax(np.r_[moved, 0.0], np.r_[0.0, moved]) + STILL * noise
         for end in ends:
-            near[np.abs(distance - end) <= STILL * noise] = 1.0
+            near[np.abs(distance - end) <= reach] = 1.0
     return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.device.mechanics import Mechanics
+from femfit.device.mechanics import Mechanics, Stop
 from femfit.records.rests import find_rests
 from tests.support.closed_loop import closed_loop, recorded
 from tests.support.solenoids import solenoid
@@ -37,6 +37,21 @@ def test_rests_on_both_stops_lie_where_the_simulated_body_rests(free):
     off = np.minimum(np.abs(free.table["distance_m"] - 0.2e-3), np.abs(free.table["distance_m"] - 4e-3))
     assert off[found.held].max() < 2.0 * DISTANCE_M  # bounces that noise hides
     assert not found.contact[(free.table["distance_m"] > 0.5e-3) & (free.table["distance_m"] < 3.5e-3)].any()
+
+
+def test_the_samples_around_every_impact_are_contact_however_fast_the_body_is():
+    model = solenoid()
+    elastic = replace(model.motion, far_stop=Stop(model.motion.far_stop.distance_m, 0.9))
+    loop = switched([0.0], [0.0], 0.06, model=replace(model, motion=elastic), start_m=1e-3)
+    record = logged([loop])
+    rows = record.rows.iloc[::8].reset_index(drop=True)
+    found = rests_of(model, replace(record, rows=rows))
+    times = rows["time_s"].to_numpy()
+    hits = [event for event in loop.events if event.name == "hits_far" and abs(event.velocity_m_s) > 0.2]
+    assert len(hits) == 2
+    for event in hits:
+        after = int(np.searchsorted(times, event.time_s))
+        assert found.contact[after - 1 : after + 1].all(), event
 
 
 def test_departure_is_told_before_the_body_has_gone_as_far_as_the_noise(free):
