@@ -28,6 +28,9 @@ from femfit.field.weak_form import flux_density
 
 BEYOND_SHARE = 0.01
 
+EXACT_TO_ODD = 4
+"""From this order on rules are products of Gauss's with p + 1 points each, which are exact to 2 p + 1."""
+
 TINY_FLUX_DENSITY = 1e-12
 """In T; below it the direction of B does not matter, for there H / B is dH/dB."""
 
@@ -43,8 +46,9 @@ class MaterialPoints:
         self.space = space
         self.regions = "|".join(named)
         region = space.mesh.Materials(self.regions)
-        # The rule is exact to twice this order: B is of the space's order, and r multiplies B squared.
-        self._points = IntegrationRuleSpace(space.mesh, order=space.globalorder + 1, definedon=region)
+        # B is of the space's order p and r multiplies B squared: the rule has to be exact to 2 p + 1.
+        rule = space.globalorder + (space.globalorder < EXACT_TO_ODD)
+        self._points = IntegrationRuleSpace(space.mesh, order=rule, definedon=region)
         self._measure = dx(self.regions, intrules=self._points.GetIntegrationRules())
         self.weight = self._weights()
         self._to_flux_density = self._flux_density_map()

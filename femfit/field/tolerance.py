@@ -159,7 +159,7 @@ def shares_checks(group: tuple[float, ...]) -> bool:
 
 def refinement_levels(settings: SolverSettings) -> list[SolverSettings]:
     """The levels, the coarsest first."""
-    newton = min(settings.newton_tolerance, NEWTON_SHARE * (settings.tolerance or 0.0))
+    newton = max(settings.newton_tolerance, NEWTON_SHARE * (settings.tolerance or 0.0))
     return [
         replace(settings, order=FIRST_ORDER + k, corner_fraction=corner, newton_tolerance=newton, tolerance=None)
         for k, corner in enumerate(CORNERS)
