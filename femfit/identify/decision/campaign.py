@@ -164,9 +164,17 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
     """Say which channels cannot be tested, which never vary, and where the noise was guessed or repeats replaced it."""
     tested = set(campaign.patterns.patterns.channel.tolist())
-    names = [name for c, name in enumerate(campaign.observations.channels) if c not in tested]
-    text = f"{', '.join(names)}: too few readings to be tested."
-    few = [Finding("too-few-readings", "warning", text)] if names else []
+    few = [
+        Finding(
+            "too-few-readings",
+            "warning",
+            f"The {CHANNEL_WORDS.get(name, name)} has {counted(int(campaign.observations.of(name).sum()), 'reading')}, "
+            "too few to be tested by themselves; they count beside the others.",
+            column=name,
+        )
+        for c, name in enumerate(campaign.observations.channels)
+        if c not in tested
+    ]
     constant = constant_readings(campaign.noise.never_varying)
     replaced = _replaced_noise(campaign.observations, campaign.noise)
     return [*few, *constant, *replaced, *guessed_noises(campaign.noise)]
