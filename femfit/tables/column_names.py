@@ -5,8 +5,8 @@ only beside a unit of the right kind: a column ``mass`` or ``scale`` is a force 
 """
 
 _ROWS = """
-run                   en run runno runnumber
-run                   de runnr lauf laufnr durchlauf messlauf messreihe
+run                   en run runno runnumber series
+run                   de runnr lauf laufnr durchlauf messlauf messreihe serie
 mount                 en mount mounting mountno remount
 mount                 de aufspannung aufspannungnr einbau
 order                 en order seq sequence

@@ -98,10 +98,12 @@ def test_a_noise_that_is_no_standard_deviation_is_refused(tmp_path, noise):
         "Lauf;Strom (mA);Luftspalt [mm];Kraft/mN;Hallspannung (V);Spulentemperatur (°C)",
         "Run #;I [mA];air gap (mm);F (mN);V_hall (V);T_coil (C)",
         "run;current_mA;distance_mm;Force in mN;hall_V;coil_temperature_C",
+        "Serie;Strom / mA;Luftspalt / mm;Kraft / mN;Hallspannung / V;Spulentemperatur / °C",
     ],
 )
 def test_columns_are_known_by_what_benches_call_them(tmp_path, names):
-    one = read_bench_table(written(tmp_path, f"{names}\n1;100;20,5;30;2,5;21\n1;200;20,5;40;2,6;21\n")).rows.iloc[0]
+    one = read_bench_table(written(tmp_path, f"{names}\n3;100;20,5;30;2,5;21\n3;200;20,5;40;2,6;21\n")).rows.iloc[0]
+    assert one["run"] == 3.0
     assert one[["current_A", "distance_m", "force_N"]].tolist() == pytest.approx([0.1, 0.0205, 0.03])
     assert one[["hall_V", "coil_temperature_C"]].tolist() == [2.5, 21.0]
 
