@@ -16,8 +16,8 @@ FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 def simulate(
     model: Path,
     *,
-    voltage: float | None = None,
-    current: float | None = None,
+    voltage: str | None = None,
+    current: str | None = None,
     drive: Path | None = None,
     interpolation: Literal["held", "linear"] = "held",
     duration_ms: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
@@ -51,12 +51,12 @@ def simulate(
     ----------
     model : Path
         Model file with circuit and motion, and for a closed loop a sensor.
-    voltage : float
-        Constant command in V: open loop.
-    current : float
-        Constant command in A of a current amplifier: open loop.
+    voltage : str
+        Constant command in V: open loop. Of several circuits by their names, as bias=2,diff=1.
+    current : str
+        Constant command in A of a current amplifier: open loop; of several by their names.
     drive : Path
-        Table with the columns time_s and voltage_V or current_A: open loop.
+        Table with the columns time_s and voltage_V or current_A (voltage_NAME_V or current_NAME_A): open loop.
     interpolation : str
         Of that table: held (each value up to the next time) or linear.
     duration_ms : float
@@ -112,7 +112,12 @@ def simulate(
             )
         _open_loop(
             model,
-            {"voltage_V": voltage, "current_A": current, "drive": drive, "interpolation": interpolation},
+            {
+                "voltage_V": _constant("--voltage", voltage),
+                "current_A": _constant("--current", current),
+                "drive": drive,
+                "interpolation": interpolation,
+            },
             duration_s=None if duration_ms is None else 1e-3 * duration_ms,
             start_m=None if start_mm is None else 1e-3 * start_mm,
             outside="extrapolate" if extrapolate else "stop",
@@ -152,6 +157,22 @@ def simulate(
     if csv is not None:
         summary.write_csv(csv)
         print(f"written: {csv}")
+
+
+def _constant(option: str, text: str | None) -> float | dict[str, float] | None:
+    """One number, or one by the name of each circuit."""
+    if text is None:
+        return None
+    try:
+        if "=" not in text:
+            return float(text)
+        pairs = (part.partition("=") for part in text.split(","))
+        return {name.strip(): float(value) for name, _, value in pairs}
+    except ValueError as error:
+        raise UsageError(
+            f"{option} must be a number, or one for each of several circuits; instead received {text!r}. Give it as "
+            f"{option} 12, or {option} bias=2,diff=1."
+        ) from error
 
 
 def _open_loop(

@@ -12,12 +12,12 @@ PointMagnetics = Callable[[float, FloatArray], tuple[float, FloatArray, FloatArr
 
 
 def point_magnetics(magnetics: Magnetics) -> PointMagnetics:
-    """Force, motional constants and inductances of a co-energy; n is one."""
+    """Force, motional constants and inductances of a co-energy; in floats where there is one current, or none."""
     if type(magnetics) is not CoenergySpline:
 
         def by_arrays(distance: float, currents: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-            state = magnetics.state(np.array([distance]), currents)
-            return float(state.force[0]), state.motional_constant, state.inductance[:, None]
+            state = magnetics.state_of_circuits(np.array([distance]), currents[None])
+            return float(state.force[0]), state.motional_constant[0], state.inductance[0]
 
         return by_arrays
 
@@ -26,6 +26,9 @@ def point_magnetics(magnetics: Magnetics) -> PointMagnetics:
 
     def in_floats(distance: float, currents: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         u, (per_metre,) = place([distance])
+        if not currents.size:
+            ((slope, _, _),) = derivatives(u, [0.0])
+            return per_metre * slope, currents, np.zeros((0, 0))
         ((slope, mixed, inductance),) = derivatives(u, [float(currents[0])])
         return per_metre * slope, np.array([per_metre * mixed]), np.array([[inductance]])
 

@@ -56,13 +56,20 @@ class EnergyBalance:
 def balance(
     model: ActuatorModel, mechanics: Mechanics, first: FloatArray, last: FloatArray, gone: FloatArray
 ) -> EnergyBalance:
-    """The balance between two states (distance, velocity, current); ``gone`` is what the integration summed up."""
+    """The balance between two states (distance, velocity, currents); ``gone`` is what the integration summed up.
+
+    The magnetic energy has that of the inductances in series, 1/2 L_s i^2.
+    """
     source, copper, diode, friction, impact = (float(one) for one in gone)
-    d, v, i = (np.array([first[k], last[k]]) for k in range(3))
-    coenergy, flux = model.magnetics.coenergy_derivatives(d, i, ((0, 0), (0, 1)))
+    ends = np.array([first, last])
+    d, v, i = ends[:, 0], ends[:, 1], model.currents_of(ends)
+    each = ends[:, 2 : 2 + len(model.circuits)]
+    coenergy, flux = model.magnetics.coenergy(d, i), model.magnetics.flux_linkage(d, i)
+    linked = (each * flux.reshape(each.shape)).sum(axis=1) if each.shape[1] else np.zeros(2)
+    in_series = 0.5 * np.einsum("pk,kl,pl->p", each, model.series_inductances_H, each)
     springs = sum((_spring_energy(spring, d) for spring in mechanics.springs), np.zeros(2))
     stored = [
-        i * flux - coenergy,
+        linked - coenergy + in_series,
         0.5 * mechanics.mass_kg * v**2,
         springs,
         -(mechanics.mass_kg * mechanics.gravity_m_s2 + mechanics.load_N) * d,

@@ -55,8 +55,8 @@ class Equations:
     def current_rate(self, point: Point, currents: FloatArray, voltage: FloatArray) -> FloatArray:
         """The rate i' in A/s that voltages give."""
         driving = voltage - self.resistance_ohm * currents + point.motional_V
-        if self.circuits == 1:
-            return np.asarray(driving / point.inductance_H[0])
+        if self.circuits <= 1:
+            return np.asarray(driving / point.inductance_H[0] if self.circuits else driving)
         return np.asarray(np.linalg.solve(point.inductance_H, driving), dtype=np.float64)
 
     def voltage(self, point: Point, currents: FloatArray, rate: FloatArray) -> FloatArray:
@@ -76,12 +76,12 @@ class Equations:
 
 def equations_of(model: ActuatorModel) -> Equations:
     """The equations of a model."""
-    circuit, motion = model.require_circuit(), model.require_motion()
+    motion = model.require_motion()
     model.require_dynamics()
     effects = model.dynamics if model.dynamics is not None and model.dynamics.drives else None
     return Equations(
         smooth=replace(motion, coulomb_N=0.0),
-        resistance_ohm=np.array([circuit.resistance_ohm]),
+        resistance_ohm=model.resistances_ohm,
         series_H=model.series_inductances_H,
         magnetics=point_magnetics(model.magnetics),
         effects=effects,

@@ -1,4 +1,4 @@
-"""What feeds the winding from moment to moment: which voltage it sees, and whether something else sets its current.
+"""What feeds the circuits from moment to moment: which voltage each sees, and whether something else sets its current.
 
 ===========  ==========================================================================================
 conducting   the source's voltage, the diode's while the current goes on through it, or what a current
@@ -8,18 +8,25 @@ following    a current amplifier without a bandwidth: i is the command
 at_max       it is behind the command, at its largest voltage
 at_min       it is ahead of the command, at its smallest voltage
 ===========  ==========================================================================================
+
+Each circuit has a mode of its own. With the voltages of some (V) and the rates of the others (I) given,
+L_VV i'_V = U_V - R i_V + k_m v - L_VI i'_I, and the voltages of the others follow.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import pi
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.model.circuit import Circuit
 from femfit.open_loop.equations import Equations, Point
 
 CONDUCTING, BLOCKED, FOLLOWING, AT_MAX, AT_MIN = "conducting", "blocked", "following", "at_max", "at_min"
+
+Modes = tuple[str, ...]
 
 _TINY = 1e-9
 """Derived: part of a rate, voltage or current's scale that the integration's own error may make."""
@@ -46,14 +53,15 @@ class Flow:
     voltage_V: FloatArray
     current_rate_A_s: FloatArray
     effect_rates: FloatArray
-    diode_V: float = 0.0  # Of a diode that the current goes on through; the source then gives nothing
+    diode_V: (
+        FloatArray  # Of the diodes that currents go on through, 0 elsewhere; the source of such a one gives nothing
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class Feed:
-    """A winding's drive and its command."""
+@dataclass(frozen=True)
+class Winding:
+    """One circuit with its drive."""
 
-    equations: Equations
     circuit: Circuit
     commands_current: bool  # Whether the profile is one of current
 
@@ -80,67 +88,129 @@ class Feed:
             low = 0.0
         return low, high
 
-    def flow(self, mode: str, line: Line, time: float, state: FloatArray) -> Flow:
-        """Currents and net force in a mode; ``state`` is (distance, velocity, currents, states of effects)."""
-        point = self.equations.point(state)
-        currents = state[2 : 2 + self.equations.circuits]
+    @property
+    def voltage_scale_V(self) -> float:  # noqa: N802  the unit
+        """Larger of its two ends."""
+        return max(abs(self.circuit.voltage_max_V), abs(self.circuit.voltage_min_V))
+
+    def given(self, mode: str, line: Line, time: float, current: float) -> tuple[float, bool, float]:
+        """Its voltage or its current's rate, whether it is the rate, and the drop of its diode where that conducts."""
         if mode == BLOCKED:
-            return self._of_rate(point, state, np.zeros_like(currents))
+            return 0.0, True, 0.0
         if mode == FOLLOWING:
-            return self._of_rate(point, state, np.full_like(currents, line.slope))
+            return line.slope, True, 0.0
         if mode in {AT_MAX, AT_MIN}:
-            volts = self.circuit.voltage_max_V if mode == AT_MAX else self.circuit.voltage_min_V
-            return self._of_voltage(point, state, np.full_like(currents, volts))
+            return (self.circuit.voltage_max_V if mode == AT_MAX else self.circuit.voltage_min_V), False, 0.0
         command = line.at(time)
         if self.commands_current:
-            wanted = (self.bandwidth or 0.0) * (command - currents)
-            needed = self._of_rate(point, state, wanted).voltage_V
-            low, high = self.circuit.voltage_min_V, self.circuit.voltage_max_V
-            return self._of_voltage(point, state, np.clip(needed, low, high))
+            return (self.bandwidth or 0.0) * (command - current), True, 0.0
         if self.diode_V is not None and command <= 0.0:
-            return self._of_voltage(point, state, np.full_like(currents, -self.diode_V), self.diode_V)
-        return self._of_voltage(point, state, np.full_like(currents, command))
+            return -self.diode_V, False, self.diode_V
+        return command, False, 0.0
 
-    def _of_voltage(self, point: Point, state: FloatArray, voltage: FloatArray, diode: float = 0.0) -> Flow:
-        if self.equations.effects is not None:
-            return Flow(*_net_voltage_rates(self.equations, state, voltage, None), diode)
-        currents = state[2 : 2 + self.equations.circuits]
-        rate = self.equations.current_rate(point, currents, voltage)
-        return Flow(point.net_N, voltage, rate, rate[:0], diode)
 
-    def _of_rate(self, point: Point, state: FloatArray, rate: FloatArray) -> Flow:
-        currents = state[2 : 2 + self.equations.circuits]
-        voltage = self.equations.voltage(point, currents, rate)
-        if self.equations.effects is None:
-            return Flow(point.net_N, voltage, rate, rate[:0])
+@dataclass(frozen=True, eq=False)
+class Feed:
+    """All circuits of an actuator and what drives them."""
+
+    equations: Equations
+    windings: tuple[Winding, ...]
+
+    @property
+    def bandwidth(self) -> float:
+        """The largest of the current amplifiers' in rad/s; 0 where there is none."""
+        return max((one.bandwidth or 0.0 for one in self.windings), default=0.0)
+
+    def flow(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Flow:
+        """Currents and net force in a mode; ``state`` is (distance, velocity, currents, states of effects)."""
+        point = self.equations.point(state)
+        currents = state[2 : 2 + len(self.windings)]
+        values, rated, drops = np.zeros(len(currents)), np.zeros(len(currents), dtype=np.bool_), self._no_diode
+        for k, (winding, mode, line) in enumerate(zip(self.windings, modes, lines, strict=True)):
+            values[k], rated[k], drop = winding.given(mode, line, time, float(currents[k]))
+            if drop:
+                drops = drops.copy()
+                drops[k] = drop
+        flow = self._solved(point, state, values, rated, drops)
+        limited = [k for k, one in enumerate(self.windings) if rated[k] and one.commands_current and one.bandwidth]
+        for _ in limited:  # an amplifier gives no more than its voltage, which the others then feel
+            low, high = self._ends
+            over = [k for k in limited if rated[k] and not low[k] <= flow.voltage_V[k] <= high[k]]
+            if not over:
+                break
+            values[over], rated[over] = np.clip(flow.voltage_V, low, high)[over], False
+            flow = self._solved(point, state, values, rated, drops)
+        return flow
+
+    @cached_property
+    def _no_diode(self) -> FloatArray:
+        return np.zeros(len(self.windings))
+
+    @cached_property
+    def _ends(self) -> FloatArray:
+        """Least and largest voltages, shape (2, n)."""
+        return np.array([(one.circuit.voltage_min_V, one.circuit.voltage_max_V) for one in self.windings]).T
+
+    def _solved(self, point: Point, state: FloatArray, values: FloatArray, rated: BoolArray, drops: FloatArray) -> Flow:
+        """The flow where each circuit's voltage is given, or its current's rate where ``rated``."""
+        equations, currents = self.equations, state[2 : 2 + len(self.windings)]
+        if not rated.any():
+            if equations.effects is not None:
+                return Flow(*_net_voltage_rates(equations, state, values, None), drops)
+            rate = equations.current_rate(point, currents, values)
+            return Flow(point.net_N, values, rate, rate[:0], drops)
+        if rated.all():
+            rate = values
+        else:
+            rate = np.where(rated, values, 0.0)
+            free, known = np.flatnonzero(~rated), np.flatnonzero(rated)
+            driving = values - equations.resistance_ohm * currents + point.motional_V
+            driving = driving[free] - point.inductance_H[np.ix_(free, known)] @ rate[known]
+            rate[free] = np.linalg.solve(point.inductance_H[np.ix_(free, free)], driving)
+        voltage = np.where(rated, equations.voltage(point, currents, rate), values)
+        if equations.effects is None:
+            return Flow(point.net_N, voltage, rate, rate[:0], drops)
         # Effects change the voltage that the rate needs; one secant finds it, for the rate is linear in it
-        ends = [self.equations.with_effects(state, voltage + step, None)[1] for step in (0.0, 1.0)]
+        ends = [equations.with_effects(state, voltage + step, None)[1] for step in (0.0, 1.0)]
         voltage = voltage + (rate - ends[0]) / (ends[1] - ends[0])
-        return Flow(*_net_voltage_rates(self.equations, state, voltage, float(rate[0])))
+        return Flow(*_net_voltage_rates(equations, state, voltage, float(rate[0])), drops)
 
-    def settled(self, line: Line, time: float, state: FloatArray) -> str:
-        """The mode that holds from now on, where the command may have jumped."""
-        current = float(state[2])
-        if self.commands_current:
-            if self.bandwidth is not None:
+    def settled(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Modes:
+        """The modes that hold from now on, where a command may have jumped."""
+        found = [
+            self._alone(one, line, time, float(state[2 + k]))
+            for k, (one, line) in enumerate(zip(self.windings, lines, strict=True))
+        ]
+        for _ in modes:  # what one circuit does may turn another's diode or amplifier
+            before = tuple(found)
+            for k, winding in enumerate(self.windings):
+                if found[k] == BLOCKED and self.conducts(tuple(found), k, lines, time, state) > 0.0:
+                    found[k] = CONDUCTING
+                elif found[k] == FOLLOWING:
+                    needed = float(self.flow(tuple(found), lines, time, state).voltage_V[k])
+                    above, below = needed > winding.circuit.voltage_max_V, needed < winding.circuit.voltage_min_V
+                    found[k] = AT_MAX if above else AT_MIN if below else FOLLOWING
+            if tuple(found) == before:
+                break
+        return tuple(found)
+
+    @staticmethod
+    def _alone(winding: Winding, line: Line, time: float, current: float) -> str:
+        """The mode by the circuit's own command and current."""
+        if winding.commands_current:
+            if winding.bandwidth is not None:
                 return CONDUCTING
             behind = line.at(time) - current
             if abs(behind) > _TINY * max(abs(line.at(time)), abs(current), 1e-3):
                 return AT_MAX if behind > 0.0 else AT_MIN
-            needed = float(self.flow(FOLLOWING, line, time, state).voltage_V[0])
-            if needed > self.circuit.voltage_max_V:
-                return AT_MAX
-            return AT_MIN if needed < self.circuit.voltage_min_V else FOLLOWING
-        if self.diode_V is None or current > 0.0:
-            return CONDUCTING
-        return CONDUCTING if self.conducts(line, time, state) > 0.0 else BLOCKED
+            return FOLLOWING
+        return CONDUCTING if winding.diode_V is None or current > 0.0 else BLOCKED
 
-    def conducts(self, line: Line, time: float, state: FloatArray) -> float:
-        """Above zero where source or diode would drive a positive current, in V."""
-        flow = self.flow(CONDUCTING, line, time, state)
-        point = self.equations.point(state)
-        scale = max(abs(self.circuit.voltage_max_V), abs(self.circuit.voltage_min_V))
-        return float(flow.current_rate_A_s[0] * point.inductance_H[0, 0]) - _TINY * scale
+    def conducts(self, modes: Modes, k: int, lines: Sequence[Line], time: float, state: FloatArray) -> float:
+        """Above zero where source or diode of a blocked circuit would drive a positive current, in V."""
+        flow = self.flow((*modes[:k], CONDUCTING, *modes[k + 1 :]), lines, time, state)
+        own = self.equations.point(state).inductance_H[k, k]
+        return float(flow.current_rate_A_s[k] * own) - _TINY * self.windings[k].voltage_scale_V
 
 
 def _net_voltage_rates(

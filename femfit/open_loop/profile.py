@@ -1,5 +1,6 @@
 """What is commanded over time: a voltage or a current, held from point to point or interpolated."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,12 +12,11 @@ from femfit.core.amount import amount, amount_range, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.printed import Printed
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.tables.columns import UsedColumn, column_values, match_column
 from femfit.tables.measurement_file import read_raw_table
 
 Interpolation = Literal["held", "linear"]
-
-COLUMNS = ("time_s", "voltage_V", "current_A")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,13 +104,16 @@ class Profile(Printed):
         return self.line(time)[0]
 
 
-def read_profile(path: str | Path, interpolation: Interpolation = "held") -> Profile:
-    """Read a profile: columns ``time_s`` and either ``voltage_V`` or ``current_A``.
+def read_profiles(
+    path: str | Path, circuits: Sequence[str] = ("coil",), interpolation: Interpolation = "held"
+) -> dict[str, Profile]:
+    """Read a profile for each circuit: ``time_s``, and ``voltage_V`` or ``current_A``.
 
     Parameters
     ----------
     path : str or Path
-        A table in any form that measured tables may have.
+        A table in any form that measured tables may have. Of several circuits its columns are ``voltage_NAME_V`` or
+        ``current_NAME_A``; a circuit without a column is not in the result.
     interpolation : str
         ``held`` or ``linear``.
 
@@ -121,20 +124,27 @@ def read_profile(path: str | Path, interpolation: Interpolation = "held") -> Pro
     """
     path = Path(path)
     raw = read_raw_table(path)
+    pairs = list(zip(circuits, voltage_columns(circuits), circuit_currents(circuits), strict=True))
+    known = ("time_s", *(column for _, *both in pairs for column in both))
     used: dict[str, UsedColumn] = {}
     for header in raw.headers:
-        column = match_column(header, COLUMNS)
+        column = match_column(header, known)
         if column is not None and column.name not in used:
             used[column.name] = column
-    commands = [name for name in COLUMNS[1:] if name in used]
-    if "time_s" not in used or len(commands) != 1:
+    commands = {name: [column for column in both if column in used] for name, *both in pairs}
+    if "time_s" not in used or not any(commands.values()) or any(len(both) > 1 for both in commands.values()):
+        each = " or ".join(f"one of {voltage} and {current}" for _, voltage, current in pairs)
         raise TableError(
-            f"{path} must have a column time_s and one of voltage_V and current_A; its columns are "
-            f"{', '.join(raw.headers)}. Name them so, and leave one of the two out."
+            f"{path} must have a column time_s and {each}; its columns are {', '.join(raw.headers)}. Name them so, and "
+            "leave one of two for the same circuit out."
         )
-    values, _ = column_values(raw, [used["time_s"], used[commands[0]]])
-    kind: Literal["voltage", "current"] = "voltage" if commands[0] == "voltage_V" else "current"
+    values, _ = column_values(raw, list(used.values()))
+    found: dict[str, Profile] = {}
     try:
-        return Profile(kind, values["time_s"].to_numpy(), values[commands[0]].to_numpy(), interpolation)
+        for name, commanded in commands.items():
+            for command in commanded:
+                kind: Literal["voltage", "current"] = "voltage" if command.startswith("voltage") else "current"
+                found[name] = Profile(kind, values["time_s"].to_numpy(), values[command].to_numpy(), interpolation)
     except TableError as error:
         raise TableError(f"{path}: {error}") from error
+    return found

@@ -12,6 +12,7 @@ from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.outputs import OPEN_LOOP, require_outputs
 from femfit.core.printed import Printed
+from femfit.core.sweep_columns import circuit_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.open_loop.energy import EnergyBalance
 from femfit.open_loop.profile import Profile
@@ -32,9 +33,11 @@ class OpenLoop(Printed):
     Parameters
     ----------
     table : mapping of str to array
-        Columns at equal steps: time_s, distance_m, velocity_m_s, current_A, voltage_V (across the winding), force_N
+        Columns at equal steps: time_s, distance_m, velocity_m_s, current_A, voltage_V (across the circuit), force_N
         (magnetic, towards smaller distance), static_force_N (weight, springs and load, towards larger distance) and
-        flux_linkage_Wb.
+        flux_linkage_Wb. Of several circuits current_NAME_A, voltage_NAME_V and flux_linkage_NAME_Wb.
+    profiles : tuple of Profile
+        What was commanded, one a circuit.
     events : tuple of Event
         Each with its time, and the state before it.
     switchings : tuple of Switching
@@ -42,7 +45,7 @@ class OpenLoop(Printed):
     end_s : float
         Where the simulation ended: at ``duration_s``, or where the validity domain was left.
     left_domain : tuple of (str, float)
-        distance or current, and when it left the validity domain.
+        distance or current (current_NAME of several circuits), and when it left the validity domain.
     extrapolated : bool
         Whether what comes after that is the model continued beyond its domain.
     notes : tuple of str
@@ -59,7 +62,7 @@ class OpenLoop(Printed):
     """
 
     model: ActuatorModel
-    profile: Profile
+    profiles: tuple[Profile, ...]
     duration_s: float
     table: Mapping[str, FloatArray]
     events: tuple[Event, ...]
@@ -77,7 +80,7 @@ class OpenLoop(Printed):
     def step(self) -> StepResponse | None:
         """Rise, overshoot and settling where one constant command moved the body and no stop was in its way."""
         if (
-            len(self.profile.value) > 1
+            any(len(one.value) > 1 for one in self.profiles)
             or self.left_domain
             or any("near" in e.name or "far" in e.name for e in self.events)
         ):
@@ -88,25 +91,53 @@ class OpenLoop(Printed):
         lines = []
         for name, time in self.left_domain:
             event = next(e for e in self.events if e.name == f"{name}_leaves_domain" and e.time_s == time)
-            value = amount(event.distance_m, "m", 3) if name == "distance" else amount(event.current_A, "A", 3)
+            value = amount(
+                event.distance_m if name == "distance" else self._current(name, event),
+                "m" if name == "distance" else "A",
+                3,
+            )
             then = "The simulation ends there: give the body stops, sweep wider, or extrapolate (--extrapolate)."
             if self.extrapolated:
                 then = "What follows is extrapolated."
-            lines.append(f"The {name} leaves the validity domain after {amount(time, 's', 3)}, at {value}. {then}")
+            lines.append(
+                f"The {self._said(name)} leaves the validity domain after {amount(time, 's', 3)}, at {value}. {then}"
+            )
         return lines
+
+    @property
+    def profile(self) -> Profile:
+        """What was commanded of the only circuit, or of the first."""
+        return self.profiles[0]
+
+    def _current(self, name: str, event: Event) -> float:
+        """The current of an event by the name of its range."""
+        names = [column.rpartition("_")[0] for column in circuit_currents(self.model.circuit_names)]
+        return float(np.atleast_1d(event.current_A)[names.index(name)])
+
+    @staticmethod
+    def _said(name: str) -> str:
+        """A range in words: ``current of lower``."""
+        quantity, _, circuit = name.partition("_")
+        return f"{quantity} of {circuit}" if circuit else quantity
 
     def _switching_lines(self) -> list[str]:
         if not self.switchings:
-            d, v, i = (self.table[name] for name in ("distance_m", "velocity_m_s", "current_A"))
-            end = f"at the end the current is {amount(i[-1], 'A', 3)}"
+            d, v = (self.table[name] for name in ("distance_m", "velocity_m_s"))
+            currents = [
+                f"the {self._said(column.rpartition('_')[0])} is {amount(self.table[column][-1], 'A', 3)}"
+                for column in circuit_currents(self.model.circuit_names)
+            ]
+            end = f"at the end {' and '.join(currents)}" if currents else ""
             if np.all(d == d[0]):
-                return [f"The body stays at {amount(d[0], 'm', 3)} for {amount(self.end_s, 's', 3)}; {end}."]
+                return [
+                    f"The body stays at {amount(d[0], 'm', 3)} for {amount(self.end_s, 's', 3)}{end and '; ' + end}."
+                ]
             if self.step is not None:
-                return [f"{self.step} {end[0].upper()}{end[1:]}."]
+                return [f"{self.step}{end and f' {end[0].upper()}{end[1:]}.'}"]
             where = f"the body is at {amount(d[-1], 'm', 3)} and moves with {amount(v[-1], 'm')}/s"
             touched = any(event.name.startswith("hits") for event in self.events)
             way = "comes back to its stop" if touched else "reaches no stop"
-            return [f"The body {way} in {amount(self.end_s, 's', 3)}; {end}, {where}."]
+            return [f"The body {way} in {amount(self.end_s, 's', 3)}; {end}{end and ', '}{where}."]
         lines = []
         for one in self.switchings:
             bounces = counted(one.bounces, "bounce") if one.bounces else "no bounce"

@@ -6,7 +6,7 @@ E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations 
 event is a zero of the dense output.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,13 +17,17 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import SimulationError
 from femfit.open_loop.feed import BLOCKED, CONDUCTING, Line
 from femfit.open_loop.profile import Profile
-from femfit.open_loop.system import ENERGIES, SIDES, Mode, Side, System, Watch
+from femfit.open_loop.system import ENERGIES, SIDES, Lines, Mode, Side, System, Watch
 
 RTOL = 1e-9
 """Derived: a thousand steps may each miss by so much before the energies are off by a millionth."""
 
 STIFF = 3000.0
 """Conventional: fastest rate times duration from which an implicit method costs less than an explicit one's steps."""
+
+INTERPOLATED = 3.0
+"""Chosen: longest step times the fastest rate; over longer ones the table between the steps, which is interpolated, is
+off by a ten-thousandth of the range although the steps are right."""
 
 _MOST_EVENTS = 100_000
 _MOST_AT_ONCE = 50
@@ -37,7 +41,8 @@ class Event:
     name: str
     distance_m: float
     velocity_m_s: float  # Before it
-    current_A: float
+    current_A: float | tuple[float, ...]  # One each of several circuits
+    circuit: str = ""  # Which of several it happens to
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +52,7 @@ class Stretch:
     start_s: float
     end_s: float
     mode: Mode
-    line: Line
+    lines: Lines
     solution: OdeSolution
 
 
@@ -60,13 +65,13 @@ class Run:
     first: FloatArray
     last: FloatArray
     end_s: float
-    # Name of the range (distance or current) that was left, and when; the rest is extrapolated, or there is none
+    # Name of the range (distance, current, current_NAME) that was left, and when; the rest is extrapolated, or none
     left_domain: tuple[tuple[str, float], ...]
 
 
-def run(system: System, profile: Profile, state: FloatArray, duration: float, extrapolate: bool) -> Run:
-    """Simulate from a state at rest."""
-    walk = _Walk(system, profile, np.concatenate([state, np.zeros(len(ENERGIES))]), duration, extrapolate)
+def run(system: System, profiles: Sequence[Profile], state: FloatArray, duration: float, extrapolate: bool) -> Run:
+    """Simulate from a state at rest; one profile a circuit."""
+    walk = _Walk(system, profiles, np.concatenate([state, np.zeros(len(ENERGIES))]), duration, extrapolate)
     walk.begin()
     while walk.time < duration and not walk.ended:
         walk.advance()
@@ -78,18 +83,22 @@ def run(system: System, profile: Profile, state: FloatArray, duration: float, ex
 class _Walk:
     """The state between two stretches."""
 
-    def __init__(self, system: System, profile: Profile, state: FloatArray, duration: float, extrapolate: bool) -> None:
-        self.system, self.profile, self.duration, self.extrapolate = system, profile, duration, extrapolate
+    def __init__(
+        self, system: System, profiles: Sequence[Profile], state: FloatArray, duration: float, extrapolate: bool
+    ) -> None:
+        self.system, self.profiles, self.duration, self.extrapolate = system, profiles, duration, extrapolate
         self.first, self.state, self.time = state.copy(), state.copy(), 0.0
-        self.mode, self.line = Mode(CONDUCTING), Line(0.0, 0.0, 0.0)
-        self.turns = [turn for turn in profile.turns_s.tolist() if 0.0 < turn < duration] + [duration]
+        self.mode = Mode((CONDUCTING,) * len(profiles))
+        self.lines: Lines = tuple(Line(0.0, 0.0, 0.0) for _ in profiles)
+        turns = sorted({turn for profile in profiles for turn in profile.turns_s.tolist() if 0.0 < turn < duration})
+        self.turns = [*turns, duration]
         self.stretches: list[Stretch] = []
         self.events: list[Event] = []
         self.left_domain: dict[str, float] = {}
         self.ended = False
         self.longest_step = np.inf
         self.at_once = 0
-        self.answers: dict[str, Callable[[], None]] = {
+        self.answers: dict[str, Callable[[], None]] = {  # of the body
             "hits_near": lambda: self._hit("near"),
             "hits_far": lambda: self._hit("far"),
             "touches_near": lambda: self._touch("near", True),
@@ -99,8 +108,6 @@ class _Walk:
             "still": self._still,
             "up": lambda: self._start(1),
             "down": lambda: self._start(-1),
-            "blocks": self._block,
-            "conducts": self._conduct,
         }
 
     def begin(self) -> None:
@@ -117,16 +124,16 @@ class _Walk:
         """To the next event or turn of the command."""
         system, start = self.system, self.time
         end = next(turn for turn in self.turns if turn > start)
-        watches = system.watches(self.mode, self.line, tuple(self.left_domain))
+        watches = system.watches(self.mode, self.lines, tuple(self.left_domain))
         solution = self._integrate(watches, end)
         self.state, self.time = solution.y[:, -1].copy(), float(solution.t[-1])
-        self.stretches.append(Stretch(start, self.time, self.mode, self.line, solution.sol))
+        self.stretches.append(Stretch(start, self.time, self.mode, self.lines, solution.sol))
         self.longest_step = np.inf
         found = [watch for watch, times in zip(watches, solution.t_events, strict=True) if len(times)]
         if not found:
             self._command()
         for watch in found:
-            self._answer(watch.name)
+            self._answer(watch)
         self.at_once = self.at_once + 1 if self.time == start else 0
         if len(self.events) > _MOST_EVENTS or self.at_once > _MOST_AT_ONCE:
             raise SimulationError(
@@ -145,22 +152,25 @@ class _Walk:
             value.terminal, value.direction = True, watch.direction  # type: ignore[attr-defined]
             functions.append(value)
         fastest = self._fastest_rate()
+        stiff = fastest * (end - self.time) > STIFF
+        longest = self.longest_step if stiff or not fastest else min(self.longest_step, INTERPOLATED / fastest)
         with np.errstate(over="ignore", invalid="ignore"):
             solution = solve_ivp(
-                system.rates(self.mode, self.line),
+                system.rates(self.mode, self.lines),
                 (self.time, end),
                 self.state,
-                method="LSODA" if fastest * (end - self.time) > STIFF else "DOP853",
+                method="LSODA" if stiff else "DOP853",
                 rtol=RTOL,
                 atol=RTOL * self.scales(),
                 events=functions,
                 dense_output=True,
-                max_step=self.longest_step,
+                max_step=longest,
             )
         if solution.status < 0 or not np.all(np.isfinite(solution.y[:, -1])):
             raise SimulationError(
                 f"The motion must be finite; it cannot be followed beyond {1e3 * solution.t[-1]:.6g} ms, at "
-                f"{1e3 * solution.y[0, -1]:.4g} mm and {solution.y[2, -1]:.4g} A. Keep it within the validity domain."
+                f"{1e3 * solution.y[0, -1]:.4g} mm{self._currents_there(solution.y[:, -1])}. Keep it within the "
+                "validity domain."
             )
         return solution
 
@@ -168,20 +178,21 @@ class _Walk:
         """What is large for each state: the domain's ranges, and what the largest force does over them."""
         box, system = self.system.domain, self.system
         travel = box.distance_max_m - box.distance_min_m
-        current = max(abs(box.current_max_A), abs(box.current_min_A))
+        currents = np.abs(box.current_limits_A).max(axis=1)[: system.feed.equations.circuits]
         work = system.force_scale_N * travel
         speed = np.sqrt(work / system.mechanics.mass_kg)
         result = np.ones(system.size + len(ENERGIES))
-        result[0], result[1], result[2 : 2 + system.feed.equations.circuits] = travel, speed, current
+        result[0], result[1], result[2 : 2 + len(currents)] = travel, speed, currents
         result[system.size :] = work
         return result
 
     def _fastest_rate(self) -> float:
         system = self.system
         point = system.feed.equations.point(self.state[: system.size])
-        rate = float(np.max(system.feed.equations.resistance_ohm / np.diag(point.inductance_H)))
-        if system.feed.bandwidth is not None:
-            rate = max(rate, system.feed.bandwidth)
+        rate = system.feed.bandwidth
+        if system.feed.windings:
+            stored = np.linalg.inv(point.inductance_H)
+            rate = max(rate, float(np.abs(stored @ np.diag(system.feed.equations.resistance_ohm)).sum(axis=1).max()))
         stop = None if self.mode.touching is None else system.stop(self.mode.touching)
         if stop is not None and stop.stiffness_N_per_m is not None:
             rate = max(rate, float(np.sqrt(stop.stiffness_N_per_m / system.mechanics.mass_kg)))
@@ -189,40 +200,47 @@ class _Walk:
 
     def _command(self) -> None:
         """The line from now on, and the feed's mode that it asks for."""
-        self.line = Line(self.time, *self.profile.line(self.time))
+        self.lines = tuple(Line(self.time, *profile.line(self.time)) for profile in self.profiles)
         self._settle()
 
     def _settle(self) -> None:
-        system = self.system
-        self.mode = replace(self.mode, feed=system.feed.settled(self.line, self.time, self.state[: system.size]))
+        feed, state = self.system.feed, self.state[: self.system.size]
+        self.mode = replace(self.mode, feed=feed.settled(self.mode.feed, self.lines, self.time, state))
 
     def _net(self) -> float:
-        return self.system.net_force(self.mode, self.line, self.time, self.state)
+        return self.system.net_force(self.mode, self.lines, self.time, self.state)
 
-    def _tell(self, name: str) -> None:
-        d, v, i = (float(one) for one in self.state[:3])
-        self.events.append(Event(self.time, name, d, v, i))
+    def _tell(self, name: str, circuit: int | None = None) -> None:
+        d, v, *i = (float(one) for one in self.state[: 2 + len(self.lines)])
+        windings = self.system.feed.windings
+        named = windings[circuit].circuit.name if circuit is not None and len(windings) > 1 else ""
+        self.events.append(Event(self.time, name, d, v, i[0] if len(i) == 1 else tuple(i), named))
 
-    def _answer(self, name: str) -> None:
-        if name in self.answers:
-            self.answers[name]()
-        elif name in {"distance", "current"}:
-            self._tell(f"{name}_leaves_domain")
-            self.left_domain[name] = self.time
+    def _currents_there(self, state: FloatArray) -> str:
+        return "".join(f" and {current:.4g} A" for current in state[2 : 2 + len(self.lines)])
+
+    def _answer(self, watch: Watch) -> None:
+        if watch.name in self.answers:
+            self.answers[watch.name]()
+        elif watch.circuit is not None:
+            self._answer_circuit(watch.name, watch.circuit)
+        else:
+            self._tell(f"{watch.name}_leaves_domain")
+            self.left_domain[watch.name] = self.time
             self.ended = not self.extrapolate
-        else:  # an amplifier reaches its command, or its voltage's end
-            if name == "reaches":
-                self.state[2] = self.line.at(self.time)
-            self._settle()
 
-    def _block(self) -> None:
-        self._tell("current_stops")
-        self.state[2] = 0.0
-        self.mode = replace(self.mode, feed=BLOCKED)
-
-    def _conduct(self) -> None:
-        self._tell("current_flows")
-        self.mode = replace(self.mode, feed=CONDUCTING)
+    def _answer_circuit(self, name: str, k: int) -> None:
+        if name in {"blocks", "conducts"}:
+            self._tell("current_stops" if name == "blocks" else "current_flows", k)
+            feed = list(self.mode.feed)
+            feed[k] = BLOCKED if name == "blocks" else CONDUCTING
+            if name == "blocks":
+                self.state[2 + k] = 0.0
+            self.mode = replace(self.mode, feed=tuple(feed))
+            return
+        if name == "reaches":  # an amplifier its command; else its voltage's end
+            self.state[2 + k] = self.lines[k].at(self.time)
+        self._settle()
 
     def _start(self, direction: int) -> None:
         self._tell("starts")

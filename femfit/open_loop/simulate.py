@@ -1,21 +1,23 @@
 """Simulate a model in open loop: what it is fed with, where it begins, and what comes of it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from femfit.core.amount import amount_range
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, UsageError
+from femfit.core.sweep_columns import circuit_currents, flux_columns, voltage_columns
 from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
+from femfit.open_loop.command import Constant, Drive, beyond_limits, commanded
 from femfit.open_loop.energy import balance
 from femfit.open_loop.equations import equations_of
-from femfit.open_loop.feed import CONDUCTING, Feed
-from femfit.open_loop.profile import Interpolation, Profile, read_profile
+from femfit.open_loop.feed import CONDUCTING, Feed, Winding
+from femfit.open_loop.profile import Interpolation, Profile
 from femfit.open_loop.rest import rest_distance
 from femfit.open_loop.result import OpenLoop
 from femfit.open_loop.run import Run, Stretch, run
@@ -32,9 +34,9 @@ SAMPLES = 2000
 def simulate(
     model: ActuatorModel | str | Path,
     *,
-    drive: Profile | str | Path | None = None,
-    voltage_V: float | None = None,
-    current_A: float | None = None,
+    drive: Drive = None,
+    voltage_V: Constant = None,
+    current_A: Constant = None,
     duration_s: float | None = None,
     start_m: float | None = None,
     mechanics: Mechanics | None = None,
@@ -51,10 +53,12 @@ def simulate(
     ----------
     model : ActuatorModel, str or Path
         With circuit and motion, or its file.
-    drive : Profile, str, Path or None
-        What is commanded over time, or a table with the columns time_s and voltage_V or current_A.
-    voltage_V, current_A : float or None
-        A constant command in place of ``drive``; one of the three is needed.
+    drive : Profile, mapping of str to Profile, str, Path or None
+        What is commanded over time, of several circuits by their names, or a table with the columns time_s and
+        voltage_V or current_A (voltage_NAME_V or current_NAME_A). A circuit of which nothing is said gets 0.
+    voltage_V, current_A : float, mapping of str to float, or None
+        A constant command in place of ``drive``, of several circuits by their names; one of the three is needed where
+        there is a winding.
     duration_s : float or None
         Up to the last time of ``drive``, or 0.1 s, where None.
     start_m : float or None
@@ -89,30 +93,33 @@ def simulate(
     model = model if isinstance(model, ActuatorModel) else read_model(Path(model))
     if mechanics is not None:
         model = replace(model, motion=mechanics)
-    profile = _profile(drive, voltage_V, current_A, interpolation)
-    duration = _duration(duration_s, profile)
-    system = _system(model, profile)
-    notes = _limits(system.feed, profile)
+    model.require_motion()
+    profiles = commanded(model, drive, voltage_V, current_A, interpolation)
+    duration = _duration(duration_s, profiles)
+    system = _system(model, profiles)
+    windings, several = system.feed.windings, len(profiles) > 1
+    notes = tuple(note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several))
     start = rest_distance(model, system) if start_m is None else _on_stop(system, start_m)
     if outside not in {"stop", "extrapolate"}:
         raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
     if outside == "stop":
-        model.validity.require(np.asarray(start), np.asarray(0.0))
+        model.validity.require(np.asarray(start), model.currents_of(np.zeros(model.order)))
     _require_between_stops(system.mechanics, start)
     first = np.zeros(system.size)
     first[0] = start
-    given = profile.within(*system.feed.limits)
+    given = tuple(one.within(*winding.limits) for one, winding in zip(profiles, windings, strict=True))
+    turns = sorted({turn for one in given for turn in one.turns_s.tolist()})
     found = run(system, given, first, duration, outside == "extrapolate")
     step = duration / SAMPLES if sample_time_s is None else sample_time_s
     size = system.size
     return OpenLoop(
         model=model,
-        profile=profile,
+        profiles=profiles,
         duration_s=duration,
         table=_table(model, system, found, step),
         events=found.events,
-        switchings=switchings(found.events, _side(system.mechanics, start), given.turns_s.tolist()),
-        energy=balance(model, system.mechanics, found.first[:3], found.last[:3], found.last[size:]),
+        switchings=switchings(found.events, _side(system.mechanics, start), turns),
+        energy=balance(model, system.mechanics, found.first, found.last, found.last[size:]),
         end_s=found.end_s,
         left_domain=found.left_domain,
         extrapolated=outside == "extrapolate" and bool(found.left_domain),
@@ -120,63 +127,27 @@ def simulate(
     )
 
 
-def _profile(
-    drive: Profile | str | Path | None, voltage: float | None, current: float | None, interpolation: Interpolation
-) -> Profile:
-    given = [one for one in (drive, voltage, current) if one is not None]
-    if len(given) != 1:
-        raise UsageError(
-            "A simulation needs one of drive, voltage_V and current_A (--drive, --voltage, --current); "
-            f"instead received {len(given)} of them."
-        )
-    if isinstance(drive, Profile):
-        return drive
-    if drive is not None:
-        return read_profile(drive, interpolation)
-    if voltage is not None:
-        return Profile("voltage", np.zeros(1), np.array([voltage]))
-    return Profile("current", np.zeros(1), np.array([current]))
-
-
-def _duration(given: float | None, profile: Profile) -> float:
-    last = float(profile.time_s[-1])
+def _duration(given: float | None, profiles: Sequence[Profile]) -> float:
+    last = max((float(one.time_s[-1]) for one in profiles), default=0.0)
     duration = given if given is not None else last if last > 0.0 else DURATION_S
     if not 0.0 < duration < np.inf:
         raise UsageError(f"A simulation must last a time > 0 s; instead received {duration:g} s. Give 0.1, say.")
     return duration
 
 
-def _system(model: ActuatorModel, profile: Profile) -> System:
-    circuit, mechanics, box = model.require_circuit(), model.require_motion(), model.validity
-    if circuit.drive.kind == "current" and profile.kind == "voltage":
-        raise DomainError(
-            f"Model {model.name!r} is driven by a current amplifier; its command must be a current. Give current_A "
-            "(--current), or a table with the column current_A."
-        )
+def _system(model: ActuatorModel, profiles: Sequence[Profile]) -> System:
+    mechanics, box = model.require_motion(), model.validity
     equations = equations_of(model)
-    d, i = np.meshgrid(
-        np.linspace(box.distance_min_m, box.distance_max_m, 15), np.linspace(box.current_min_A, box.current_max_A, 15)
-    )
+    d, i = box.grid(15, 5 if box.further_A else 15)
+    pairs = zip(model.circuits, profiles, strict=True)
     force = float(np.abs(model.magnetics.force(d, i)).max() + np.abs(mechanics.static_force(d)).max())
     return System(
-        feed=Feed(equations, circuit, profile.kind == "current"),
+        feed=Feed(equations, tuple(Winding(circuit, one.kind == "current") for circuit, one in pairs)),
         mechanics=mechanics,
         domain=box,
-        size=2 + equations.circuits + len(model.memory_names),
+        size=model.order,
         force_scale_N=force or 1.0,
     )
-
-
-def _limits(feed: Feed, profile: Profile) -> tuple[str, ...]:
-    low, high = feed.limits
-    smallest, largest = float(profile.value.min()), float(profile.value.max())
-    if low <= smallest and largest <= high:
-        return ()
-    unit = "A" if feed.commands_current else "V"
-    asked = amount_range(smallest, largest, unit, 3)
-    limits = amount_range(low, high, unit, 3) if np.isfinite(low + high) else f"{low:g} to {high:g} {unit}"
-    note = f"The command of {asked} exceeds what the driver gives, {limits}; it is cut there. Change the supply in the "
-    return (note + "drawing to simulate a stronger one.",)
 
 
 def _on_stop(system: System, start: float) -> float:
@@ -208,36 +179,41 @@ def _table(model: ActuatorModel, system: System, found: Run, step: float) -> dic
         )
     time: FloatArray = step * np.arange(1.0 + np.floor(found.end_s / step * (1.0 + 1e-12)))
     time[-1] = min(time[-1], found.end_s)
-    states, volts = np.empty((system.size + len(ENERGIES), len(time))), np.empty(len(time))
+    circuits = len(model.circuits)
+    states, volts = np.empty((system.size + len(ENERGIES), len(time))), np.empty((circuits, len(time)))
     ends = [stretch.end_s for stretch in found.stretches]
     which = np.minimum(np.searchsorted(ends, time, side="right"), len(ends) - 1)
     for k in np.unique(which):
         rows = np.flatnonzero(which == k)
         stretch = found.stretches[k]
         states[:, rows] = stretch.solution(time[rows])
-        volts[rows] = _voltage(system, stretch, time[rows], states[:, rows])
-    d, v, i = states[:3]
-    slope, flux = model.magnetics.coenergy_derivatives(d, i, ((1, 0), (0, 1)))
+        volts[:, rows] = _voltages(system, stretch, time[rows], states[:, rows])
+    d, i, names = states[0], model.currents_of(states.T), model.circuit_names
+    flux = model.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, :circuits]
     return {
         "time_s": time,
         "distance_m": d,
-        "velocity_m_s": v,
-        "current_A": i,
-        "voltage_V": volts,
-        "force_N": -slope,
+        "velocity_m_s": states[1],
+        **dict(zip(circuit_currents(names), states[2 : 2 + circuits], strict=True)),
+        **dict(zip(voltage_columns(names), volts, strict=True)),
+        "force_N": model.magnetics.force(d, i),
         "static_force_N": system.mechanics.static_force(d),
-        "flux_linkage_Wb": flux,
+        **dict(zip(flux_columns(names), flux.T, strict=True)),
     }
 
 
-def _voltage(system: System, stretch: Stretch, time: FloatArray, states: FloatArray) -> FloatArray:
-    feed, line = system.feed, stretch.line
-    if stretch.mode.feed == CONDUCTING and not feed.commands_current:
-        command = line.value + line.slope * (time - line.start_s)
-        return command if feed.diode_V is None else np.where(command > 0.0, command, -feed.diode_V)
+def _voltages(system: System, stretch: Stretch, time: FloatArray, states: FloatArray) -> FloatArray:
+    """Shape (circuits, times)."""
+    feed, modes = system.feed, stretch.mode.feed
+    if all(m == CONDUCTING and not w.commands_current for m, w in zip(modes, feed.windings, strict=True)):
+        rows = []
+        for winding, line in zip(feed.windings, stretch.lines, strict=True):
+            command = line.value + line.slope * (time - line.start_s)
+            rows.append(command if winding.diode_V is None else np.where(command > 0.0, command, -winding.diode_V))
+        return np.array(rows).reshape(len(rows), len(time))
     return np.array(
         [
-            feed.flow(stretch.mode.feed, line, t, state[: system.size]).voltage_V[0]
+            feed.flow(modes, stretch.lines, t, state[: system.size]).voltage_V
             for t, state in zip(time, states.T, strict=True)
         ]
-    )
+    ).T

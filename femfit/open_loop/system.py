@@ -11,14 +11,18 @@ from typing import Literal
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.sweep_columns import circuit_currents
 from femfit.device.mechanics import Mechanics, Stop
 from femfit.model.validity import ValidityBox
 from femfit.open_loop.contact import damping, push
-from femfit.open_loop.feed import AT_MAX, AT_MIN, BLOCKED, FOLLOWING, Feed, Line
+from femfit.open_loop.feed import AT_MAX, AT_MIN, BLOCKED, FOLLOWING, Feed, Line, Modes
 
 Side = Literal["near", "far"]
 
 SIDES: tuple[Side, ...] = ("near", "far")
+
+Lines = tuple[Line, ...]
+"""The command of each circuit."""
 
 Reading = Callable[[float, FloatArray], float]
 """A number at a time and a state."""
@@ -36,7 +40,7 @@ SLACK = 1e-6
 class Mode:
     """Which of the smooth equations hold."""
 
-    feed: str
+    feed: Modes  # One a circuit
     sliding: int = 0  # Direction of the motion that dry friction brakes; 0 where there is none
     held: bool = False  # At rest, on a stop or by dry friction
     support: Side | None = None  # The rigid stop that it rests on
@@ -50,6 +54,7 @@ class Watch:
     name: str
     value: Reading
     direction: float
+    circuit: int | None = None  # Which circuit it happens to
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,18 +85,18 @@ class System:
         depth, speed = away * (stop.distance_m - float(state[0])), -away * float(state[1])
         return away * push(stop, damping(stop, self.mechanics.mass_kg), depth, speed)
 
-    def net_force(self, mode: Mode, line: Line, time: float, state: FloatArray) -> float:
+    def net_force(self, mode: Mode, lines: Lines, time: float, state: FloatArray) -> float:
         """On the body along growing distance, without dry friction and rigid stops."""
-        flow = self.feed.flow(mode.feed, line, time, state[: self.size])
+        flow = self.feed.flow(mode.feed, lines, time, state[: self.size])
         return flow.net_N + self.contact(mode, state)
 
-    def rates(self, mode: Mode, line: Line) -> Callable[[float, FloatArray], FloatArray]:
+    def rates(self, mode: Mode, lines: Lines) -> Callable[[float, FloatArray], FloatArray]:
         """The derivative of the state in a mode."""
         size, circuits, mechanics = self.size, self.feed.equations.circuits, self.mechanics
         resistance, friction = self.feed.equations.resistance_ohm, mode.sliding * mechanics.coulomb_N
 
         def derivative(time: float, state: FloatArray) -> FloatArray:
-            flow = self.feed.flow(mode.feed, line, time, state[:size])
+            flow = self.feed.flow(mode.feed, lines, time, state[:size])
             contact = self.contact(mode, state)
             velocity, currents = 0.0 if mode.held else float(state[1]), state[2 : 2 + circuits]
             result = np.zeros_like(state)
@@ -100,29 +105,31 @@ class System:
                 result[1] = (flow.net_N + contact - friction) / mechanics.mass_kg
             result[2 : 2 + circuits] = flow.current_rate_A_s
             result[2 + circuits : size] = flow.effect_rates
-            result[size] = 0.0 if flow.diode_V else float(flow.voltage_V @ currents)
+            result[size] = float(np.where(flow.diode_V == 0.0, flow.voltage_V, 0.0) @ currents)
             result[size + 1] = float(resistance @ currents**2)
-            result[size + 2] = flow.diode_V * float(currents[0])
+            result[size + 2] = float(flow.diode_V @ currents)
             result[size + 3] = (mechanics.viscous_N_s_per_m * velocity + friction) * velocity
             result[size + 4] = -contact * velocity
             return result
 
         return derivative
 
-    def watches(self, mode: Mode, line: Line, ignored: tuple[str, ...]) -> list[Watch]:
+    def watches(self, mode: Mode, lines: Lines, ignored: tuple[str, ...]) -> list[Watch]:
         """The events that end a mode, or the simulation."""
-        found = [*self._of_motion(mode, line), *self._of_feed(mode, line), *self._of_domain()]
+        found = [*self._of_motion(mode, lines), *self._of_domain()]
+        for k in range(len(mode.feed)):
+            found += self._of_feed(mode, lines, k)
         return [watch for watch in found if watch.name not in ignored]
 
-    def _of_motion(self, mode: Mode, line: Line) -> list[Watch]:
+    def _of_motion(self, mode: Mode, lines: Lines) -> list[Watch]:
         if mode.held:
             least = self.breakaway()
 
             def upwards(time: float, state: FloatArray) -> float:
-                return self.net_force(mode, line, time, state) - least
+                return self.net_force(mode, lines, time, state) - least
 
             def downwards(time: float, state: FloatArray) -> float:
-                return -self.net_force(mode, line, time, state) - least
+                return -self.net_force(mode, lines, time, state) - least
 
             found = [] if mode.support == "far" else [Watch("up", upwards, 1.0)]
             return found if mode.support == "near" else [*found, Watch("down", downwards, 1.0)]
@@ -150,31 +157,35 @@ class System:
             found.append(Watch("still", lambda _, state: float(state[1]), -float(mode.sliding)))
         return found
 
-    def _of_feed(self, mode: Mode, line: Line) -> list[Watch]:
-        feed, circuit, size = self.feed, self.feed.circuit, self.size
-        if mode.feed == BLOCKED:
-            return [Watch("conducts", lambda time, state: feed.conducts(line, time, state[:size]), 1.0)]
-        if mode.feed == FOLLOWING:
+    def _of_feed(self, mode: Mode, lines: Lines, k: int) -> list[Watch]:
+        """The events of one circuit."""
+        feed, size, at, line = self.feed, self.size, 2 + k, lines[k]
+        winding, circuit, own = feed.windings[k], feed.windings[k].circuit, mode.feed[k]
+        if own == BLOCKED:
+            return [
+                Watch("conducts", lambda time, state: feed.conducts(mode.feed, k, lines, time, state[:size]), 1.0, k)
+            ]
+        if own == FOLLOWING:
 
             def volts(time: float, state: FloatArray) -> float:
-                return float(feed.flow(FOLLOWING, line, time, state[:size]).voltage_V[0])
+                return float(feed.flow(mode.feed, lines, time, state[:size]).voltage_V[k])
 
-            slack = 1e-9 * max(abs(circuit.voltage_max_V), abs(circuit.voltage_min_V))
+            slack = 1e-9 * winding.voltage_scale_V
             return [
-                Watch("lags", lambda time, state: volts(time, state) - circuit.voltage_max_V - slack, 1.0),
-                Watch("leads", lambda time, state: circuit.voltage_min_V - slack - volts(time, state), 1.0),
+                Watch("lags", lambda time, state: volts(time, state) - circuit.voltage_max_V - slack, 1.0, k),
+                Watch("leads", lambda time, state: circuit.voltage_min_V - slack - volts(time, state), 1.0, k),
             ]
-        if mode.feed in {AT_MAX, AT_MIN}:
-            sign = 1.0 if mode.feed == AT_MAX else -1.0
-            return [Watch("reaches", lambda time, state: sign * (line.at(time) - float(state[2])), -1.0)]
-        return [] if feed.diode_V is None else [Watch("blocks", lambda _, state: float(state[2]), -1.0)]
+        if own in {AT_MAX, AT_MIN}:
+            sign = 1.0 if own == AT_MAX else -1.0
+            return [Watch("reaches", lambda time, state: sign * (line.at(time) - float(state[at])), -1.0, k)]
+        return [] if winding.diode_V is None else [Watch("blocks", lambda _, state: float(state[at]), -1.0, k)]
 
     def _of_domain(self) -> list[Watch]:
         box = self.domain
-        ranges = {
-            "distance": (0, box.distance_min_m, box.distance_max_m),
-            "current": (2, box.current_min_A, box.current_max_A),
-        }
+        names = [column.rpartition("_")[0] for column in circuit_currents([w.circuit.name for w in self.feed.windings])]
+        ranges = {"distance": (0, box.distance_min_m, box.distance_max_m)}
+        limits = box.current_limits_A.tolist()
+        ranges |= {name: (2 + k, *limits[k]) for k, name in enumerate(names)}
         found = []
         for name, (index, low, high) in ranges.items():
             slack = SLACK * (high - low)

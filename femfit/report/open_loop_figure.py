@@ -5,8 +5,22 @@ from typing import TYPE_CHECKING
 
 from femfit.core.atomic import replacing
 from femfit.core.outputs import PICTURE, require_outputs
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.open_loop.result import OpenLoop
-from femfit.report.style import BLUE, DPI, GREEN, INK, MUTED, ORANGE, VERMILION, new_figure, style, styled, words
+from femfit.report.style import (
+    BLUE,
+    CATEGORIES,
+    DPI,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    VERMILION,
+    new_figure,
+    style,
+    styled,
+    words,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,15 +37,21 @@ def open_loop_figure(motion: OpenLoop) -> "Figure":
     figure = new_figure(7.0)
     panels = figure.subplots(5, 1, sharex=True, height_ratios=(1.6, 1.0, 1.0, 1.0, 1.2))
     table, mechanics = motion.table, motion.model.require_motion()
-    time = _MS * table["time_s"]
-    for axes, column, factor, colour, key in (
-        (panels[0], "distance_m", 1e3, BLUE, "distance"),
-        (panels[1], "velocity_m_s", 1.0, GREEN, "velocity"),
-        (panels[2], "current_A", 1.0, VERMILION, "current"),
-        (panels[3], "voltage_V", 1.0, MUTED, "voltage"),
+    time, names = _MS * table["time_s"], motion.model.circuit_names
+    several = len(names) > 1
+    for axes, columns, factor, colour, key in (
+        (panels[0], ["distance_m"], 1e3, BLUE, "distance"),
+        (panels[1], ["velocity_m_s"], 1.0, GREEN, "velocity"),
+        (panels[2], circuit_currents(names), 1.0, VERMILION, "current"),
+        (panels[3], voltage_columns(names), 1.0, MUTED, "voltage"),
     ):
-        axes.plot(time, factor * table[column], color=colour)
+        for k, column in enumerate(columns):
+            of_circuit = several and axes in (panels[2], panels[3])
+            look = CATEGORIES[k % len(CATEGORIES)] if of_circuit else colour
+            axes.plot(time, factor * table[column], color=look, label=names[k] if of_circuit else None)
         axes.set_ylabel(words("open_loop", key))
+    if several:
+        panels[2].legend(ncols=len(names))
     for stop in (mechanics.near_stop, mechanics.far_stop):
         if stop is not None:
             panels[0].axhline(1e3 * stop.distance_m, color=INK, linewidth=0.7, dashes=(2, 2))

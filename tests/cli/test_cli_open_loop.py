@@ -8,6 +8,7 @@ import pytest
 from femfit.model.circuit import Drive
 from femfit.model.json_file import write_model
 from support.command import femfit
+from support.halves import cut_in_two
 from support.solenoids import solenoid
 
 
@@ -65,3 +66,16 @@ def test_a_duration_alone_asks_for_a_command(model_file):
     result = femfit("simulate", model_file, "--duration-ms", 5)
     assert result.returncode != 0
     assert "--voltage" in result.stderr
+
+
+def test_each_of_several_circuits_takes_its_own_voltage(tmp_path):
+    path = tmp_path / "model.json"
+    write_model(cut_in_two(solenoid()), path)
+    result = femfit("simulate", path, "--voltage", "inner=6,outer=6", "--csv", tmp_path / "motion.csv")
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.startswith("Pull-in")
+    table = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)
+    assert set(table.dtype.names) >= {"current_inner_A", "voltage_outer_V", "flux_linkage_inner_Wb"}
+    refused = femfit("simulate", path, "--voltage", "inner=six")
+    assert refused.returncode != 0
+    assert "bias=2,diff=1" in refused.stderr

@@ -9,7 +9,7 @@ from femfit.core.errors import DomainError, TableError, UsageError
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.circuit import Drive
 from femfit.model.validity import ValidityBox
-from femfit.open_loop.profile import Profile, read_profile
+from femfit.open_loop.profile import Profile, read_profiles
 from femfit.open_loop.simulate import simulate
 from support.solenoids import NoField, solenoid
 
@@ -167,7 +167,7 @@ def test_a_start_outside_of_domain_or_stops_is_refused():
 def test_a_profile_is_read_held_or_interpolated(tmp_path):
     path = tmp_path / "drive.csv"
     path.write_text("time_ms;voltage_V\n0;0\n10;12\n20;4\n")
-    held, linear = read_profile(path), read_profile(path, "linear")
+    held, linear = (read_profiles(path, interpolation=one)["coil"] for one in ("held", "linear"))
     assert [held.at(t) for t in (-1.0, 0.005, 0.01, 0.015, 1.0)] == [0.0, 0.0, 12.0, 12.0, 4.0]
     assert [linear.at(t) for t in (-1.0, 0.005, 0.01, 0.015, 1.0)] == pytest.approx([0.0, 6.0, 12.0, 8.0, 4.0])
     cut = linear.within(0.0, 6.0)
@@ -181,4 +181,4 @@ def test_a_profile_without_a_time_or_with_two_commands_is_refused(tmp_path, colu
     path = tmp_path / "drive.csv"
     path.write_text(f"{columns}\n" + "\n".join(",".join([str(k)] * len(columns.split(","))) for k in range(3)))
     with pytest.raises(TableError, match="time_s and one of voltage_V and current_A"):
-        read_profile(path)
+        read_profiles(path)

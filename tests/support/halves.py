@@ -17,19 +17,21 @@ STRAY_H = 1e-3
 
 
 def cut_in_two(model: ActuatorModel) -> ActuatorModel:
-    """The halves of a model whose co-energy is one polynomial of second degree in a current from zero on."""
+    """The halves of a model whose co-energy is one polynomial of second degree in the current."""
     spline, circuit, box = model.magnetics.spline, model.require_circuit(), model.validity
-    largest = spline.y_knots[-1]
-    still, middle, end = spline.coefficients.T
-    alone, flux = 2.0 * still, 2.0 * (middle - still) / largest
-    inductance = 2.0 * (end - 2.0 * middle + still) / largest**2
+    low, high = spline.y_knots[[0, -1]]
+    first, middle, last = spline.coefficients.T  # of Bernstein's polynomials over low to high
+    slope, inductance = 2.0 * (middle - first) / (high - low), 2.0 * (last - 2.0 * middle + first) / (high - low) ** 2
+    alone, flux = 2.0 * (first - low * slope + 0.5 * low**2 * inductance), slope - low * inductance
     own, mutual = 0.25 * inductance + STRAY_H, 0.25 * inductance - STRAY_H
+    drop = circuit.drive.diode_V
     half = replace(
         circuit,
         resistance_ohm=0.5 * circuit.resistance_ohm,
         voltage_min_V=0.5 * circuit.voltage_min_V,
         voltage_max_V=0.5 * circuit.voltage_max_V,
         inductance_H=0.5 * circuit.inductance_H,
+        drive=replace(circuit.drive, diode_V=None if drop is None else 0.5 * drop),
     )
     return replace(
         model,

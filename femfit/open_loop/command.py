@@ -1,0 +1,108 @@
+"""What is commanded: one profile for each circuit of a model, from whatever was given."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal, TypeAlias, TypeVar
+
+import numpy as np
+
+from femfit.core.amount import amount_range
+from femfit.core.errors import DomainError, UsageError
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.circuit import Circuit
+from femfit.open_loop.feed import Winding
+from femfit.open_loop.profile import Interpolation, Profile, read_profiles
+
+Value = TypeVar("Value")
+
+Constant: TypeAlias = float | Mapping[str, float] | None
+"""One number, or one by the name of a circuit."""
+
+Drive: TypeAlias = Profile | Mapping[str, Profile] | str | Path | None
+"""A profile, or one by the name of a circuit, or a table."""
+
+
+def commanded(
+    model: ActuatorModel, drive: Drive, voltage: Constant, current: Constant, interpolation: Interpolation
+) -> tuple[Profile, ...]:
+    """A profile for each circuit, in their order; one that nothing is said of has no voltage, or no current."""
+    circuits = model.require_circuits()
+    if not circuits:
+        return _none(drive, voltage, current)
+    given = [one for one in (drive, voltage, current) if one is not None]
+    mixed = all(isinstance(one, Mapping) for one in (voltage, current)) and drive is None
+    if len(given) != 1 and not mixed:
+        raise UsageError(
+            "A simulation needs one of drive, voltage_V and current_A (--drive, --voltage, --current); "
+            f"instead received {len(given)} of them."
+        )
+    if isinstance(drive, str | Path):
+        named: Mapping[str, Profile] = read_profiles(drive, model.circuit_names, interpolation)
+    elif drive is not None:
+        named = _by_name(model, drive, "drive")
+    else:
+        named = _constant(model, "voltage", voltage) | _constant(model, "current", current)
+    return tuple(_checked(model, circuit, named.get(circuit.name)) for circuit in circuits)
+
+
+def _none(*given: object) -> tuple[Profile, ...]:
+    if any(one is not None for one in given):
+        raise UsageError(
+            "A device without a winding takes no command; instead received one. Leave out drive, voltage_V and "
+            "current_A (--drive, --voltage, --current)."
+        )
+    return ()
+
+
+def _constant(model: ActuatorModel, kind: Literal["voltage", "current"], given: Constant) -> dict[str, Profile]:
+    if given is None:
+        return {}
+    option = "voltage_V (--voltage)" if kind == "voltage" else "current_A (--current)"
+    return {
+        name: Profile(kind, np.zeros(1), np.array([value])) for name, value in _by_name(model, given, option).items()
+    }
+
+
+def _by_name(model: ActuatorModel, given: Value | Mapping[str, Value], option: str) -> dict[str, Value]:
+    names = model.circuit_names
+    if not isinstance(given, Mapping):
+        if len(names) == 1:
+            return {names[0]: given}
+        raise UsageError(
+            f"{option} must say for which of the circuits {', '.join(names)} it is; instead received one value. Give "
+            f"it by their names, as --voltage {','.join(f'{name}=1' for name in names)}."
+        )
+    unknown = [name for name in given if name not in names]
+    if unknown:
+        raise UsageError(
+            f"{option} must name circuits of model {model.name!r} ({', '.join(names)}); instead received "
+            f"{', '.join(unknown)}. Use these names."
+        )
+    return dict(given)
+
+
+def _checked(model: ActuatorModel, circuit: Circuit, profile: Profile | None) -> Profile:
+    if profile is None:
+        kind: Literal["voltage", "current"] = "current" if circuit.drive.kind == "current" else "voltage"
+        return Profile(kind, np.zeros(1), np.zeros(1))
+    if circuit.drive.kind == "current" and profile.kind == "voltage":
+        which = f"Circuit {circuit.name!r} of model" if model.further_circuits else "Model"
+        raise DomainError(
+            f"{which} {model.name!r} is driven by a current amplifier; its command must be a current. Give current_A "
+            "(--current), or a table with the column current_A."
+        )
+    return profile
+
+
+def beyond_limits(winding: Winding, profile: Profile, named: bool) -> tuple[str, ...]:
+    """A note where a driver cannot give what is commanded."""
+    low, high = winding.limits
+    smallest, largest = float(profile.value.min()), float(profile.value.max())
+    if low <= smallest and largest <= high:
+        return ()
+    unit = "A" if winding.commands_current else "V"
+    asked = amount_range(smallest, largest, unit, 3)
+    limits = amount_range(low, high, unit, 3) if np.isfinite(low + high) else f"{low:g} to {high:g} {unit}"
+    of = f" of {winding.circuit.name}" if named else ""
+    note = f"The command{of} of {asked} exceeds what the driver gives, {limits}; it is cut there. Change the supply in "
+    return (note + "the drawing to simulate a stronger one.",)
