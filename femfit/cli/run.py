@@ -235,9 +235,9 @@ def _law_line(ranked: "FitResult") -> str:
     ranking = ranked.ranking
     if ranking is None:
         return "none: laws are of one current, and this drawing has several circuits"
-    best = f"{ranking.recommended.law.name} {{}}{100 * ranking.recommended.error:.2f} % of the {ranking.of}"
+    best = f"{ranking.recommended.law.name} {{}}{100 * ranking.recommended.error:.2g} % of the {ranking.of}"
     if ranked.network is not None:
-        left_out = f"{100 * ranked.network.left_out:.2f} % of the rms force on points left out"
+        left_out = f"{100 * ranked.network.left_out:.2g} % of the rms force on points left out"
         return f"{NETWORK} is taken, {left_out}; of the others {best.format('is the best, ')}"
     return best.format("is recommended, " if ranking.reached else "is the best and not good enough, ")
 
