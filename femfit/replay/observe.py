@@ -157,6 +157,7 @@ def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
     near, far = model.require_motion().ends
     samples = len(mean)
     box, deviation = model.validity, one.replayed.deviation
+    box_d, box_i = (box.distance_min_m, box.distance_max_m), (box.current_min_A, box.current_max_A)
     close = np.minimum(deviation[:, 0], AT_STOP * (box.distance_max_m - box.distance_min_m))
     if "distance_m" not in prepared.recorded:
         for side, stop in (("near", near), ("far", far)):
@@ -164,10 +165,11 @@ def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
             if resting.any():
                 share = f"{100.0 * resting.mean():.3g} % of the {counted(samples, 'sample')}"
                 found.append(Finding("at-stop", "info", f"The body rests on the {side} stop in {share}."))
-    with np.errstate(invalid="ignore"):  # by more than the estimate is uncertain
+    with np.errstate(invalid="ignore"):  # by more than the estimate is uncertain, and than a body lies on its stop
         d, i = mean[:, 0], mean[:, 2]
-        beyond_d = np.maximum(box.distance_min_m - d, d - box.distance_max_m) - 3.0 * deviation[:, 0]
-        beyond_i = np.maximum(box.current_min_A - i, i - box.current_max_A) - 3.0 * deviation[:, 2]
+        slack_d, slack_i = (AT_STOP * (high - low) for low, high in (box_d, box_i))
+        beyond_d = np.maximum(box_d[0] - d, d - box_d[1]) - np.fmax(3.0 * deviation[:, 0], slack_d)
+        beyond_i = np.maximum(box_i[0] - i, i - box_i[1]) - np.fmax(3.0 * deviation[:, 2], slack_i)
         outside = (np.maximum(beyond_d, beyond_i) > 0.0) | ~np.isfinite(d + i)
     if outside.any():
         found.append(

@@ -12,6 +12,7 @@ from femfit.model.sensors import predict_sensors
 from femfit.replay.find_noise import with_noise
 from tests.support.replays import STEP_S, TRUE, damped, logs, series
 from tests.support.solenoids import solenoid
+from tests.support.switching import logged, switched
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +106,14 @@ def test_a_rest_on_a_stop_is_recognised():
     found = ff.observe(model, series(np.zeros(steps), *readings.T), find=False)
     assert any(one.code == "at-stop" and "far stop" in str(one) for one in found.findings)
     assert found.filters[0].outcome is FilterOutcome.RUNNING
+
+
+def test_a_body_on_a_stop_at_the_end_of_the_domain_has_not_left_it():
+    loop = switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)
+    model = solenoid()
+    box = replace(model.validity, distance_min_m=0.2e-3, distance_max_m=4e-3, current_min_A=0.0)
+    found = ff.observe(replace(model, validity=box), logged([loop]), find=False)
+    assert "outside-domain" not in {finding.code for finding in found.findings}
 
 
 def test_where_a_solenoid_rests_without_current_the_current_does_not_tell():
