@@ -14,6 +14,7 @@ _PLACES = {
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
     "AddResult": "femfit.identify.refit.add_result:AddResult",
     "BenchTable": "femfit.tables.measurement:BenchTable",
+    "BoundMap": "femfit.filters.bound_map:BoundMap",
     "CoilIntegral": "femfit.integrate.coil_integral:CoilIntegral",
     "Comparison": "femfit.identify.comparison.compare:Comparison",
     "Diagnosis": "femfit.identify.decision.diagnosis:Diagnosis",
@@ -26,6 +27,7 @@ _PLACES = {
     "Observation": "femfit.replay.result:Observation",
     "OpenLoop": "femfit.open_loop.result:OpenLoop",
     "Profile": "femfit.open_loop.profile:Profile",
+    "Sensing": "femfit.open_loop.sense:Sensing",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
     "TimeSeries": "femfit.tables.measurement:TimeSeries",
     # From the drawing to a model
@@ -38,9 +40,11 @@ _PLACES = {
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",
     # Motion, filters, the loop and the target
+    "bound_map": "femfit.filters.bound_map:bound_map",
     "error_bound": "femfit.filters.error_bound:error_bound",
     "kalman_filter": "femfit.filters.kalman_filter:kalman_filter",
     "simulate": "femfit.open_loop.simulate:simulate",
+    "sense": "femfit.open_loop.sense:sense",
     "close_loop": "femfit.simulation.close_loop:close_loop",
     "export": "femfit.targets.targets:export",
     # Why the bench disagrees

@@ -5,6 +5,8 @@ from femfit.device.load import read_actuator as read_actuator
 from femfit.device.parts import Actuator as Actuator
 from femfit.effects.catalogue import all_effects as list_effects
 from femfit.field.sweep import run_sweep as run_sweep
+from femfit.filters.bound_map import BoundMap as BoundMap
+from femfit.filters.bound_map import bound_map as bound_map
 from femfit.filters.error_bound import ErrorBound as ErrorBound
 from femfit.filters.error_bound import error_bound as error_bound
 from femfit.filters.filter import Filter as Filter
@@ -26,6 +28,8 @@ from femfit.model.json_file import read_model as read_model
 from femfit.model.json_file import write_model as write_model
 from femfit.open_loop.profile import Profile as Profile
 from femfit.open_loop.result import OpenLoop as OpenLoop
+from femfit.open_loop.sense import Sensing as Sensing
+from femfit.open_loop.sense import sense as sense
 from femfit.open_loop.simulate import simulate as simulate
 from femfit.replay.observe import observe as observe
 from femfit.replay.result import Observation as Observation
@@ -46,6 +50,7 @@ __all__ = [
     "ActuatorModel",
     "AddResult",
     "BenchTable",
+    "BoundMap",
     "CoilIntegral",
     "Comparison",
     "Diagnosis",
@@ -58,9 +63,11 @@ __all__ = [
     "Observation",
     "OpenLoop",
     "Profile",
+    "Sensing",
     "SweepTable",
     "TimeSeries",
     "add_effects",
+    "bound_map",
     "close_loop",
     "compare",
     "diagnose",
@@ -78,6 +85,7 @@ __all__ = [
     "read_model",
     "read_sweep",
     "run_sweep",
+    "sense",
     "simulate",
     "suggest",
     "write_model",

@@ -8,7 +8,7 @@ GROUPS = {
     "From the drawing to a model": (
         "read_actuator run_sweep read_sweep import_table fit_model list_laws read_model write_model"
     ),
-    "Filters, the loop and the target": "error_bound kalman_filter close_loop simulate export",
+    "Filters, the loop and the target": "error_bound bound_map sense kalman_filter close_loop simulate export",
     "Why the bench disagrees": (
         "read_measurement observe compare diagnose suggest add_effects list_effects write_report"
     ),

@@ -40,6 +40,12 @@ OBSERVED_SHARE = 0.5
 SETTLING_STEPS = 2000
 """Conventional: samples after which the bound of a body held still is stated."""
 
+MAP_POINTS = 15
+"""Conventional: distances, and currents, at which a map of the bound is drawn."""
+
+TEST_SAMPLES = 20
+"""Conventional: samples of a period of a test voltage, of which the filter sees both slopes of the current."""
+
 NEAREST, FARTHEST = 0.5, 2.0
 """Conventional: an estimate is lost below half the smallest or above twice the largest distance of the model's validity
 domain. The fit's polynomials continue a little outside of it, which a filter needs while it acquires, and mean nothing

@@ -106,7 +106,7 @@ def error_bound(
     if distances_m is None:
         ends = np.clip(model.require_motion().ends, box.distance_min_m, box.distance_max_m)
         distances_m = (ends[0] + np.array([0.25, 0.5, 0.75]) * (ends[1] - ends[0])).tolist()
-    process = levitation_process(_without_stops(model), sensors=sensors, biases=biases, noise=noise)
+    process = levitation_process(without_stops(model), sensors=sensors, biases=biases, noise=noise)
     circuits = len(model.circuits)
     currents = _places_of_currents(model) if currents_A is None else np.asarray(currents_A, dtype=np.float64)
     if currents.shape[1:] != (() if circuits == 1 else (circuits,)):
@@ -121,10 +121,10 @@ def error_bound(
     model.validity.require(places[:, 0], model.currents_of(places))
     volts = model.resistances_ohm * places[:, 2 : 2 + circuits]
     volts = volts[:, 0] if circuits == 1 else volts
-    slope, outputs = process.state_jacobian(places, volts), _output_jacobians(process, places)
+    slope, outputs = process.state_jacobian(places, volts), output_jacobians(process, places)
     covariance = np.broadcast_to(process.require_start_covariance(), slope.shape)
     for _ in range(SETTLING_STEPS):
-        covariance = _next_covariance(process, covariance, slope, outputs)
+        covariance = next_covariance(process, covariance, slope, outputs)
     return ErrorBound(
         names=process.names,
         sensors=tuple(output.name for output in process.outputs),
@@ -161,17 +161,18 @@ def bound_along(process: FilterProcess, states: FloatArray, inputs: FloatArray) 
             f"A trajectory needs an input for each state; instead received {len(states)} states and {len(inputs)} "
             "inputs."
         )
-    slopes, outputs = process.state_jacobian(states[:-1], inputs[1:]), _output_jacobians(process, states)
+    slopes, outputs = process.state_jacobian(states[:-1], inputs[1:]), output_jacobians(process, states)
     result = np.empty((len(states), process.order, process.order))
     result[0] = _informed(process, process.require_start_covariance()[None], outputs[:, :1])[0]
     for k, slope in enumerate(slopes):
-        result[k + 1] = _next_covariance(process, result[k : k + 1], slope[None], outputs[:, k + 1 : k + 2])[0]
+        result[k + 1] = next_covariance(process, result[k : k + 1], slope[None], outputs[:, k + 1 : k + 2])[0]
     return result
 
 
-def _next_covariance(
+def next_covariance(
     process: FilterProcess, covariance: FloatArray, slope: FloatArray, outputs: FloatArray
 ) -> FloatArray:
+    """One sample later, with its readings; batched over places."""
     predicted = slope @ covariance @ slope.swapaxes(1, 2) + process.process_covariance
     return _informed(process, predicted, outputs)
 
@@ -185,9 +186,11 @@ def _informed(process: FilterProcess, covariance: FloatArray, outputs: FloatArra
     return 0.5 * (covariance + covariance.swapaxes(1, 2))
 
 
-def _output_jacobians(process: FilterProcess, states: FloatArray) -> FloatArray:
+def output_jacobians(process: FilterProcess, states: FloatArray) -> FloatArray:
+    """dh/dx of every sensor at N states, shape (sensors, N, n)."""
     return np.stack([process.output_jacobian(states, output) for output in process.outputs])
 
 
-def _without_stops(model: ActuatorModel) -> ActuatorModel:
+def without_stops(model: ActuatorModel) -> ActuatorModel:
+    """A model whose body may go on: who does not know that it lies on a stop, cannot take the distance from there."""
     return replace(model, motion=replace(model.require_motion(), near_stop=None, far_stop=None))

@@ -41,6 +41,11 @@ def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise
         chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
     model = prepared.model
     built = kalman_filter(model, kind, sensors=prepared.sensors, biases=chosen, noise=noise)
+    return in_fine_steps(model, built)
+
+
+def in_fine_steps(model: ActuatorModel, built: Filter) -> Filter:
+    """A filter of this model whose prediction takes steps of Runge and Kutta."""
     transition = partial(_advance, model, _substeps(model))
     return replace(built, process=replace(built.process, transition=transition, transition_columns=None))
 
@@ -56,7 +61,35 @@ def _substeps(model: ActuatorModel) -> int:
 def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
     order = model.order
     moved = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, substeps)
-    return kept_between_stops(model, np.concatenate([moved, states[:, order:]], axis=1))
+    moved = np.concatenate([moved, states[:, order:]], axis=1)
+    if model.require_motion().ends == (-np.inf, np.inf):
+        return moved
+    beyond = moved[:, 0].copy()
+    kept = kept_between_stops(model, _rebounding(model, states, moved))
+    turned = np.flatnonzero(kept[:, 0] != beyond)
+    if len(turned):  # the flux linkage goes on at U - R i, wherever within the step the body was stopped
+        d, i = kept[turned, 0], kept[turned, 2]
+        slope, inductance = model.magnetics.coenergy_derivatives(d, i, ((1, 1), (0, 2)))
+        kept[turned, 2] += slope * (beyond[turned] - d) / inductance
+    return kept
+
+
+def _rebounding(model: ActuatorModel, before: FloatArray, after: FloatArray) -> FloatArray:
+    """What arrives at a stop goes back with the part of its speed that the stop returns; changes ``after``.
+
+    Not where it would be back within the step: what presses it to the stop then keeps it there.
+    """
+    motion = model.require_motion()
+    for stop, outward in ((motion.near_stop, -1.0), (motion.far_stop, 1.0)):
+        if stop is None or not stop.restitution:
+            continue
+        beyond = outward * (after[:, 0] - stop.distance_m)
+        gained = outward * (after[:, 1] - before[:, 1])
+        hits = (beyond >= 0.0) & (outward * (before[:, 0] - stop.distance_m) < 0.0)
+        hits &= 2.0 * stop.restitution * outward * after[:, 1] > gained
+        after[:, 0] = np.where(hits, stop.distance_m - outward * stop.restitution * beyond, after[:, 0])
+        after[:, 1] = np.where(hits, -stop.restitution * after[:, 1], after[:, 1])
+    return after
 
 
 def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:

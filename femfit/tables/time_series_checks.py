@@ -67,7 +67,8 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
                     column=name,
                 )
             )
-        for found, word in ((_stuck(values), "stuck at"), (_clipped(values), "clipped at")):
+        ended = _clipped(values)
+        for found, word in ((_stuck(values) & ~ended, "stuck at"), (ended, "clipped at")):
             if found.any():
                 levels = np.unique(values[found])
                 at = " and ".join(f"{level:.4g}" for level in levels[:2]) + (" and others" if len(levels) > 2 else "")

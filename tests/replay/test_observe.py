@@ -207,3 +207,19 @@ def test_a_converter_that_ends_below_the_range_is_bounded_too(log, tmp_path):
     assert any("clipped" in line for line in str(seen).splitlines()[1:3])
     clipped = rows["current_A"].to_numpy() >= 0.25
     assert seen.filters[0].replayed.mean[clipped, 2].min() > 0.23
+
+
+def test_a_pull_in_with_bounces_is_followed_within_the_noise_of_the_sensors():
+    """The stop returns half of the speed, and the flux linkage goes on within the step in which it is met."""
+    model = solenoid()
+    springy = replace(model, motion=replace(model.motion, near_stop=replace(model.motion.near_stop, restitution=0.5)))
+    loop = switched([0.0, 0.02], [0.0, 12.0], 0.1, model=springy)
+    arrival = next(event.time_s for event in loop.events if event.name == "hits_near")
+    squares = []
+    for seed in (1, 2, 3, 4):
+        record = logged([loop], seed=seed)
+        one = ff.observe(springy, record, find=False).filters[0].replayed
+        after = np.abs(record.rows["time_s"] - arrival) < 8e-3
+        squares.append(np.nanmean(one.innovation[after] ** 2 / one.variance[after], axis=0))
+    # 640 readings: 1.11 in 97.5 % of cases; a body that stops dead makes 5 and 6
+    np.testing.assert_allclose(np.mean(squares, axis=0), 1.0, atol=0.4)

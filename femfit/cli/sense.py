@@ -1,0 +1,80 @@
+"""``femfit sense``: how well sensors tell the distance without a sensor of position, and where they are blind."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+
+def sense(
+    model: Path,
+    *,
+    sensors: str = "current",
+    voltage: float | None = None,
+    drive: Path | None = None,
+    test_voltage: Annotated[float, Parameter(validator=Number(gte=0.0))] = 0.0,
+    test_frequency_Hz: Annotated[float | None, Parameter(name="--test-frequency-Hz", validator=Number(gt=0.0))] = None,
+    runs: Annotated[int, Parameter(validator=Number(gte=1))] = 20,
+    seed: Annotated[int, Parameter(validator=Number(gte=0))] = 1,
+    picture: Path | None = None,
+    csv: Path | None = None,
+    json: Path | None = None,
+) -> None:
+    """How well the current, or other sensors, tell the distance: error in simulation, bound, and where they are blind.
+
+    Parameters
+    ----------
+    model : Path
+        Model file with circuit, motion and the sensors.
+    sensors : str
+        Names of the sensors that the filter reads, with commas.
+    voltage : float
+        Step of the command in V, after 20 ms of rest; default: the supply's largest.
+    drive : Path
+        Table with the columns time_s and voltage_V in place of that step.
+    test_voltage : float
+        Amplitude in V of a square wave on top of the command.
+    test_frequency_Hz : float
+        Of that square wave; default: a twentieth of the sampling rate.
+    runs : int
+        Simulated runs, each with its own noise.
+    seed : int
+        Of the noise.
+    picture : Path
+        PNG, SVG or PDF: the motion with the filter's error, and the map of the bound.
+    csv : Path
+        File for time, distance, the filter's error, what it claims, and the bound.
+    json : Path
+        File for the result as JSON, with the map.
+    """
+    from femfit.cli.output import status, write_json
+    from femfit.core.atomic import write_text
+    from femfit.core.outputs import PICTURE, REPLAYED, RESULT, require_outputs
+    from femfit.open_loop.sense import sense as sensed
+
+    require_outputs([model], (picture, PICTURE), (csv, REPLAYED), (json, RESULT))
+    with status("Simulating"):
+        found = sensed(
+            model,
+            sensors=[name.strip() for name in sensors.split(",") if name.strip()],
+            drive=drive,
+            voltage_V=voltage,
+            test_voltage_V=test_voltage,
+            test_frequency_Hz=test_frequency_Hz,
+            runs=runs,
+            rng=seed,
+        )
+    written = []
+    if picture is not None:
+        from femfit.report.sense_figure import write_sense_picture
+
+        write_sense_picture(found, picture)
+        written.append(picture)
+    if csv is not None:
+        write_text(csv, found.table.to_csv(index=False))
+        written.append(csv)
+    write_json(json, found.to_dict())
+    print(found)
+    for file in written:
+        print(f"written: {file}")

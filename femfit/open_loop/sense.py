@@ -1,0 +1,230 @@
+"""Sensing without a sensor of position, tried in simulation: an open loop, noisy readings, the filter, and its bound.
+
+The body begins on its stop, at rest and without current; the filter begins with an estimate that is off at random by
+its first deviation. Truth and filter share the model, so that the error is what noise and physics leave, not what a
+wrong model adds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.amount import amount, counted
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.errors import UsageError
+from femfit.core.printed import Printed
+from femfit.core.random_numbers import random_generator
+from femfit.filters.bound_map import BoundMap, bound_map
+from femfit.filters.error_bound import bound_along, without_stops
+from femfit.filters.filter import Filter
+from femfit.filters.kalman_filter import kalman_filter
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
+from femfit.model.sensors import predict_sensors
+from femfit.open_loop.profile import Profile, read_profile
+from femfit.open_loop.result import OpenLoop
+from femfit.open_loop.simulate import simulate
+from femfit.replay.build_filter import in_fine_steps
+
+REST_S, ON_S = 0.02, 0.06
+"""Conventional: time before the step of the voltage, and after it, where no drive is given."""
+
+
+MOVES = "while it moves"
+
+_EXACT_M = 1e-9
+"""Numerical: an error below a nanometre is rounding: the estimate lies on the stop, as the body does."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensing(Printed):
+    """The distance told by a filter over an open loop; arrays have one entry a sample.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> found = ff.sense("model.json", sensors=("hall",), voltage_V=1.0, runs=2)
+    >>> print(str(found).splitlines()[0])
+    Distance from hall alone, 2 simulated runs:
+    """
+
+    motion: OpenLoop
+    sensors: tuple[str, ...]
+    runs: int
+    time_s: FloatArray
+    distance_m: FloatArray
+    rms_m: FloatArray  # Root mean square error of the filter over the runs
+    claimed_m: FloatArray  # Standard deviation that the filter says, root mean square over the runs
+    bound_m: FloatArray  # That no unbiased filter without knowledge of the stops goes below
+    map: BoundMap
+
+    @property
+    def parts(self) -> dict[str, BoolArray]:
+        """Samples before the body starts, while it moves, and after it has seated."""
+        moving = np.abs(self.motion.table["velocity_m_s"][: len(self.time_s)]) > 0.0
+        if not moving.any():
+            return {"at rest": np.ones(len(moving), dtype=bool)}
+        first, last = np.flatnonzero(moving)[[0, -1]]
+        row = np.arange(len(moving))
+        found = {"before it starts": row < first, MOVES: (row >= first) & (row <= last)}
+        return found | {"after it has come to rest": row > last}
+
+    def __str__(self) -> str:
+        lines = [f"Distance from {', '.join(self.sensors)} alone, {counted(self.runs, 'simulated run')}:"]
+        for name, (error, claimed, bound) in self.errors.items():
+            told = f"error {amount(error, 'm')} rms" if error > _EXACT_M else "known to the stop"
+            lines.append(f"  {name}: {told} (the filter claims {amount(claimed, 'm')}; bound {amount(bound, 'm')})")
+        return "\n".join([*lines, *self.motion.notes, str(self.map)])
+
+    @property
+    def errors(self) -> dict[str, tuple[float, float, float]]:
+        """Root mean squares of error, claim and bound in m by part: over the motion, and in the last half of a rest."""
+        found = {}
+        for name, here in self.parts.items():
+            rows = np.flatnonzero(here)
+            rows = rows if name == MOVES else rows[len(rows) // 2 :]
+            if len(rows):
+                mean = [np.sqrt(np.mean(one[rows] ** 2)) for one in (self.rms_m, self.claimed_m, self.bound_m)]
+                found[name] = (float(mean[0]), float(mean[1]), float(mean[2]))
+        return found
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The series, one row a sample."""
+        names = ("time_s", "distance_m", "rms_m", "claimed_m", "bound_m")
+        return pd.DataFrame({name: getattr(self, name) for name in names})
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, without the series."""
+        return {
+            "sensors": list(self.sensors),
+            "runs": self.runs,
+            "errors": {
+                name: {"rms_m": error, "claimed_m": claimed, "bound_m": bound}
+                for name, (error, claimed, bound) in self.errors.items()
+            },
+            "map": self.map.to_dict(),
+        }
+
+
+def sense(
+    model: ActuatorModel | str | Path,
+    *,
+    sensors: Sequence[str] = ("current",),
+    drive: Profile | str | Path | None = None,
+    voltage_V: float | None = None,
+    test_voltage_V: float = 0.0,
+    test_frequency_Hz: float | None = None,
+    runs: int = 20,
+    rng: np.random.Generator | int = 1,
+) -> Sensing:
+    """How well sensors tell the distance while an actuator switches: error in simulation, bound, and blind places.
+
+    Parameters
+    ----------
+    sensors : sequence of str
+        Names of the sensors that the filter reads.
+    drive : Profile, str, Path or None
+        What is commanded over time; a step to ``voltage_V`` after 20 ms of rest where None.
+    voltage_V : float or None
+        Of that step; the supply's largest where None.
+    test_voltage_V, test_frequency_Hz : float
+        Amplitude and frequency of a square wave on top of the command; a twentieth of the sampling rate where None.
+    runs : int
+        Runs with noises of their own.
+
+    Raises
+    ------
+    MissingPartError
+        If the model lacks circuit, motion or sensor.
+    FilterError
+        If a sensor has no noise.
+    UsageError
+        If no run is asked for, or drive and voltage_V are both given.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> found = ff.sense("model.json", sensors=("hall",), voltage_V=1.0, runs=2)
+    >>> found.rms_m.shape == found.bound_m.shape
+    True
+    """
+    model = model_of(model)
+    if runs < 1 or (drive is not None and voltage_V is not None):
+        raise UsageError("sense needs at least one run, and one of drive and voltage_V at most.")
+    found = bound_map(model, sensors=sensors, test_voltage_V=test_voltage_V, test_frequency_Hz=test_frequency_Hz)
+    base = _base(model, drive, voltage_V)
+    given = _with_test(base, model, test_voltage_V, found.test_frequency_Hz)
+    step, end = model.sample_time_s, float(base.time_s[-1])
+    motion = simulate(model, drive=given, duration_s=end, sample_time_s=step)
+    table = motion.table
+    built = in_fine_steps(model, kalman_filter(model, sensors=sensors))
+    states = np.zeros((len(table["time_s"]), built.process.order))
+    states[:, 0], states[:, 1], states[:, 2] = table["distance_m"], table["velocity_m_s"], table["current_A"]
+    volts = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
+    rms, claimed = _errors(model, built, states, volts, runs, random_generator(rng))
+    free = in_fine_steps(without_stops(model), kalman_filter(without_stops(model), sensors=sensors)).process
+    return Sensing(
+        motion=motion,
+        sensors=tuple(sensors),
+        runs=runs,
+        time_s=table["time_s"],
+        distance_m=table["distance_m"],
+        rms_m=rms,
+        claimed_m=claimed,
+        bound_m=np.sqrt(bound_along(free, states, volts)[:, 0, 0]),
+        map=found,
+    )
+
+
+def _base(model: ActuatorModel, drive: Profile | str | Path | None, voltage: float | None) -> Profile:
+    if isinstance(drive, Profile):
+        return drive
+    if drive is not None:
+        return read_profile(drive)
+    volts = model.require_circuit().voltage_max_V if voltage is None else voltage
+    return Profile("voltage", np.array([0.0, REST_S, REST_S + ON_S]), np.array([0.0, volts, volts]))
+
+
+def _with_test(base: Profile, model: ActuatorModel, amplitude: float, frequency: float) -> Profile:
+    """The command, held over each sample, with a square wave on top, as far as the driver goes."""
+    if not amplitude:
+        return base
+    step, circuit = model.sample_time_s, model.require_circuit()
+    row = np.arange(int(np.ceil(base.time_s[-1] / step)))
+    period = max(2, round(1.0 / (frequency * step)))
+    sign = np.where(2 * (row % period) < period, 1.0, -1.0)
+    low = circuit.voltage_min_V if circuit.drive.diode_V is None else 0.0
+    level = np.array([base.at(time) for time in step * (row + 0.5)])
+    volts = np.clip(level + amplitude * sign, low, circuit.voltage_max_V)
+    return Profile("voltage", np.append(step * row, base.time_s[-1]), np.append(volts, volts[-1]))
+
+
+def _errors(
+    model: ActuatorModel,
+    built: Filter,
+    states: FloatArray,
+    volts: FloatArray,
+    runs: int,
+    generator: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Root mean square over the runs of the distance's error, and of the deviation that the filter claims."""
+    process, names = built.process, [output.name for output in built.process.outputs]
+    first = np.linalg.cholesky(process.require_start_covariance())
+    start = states[0] + generator.standard_normal((runs, process.order)) @ first.T
+    start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
+    exact = predict_sensors(model, states[:, : model.order], names)
+    deviation = np.sqrt([output.variance for output in process.outputs])
+    state = built.start(start)
+    rms, claimed = np.empty(len(states)), np.empty(len(states))
+    for k, truth in enumerate(states):
+        state = state if k == 0 else built.predict(state, np.full(runs, volts[k]))
+        readings = exact[k] + deviation * generator.standard_normal((runs, len(names)))
+        state = built.update(state, readings[:, 0] if len(names) == 1 else readings)
+        rms[k] = np.sqrt(np.mean((state.mean[:, 0] - truth[0]) ** 2))
+        claimed[k] = np.sqrt(np.mean(state.covariance[:, 0, 0]))
+    return rms, claimed

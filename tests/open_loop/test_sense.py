@@ -1,0 +1,62 @@
+"""Self-sensing in simulation: the filter is as good as its bound, and blind where it must be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femfit as ff
+from femfit.core.errors import UsageError
+from femfit.device.sensors import CurrentSensor
+from femfit.open_loop.sense import MOVES
+from tests.support.command import femfit
+from tests.support.solenoids import solenoid
+
+
+@pytest.fixture(scope="module")
+def model():
+    shunt = CurrentSensor(name="current", noise=4e-3, circuit="coil")
+    return replace(solenoid(), sample_time_s=1e-4, other_sensors=(shunt,))
+
+
+@pytest.fixture(scope="module")
+def found(model):
+    return ff.sense(model, runs=40)
+
+
+def test_before_the_command_the_filter_knows_no_more_than_before(found):
+    before = found.time_s < 0.02
+    assert found.rms_m[before].min() > 0.3e-3  # of 1 mm, half of which the stop cuts off
+    assert found.map.blind[:, 0].all()
+
+
+def test_in_the_middle_of_the_stroke_the_error_is_near_the_bound_and_as_claimed(found):
+    middle = (found.distance_m > 0.8e-3) & (found.distance_m < 3e-3)
+    error, bound, claimed = (
+        np.sqrt(np.mean(one[middle] ** 2)) for one in (found.rms_m, found.bound_m, found.claimed_m)
+    )
+    assert 0.7 < error / bound < 1.6
+    assert 0.6 < error / claimed < 1.6
+
+
+def test_a_test_voltage_lets_the_filter_see_at_rest(model, found):
+    tested = ff.sense(model, test_voltage_V=4.0, runs=40)
+    rest = (tested.time_s > 0.015) & (tested.time_s < 0.02)
+    assert np.sqrt(np.mean(tested.rms_m[rest] ** 2)) < 0.5 * np.sqrt(np.mean(found.rms_m[rest] ** 2))
+
+
+def test_the_command_writes_numbers_map_and_picture(model, tmp_path):
+    ff.write_model(model, tmp_path / "model.json")
+    done = femfit(
+        "sense", tmp_path / "model.json", "--voltage", 9, "--test-voltage", 2, "--runs", 3,
+        "--picture", tmp_path / "sense.png", "--csv", tmp_path / "sense.csv", "--json", tmp_path / "sense.json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert MOVES in done.stdout
+    for name in ("sense.png", "sense.csv", "sense.json"):
+        assert (tmp_path / name).stat().st_size > 1000
+
+
+def test_a_drive_and_a_voltage_are_refused_together(model):
+    with pytest.raises(UsageError, match="one of drive and voltage_V"):
+        ff.sense(model, drive=ff.Profile("voltage", [0.0, 0.1], [12.0, 0.0]), voltage_V=3.0)
