@@ -25,7 +25,8 @@ from femfit.filters.kalman_filter import kalman_filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.sensors import predict_sensors
-from femfit.open_loop.profile import Profile, read_profile
+from femfit.open_loop.command import commanded
+from femfit.open_loop.profile import Profile
 from femfit.open_loop.result import OpenLoop
 from femfit.open_loop.simulate import simulate
 from femfit.replay.build_filter import in_fine_steps
@@ -182,10 +183,9 @@ def sense(
 
 
 def _base(model: ActuatorModel, drive: Profile | str | Path | None, voltage: float | None) -> Profile:
-    if isinstance(drive, Profile):
-        return drive
     if drive is not None:
-        return read_profile(drive)
+        (given,) = commanded(model, drive, None, None, "held")
+        return given
     volts = model.require_circuit().voltage_max_V if voltage is None else voltage
     return Profile("voltage", np.array([0.0, REST_S, REST_S + ON_S]), np.array([0.0, volts, volts]))
 

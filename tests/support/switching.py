@@ -28,15 +28,15 @@ def logged(loops, seed=1, noise=(CURRENT_A, DISTANCE_M), drop=()):
     """One record with a run an open loop, with noise of current in A and distance in m, and the commands as given."""
     generator, rows = np.random.default_rng(seed), []
     for number, loop in enumerate(loops):
-        table = loop.table
-        held = np.searchsorted(loop.profile.time_s, table["time_s"] + 1e-9, side="right") - 1
+        table, (command,) = loop.table, loop.profiles
+        held = np.searchsorted(command.time_s, table["time_s"] + 1e-9, side="right") - 1
         samples = len(held)
         rows.append(
             pd.DataFrame(
                 {
                     "run": number + 1.0,
                     "time_s": table["time_s"],
-                    "voltage_V": loop.profile.value[np.maximum(held, 0)],
+                    "voltage_V": command.value[np.maximum(held, 0)],
                     "current_A": table["current_A"] + noise[0] * generator.standard_normal(samples),
                     "distance_m": table["distance_m"] + noise[1] * generator.standard_normal(samples),
                     "hall_V": np.nan,
