@@ -82,7 +82,7 @@ def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: flo
     """
     flows = current > clear
     ends = np.flatnonzero(flows[:-1] & ~flows[1:] & off[1:] & (np.diff(segment) == 0))
-    for last in ends:
+    for last in ends.tolist():
         first = max(last + 1 - FALLING, int(np.searchsorted(segment, segment[last])))
         if last + 1 - first < FALLING or not flows[first : last + 1].all():
             continue
