@@ -23,7 +23,7 @@ _PLACES = {
     "Filter": "femfit.filters.filter:Filter",
     "FitResult": "femfit.fit.result:FitResult",
     "ImportedTable": "femfit.tables.foreign.read:ImportedTable",
-    "LoopSummary": "femfit.simulation.close_loop:LoopSummary",
+    "LoopSummary": "femfit.simulation.summary:LoopSummary",
     "Observation": "femfit.replay.result:Observation",
     "OpenLoop": "femfit.open_loop.result:OpenLoop",
     "Profile": "femfit.open_loop.profile:Profile",

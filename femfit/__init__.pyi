@@ -34,8 +34,8 @@ from femfit.open_loop.simulate import simulate as simulate
 from femfit.replay.observe import observe as observe
 from femfit.replay.result import Observation as Observation
 from femfit.report.write import write_report as write_report
-from femfit.simulation.close_loop import LoopSummary as LoopSummary
 from femfit.simulation.close_loop import close_loop as close_loop
+from femfit.simulation.summary import LoopSummary as LoopSummary
 from femfit.tables.foreign.read import ImportedTable as ImportedTable
 from femfit.tables.foreign.read import import_table as import_table
 from femfit.tables.measurement import BenchTable as BenchTable

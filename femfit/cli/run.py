@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from femfit.tables.sweep_table import SweepTable
 
 STEP_WIDTH = 26  # of the steps' names on the terminal
-NO_HALL = "the actuator has no Hall element to tell an estimator the distance."
+NO_SENSOR = 'the drawing has no sensor that a filter could read. Add one, as [sensors.NAME] with kind = "position".'
 NO_COIL = "the drawing has no coil, so that there is nothing to control."
 
 
@@ -203,11 +203,12 @@ def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":
 
 def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | None, str]":
     """The study, or why there is none: an actuator that cannot levitate is no failure of the run."""
-    if model.sensor is None:
-        return None, NO_HALL if model.has_winding else NO_COIL
     from femfit.core.errors import DomainError, FilterError, MissingPartError
+    from femfit.model.sensors import sensors_of
     from femfit.simulation.study import closed_loop_study
 
+    if not (model.has_winding and sensors_of(model)):
+        return None, NO_SENSOR if model.has_winding else NO_COIL
     try:
         return closed_loop_study(model, seed), ""
     except (DomainError, FilterError, MissingPartError) as error:
@@ -216,12 +217,13 @@ def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | N
 
 def _export(model: "ActuatorModel", directory: Path) -> str:
     from femfit.core.errors import DomainError, FilterError, MissingPartError
+    from femfit.model.sensors import sensors_of
     from femfit.targets.estimator import export_estimator
 
     if not model.has_winding:
         return f"none: {NO_COIL}"
-    if model.sensor is None:
-        return f"none: {NO_HALL} Describe one by [hall] in the actuator file."
+    if not sensors_of(model):
+        return f"none: {NO_SENSOR}"
     try:
         files = export_estimator(model, directory)
     except (DomainError, FilterError, MissingPartError) as error:
@@ -244,12 +246,13 @@ def _law_line(ranked: "FitResult") -> str:
 
 def _loop_line(study: "ClosedLoopStudy | None", no_study: str) -> str:
     if study is None:
-        return "none, for the same reason" if no_study in {NO_HALL, NO_COIL} else f"none: {no_study}"
+        return "none, for the same reason" if no_study in {NO_SENSOR, NO_COIL} else f"none: {no_study}"
     rows = [row for row in study.holds if row.filter == "ukf" and row.held]
     if not rows:
         return "every run was lost; the report says how"
+    held = ", ".join(f"{row.controller} {row.held} of {row.runs}" for row in study.steps if row.measurement == "ukf")
     if study.no_direct:
-        return "closed with filters alone: the Hall voltage cannot be inverted to a distance"
+        return f"runs held over the reference: {held}; with filters alone, no reading tells the distance by itself"
     best = {row.distance_m: row for row in reversed(rows)}
     ratios = ", ".join(f"{row.ratio:.2f} times at {1e3 * distance:.3g} mm" for distance, row in sorted(best.items()))
-    return f"UKF less noisy than direct measurement: {ratios}"
+    return f"runs held over the reference: {held}; UKF less noisy than direct measurement: {ratios}"

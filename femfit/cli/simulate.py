@@ -9,7 +9,7 @@ from cyclopts.validators import Number
 
 from femfit.core.errors import UsageError
 
-ControllerOption = Literal["backstepping", "pid"]
+ControllerOption = Literal["backstepping", "pid", "state-feedback"]
 FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 
 
@@ -26,9 +26,15 @@ def simulate(
     picture: Path | None = None,
     controller: ControllerOption | None = None,
     observer: Annotated[FilterOption | None, Parameter(name="--filter")] = None,
-    noise_mV: Annotated[float | None, Parameter(name="--noise-mV", validator=Number(gte=0.0))] = None,
-    hall_bias_mV: Annotated[float, Parameter(name="--hall-bias-mV")] = 0.0,
-    drift_mV_per_s: Annotated[float, Parameter(name="--drift-mV-per-s")] = 0.0,
+    sensor: list[str] | None = None,
+    gain: list[str] | None = None,
+    bandwidth_rad_s: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
+    pole_rad_s: Annotated[list[complex] | None, Parameter(name="--pole-rad-s", allow_leading_hyphen=True)] = None,
+    latency: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
+    noise: list[str] | None = None,
+    faulty: str | None = None,
+    offset: float = 0.0,
+    drift_per_s: float = 0.0,
     force_scale: Annotated[float, Parameter(validator=Number(gt=0.0))] = 1.0,
     stuck_after_s: Annotated[float | None, Parameter(validator=Number(gte=0.0))] = None,
     dropout: Annotated[float, Parameter(validator=Number(gte=0.0, lte=1.0))] = 0.0,
@@ -45,7 +51,7 @@ def simulate(
 
     Otherwise the loop is closed: controller, filter, sensor, steps, noise, faults. Without --controller, --filter,
     --runs, --seconds, --plant, --csv or a fault: which controllers hold the body, how well the filters measure, and
-    what a Hall offset, a force error, a wrong start and no filter do.
+    what a sensor offset, a force error, a wrong start and no filter do.
 
     Parameters
     ----------
@@ -68,15 +74,29 @@ def simulate(
     picture : Path
         File for a picture of the open loop (.png, .svg, .pdf).
     controller : str
-        pid (default) or backstepping.
+        pid (default), state-feedback or backstepping.
     observer : str
-        ukf4 (default) or ekf4, which estimate the Hall offset as a fourth state; ukf or ekf, which do not; or direct,
-        which inverts the Hall voltage without a filter.
-    noise_mV : float
-        White noise of a Hall sample; default: the model's.
-    hall_bias_mV : float
-        Offset of the Hall sensor that the model does not know.
-    drift_mV_per_s : float
+        ukf4 (default) or ekf4, which estimate the first sensor's bias as a state more; ukf or ekf, which do not; or
+        direct, which inverts the first sensor's characteristic without a filter.
+    sensor : list of str
+        Sensor that the loop reads, by its name in the drawing; may be repeated. Default: the Hall element, or all.
+    gain : list of str
+        Gain of the controller in place of the designed one, as in kp=2000; may be repeated. PID: kp, ki, kd,
+        filter_rad_s; backstepping: position, velocity, current; state feedback: distance, velocity, current, integral.
+    bandwidth_rad_s : float
+        Of the controller, in place of the one that its margins and the noise allow.
+    pole_rad_s : list of complex
+        Pole of state feedback, as in -40 or -40+30j; once for each of distance, velocity, current and integral.
+    latency : int
+        Samples from a reading to the command that it leads to.
+    noise : list of str
+        White noise of a sensor's sample in its unit, as in laser=0.002, or a number alone for the first sensor; may be
+        repeated. Default: the model's.
+    faulty : str
+        Sensor that offset, drift, sticking and dropouts are of; default: the first.
+    offset : float
+        Of its reading, in its unit, which the model does not know.
+    drift_per_s : float
         Ramp of that offset.
     force_scale : float
         True force over the model's.
@@ -101,11 +121,11 @@ def simulate(
     from femfit.core.outputs import LOOP, RESULT, require_outputs
     from femfit.model.json_file import read_model
 
-    chosen = (controller, observer, runs, seconds, plant, csv, stuck_after_s)
-    faults = (hall_bias_mV, drift_mV_per_s, force_scale - 1.0, dropout)
+    chosen = (controller, observer, runs, seconds, plant, gain, bandwidth_rad_s, pole_rad_s, faulty, stuck_after_s, csv)
+    faults = (offset, drift_per_s, force_scale - 1.0, dropout, latency)
     open_loop = (voltage, current, drive, duration_ms, start_mm, picture)
     if any(choice is not None for choice in open_loop) or extrapolate:
-        if any(choice is not None for choice in (*chosen[:5], stuck_after_s, noise_mV)) or any(faults):
+        if any(choice is not None for choice in (*chosen[:-1], noise, sensor)) or any(faults):
             raise UsageError(
                 "--voltage, --current and --drive simulate in open loop, without controller, filter, noise and faults. "
                 "Leave out the options of one of the two."
@@ -126,11 +146,11 @@ def simulate(
         return
     require_outputs([model, plant], (csv, LOOP), (json, RESULT))
     actuator = read_model(model)
-    noise = None if noise_mV is None else 1e-3 * noise_mV
+    white = noise_of(noise)
     if all(choice is None for choice in chosen) and not any(faults):
         from femfit.simulation.study import closed_loop_study
 
-        study = closed_loop_study(actuator, seed, noise)
+        study = closed_loop_study(actuator, seed, white, sensors=sensor)
         print(study)
         write_json(json, study.data())
         return
@@ -144,9 +164,15 @@ def simulate(
         seconds=seconds,
         plant=plant,
         rng=seed,
-        noise_V=noise,
-        hall_offset_V=1e-3 * hall_bias_mV,
-        drift_V_per_s=1e-3 * drift_mV_per_s,
+        sensors=sensor,
+        gains=dict(map(named_number, gain or ())),
+        bandwidth_rad_s=bandwidth_rad_s,
+        poles_rad_s=pole_rad_s,
+        latency=latency,
+        noise=white,
+        faulty=faulty,
+        offset=offset,
+        drift_per_s=drift_per_s,
         force_scale=force_scale,
         stuck_after_s=stuck_after_s,
         dropout=dropout,
@@ -173,6 +199,26 @@ def _constant(option: str, text: str | None) -> float | dict[str, float] | None:
             f"{option} must be a number, or one for each of several circuits; instead received {text!r}. Give it as "
             f"{option} 12, or {option} bias=2,diff=1."
         ) from error
+
+
+def named_number(text: str) -> tuple[str, float]:
+    """``kp=2000`` as a name and a number."""
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError as error:
+        raise UsageError(
+            f"A gain or noise must be given as NAME=NUMBER, as in kp=2000; instead received {text!r}."
+        ) from error
+
+
+def noise_of(given: list[str] | None) -> dict[str, float] | float | None:
+    """Noise by the sensors' names; a number alone is the first sensor's."""
+    if not given:
+        return None
+    if len(given) == 1 and "=" not in given[0]:
+        return named_number(f"first={given[0]}")[1]
+    return dict(map(named_number, given))
 
 
 def _open_loop(

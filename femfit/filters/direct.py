@@ -59,6 +59,10 @@ class HallInverse:
             edge = np.where((volts > high) == (near > far), box.distance_min_m, box.distance_max_m)
         return np.where(inside, found, np.where(known, edge, np.nan)), ~inside
 
+    def reading(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """What the element reads in V, at distances in m and currents in A."""
+        return self.model.require_sensor().voltage(distance, current)
+
     def _solve(self, volts: FloatArray, current: FloatArray) -> FloatArray:
         box, sensor = self.model.validity, self.model.require_sensor()
         scale = sensor.sensitivity_V_per_T

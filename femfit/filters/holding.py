@@ -1,7 +1,7 @@
 """The currents at which the magnetic force balances weight, springs and load.
 
-One current is found by bisection. With several there are infinitely many: the ones taken lie nearest to a bias, each
-current counted in widths of its range. About the bias they move along the direction in which the least current gives
+One current is found by bisection. With several there are infinitely many: the ones taken lie nearest to a bias, the
+heat of each deviation counted, R (i - b)^2. About the bias they move along the direction in which the least heat gives
 the most force, which is the differential one of a symmetric bearing.
 
 References
@@ -48,7 +48,7 @@ def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray |
     needed, limits = float(model.require_motion().static_force(np.asarray(distance))), model.validity.current_limits_A
     bias = bias_currents(model, distance) if bias_A is None else np.asarray(bias_A, dtype=np.float64)
     model.validity.require(np.asarray(distance), bias)
-    squares, currents = np.ptp(limits, axis=1) ** 2, bias.copy()
+    worth, currents = 1.0 / model.resistances_ohm, bias.copy()
     scale = max(abs(needed), float(np.abs(model.magnetics.force(*model.validity.grid(5, 3))).max()))
     for _ in range(STEPS):
         at = model.magnetics.state(np.asarray(distance), currents)
@@ -56,7 +56,7 @@ def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray |
         if abs(missing) <= 1e-12 * scale:
             break
         # The nearest point to the bias on the force's tangent plane
-        along = squares * at.motional_constant
+        along = worth * at.motional_constant
         strength = float(at.motional_constant @ along)
         back = currents - bias
         currents = bias + along * ((missing + float(at.motional_constant @ back)) / strength) if strength else currents
@@ -95,7 +95,8 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
 
     force = partial(_force, model, distance)
     lower, upper = model.attracting_range(box.current_min_A, box.current_max_A)
-    if force(lower) > needed or force(upper) < needed:
+    rising = force(upper) > force(lower)
+    if not min(force(lower), force(upper)) <= needed <= max(force(lower), force(upper)):
         raise DomainError(
             f"A body of {1e3 * motion.mass_kg:g} g must be held at {1e3 * distance:g} mm by a current of "
             f"{box.current_min_A:g}..{box.current_max_A:g} A, where the model was fitted; its forces there are "
@@ -106,7 +107,7 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
         middle = 0.5 * (lower + upper)
         if middle in {lower, upper}:
             return middle
-        lower, upper = (middle, upper) if force(middle) < needed else (lower, middle)
+        lower, upper = (middle, upper) if (force(middle) < needed) == rising else (lower, middle)
 
 
 def _force(model: ActuatorModel, distance: float, current: float) -> float:

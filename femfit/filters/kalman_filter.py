@@ -30,6 +30,7 @@ def kalman_filter(
     noise: FilterNoise | None = None,
     distance: float | None = None,
     first_deviation_m: float = FIRST_DEVIATION_M,
+    commanded: bool = False,
 ) -> Filter:
     """A filter of a model, its noise derived from the model and its first covariance chosen.
 
@@ -50,6 +51,9 @@ def kalman_filter(
         Operating point in m; the model's first reference distance, or the middle of its range, where None.
     first_deviation_m : float
         Standard deviation of the first estimate's distance.
+    commanded : bool
+        Whether it is stepped with what the drivers are told, in V or A for a current amplifier, instead of the voltages
+        across the circuits.
 
     Returns
     -------
@@ -79,7 +83,13 @@ def kalman_filter(
         raise FilterError(f"The kind of a filter must be one of {', '.join(_KINDS)}; instead received {kind!r}.")
     model = model_of(model)
     process = levitation_process(
-        model, hall_bias=hall_bias, noise=noise, distance=distance, sensors=sensors, biases=biases
+        model,
+        hall_bias=hall_bias,
+        noise=noise,
+        distance=distance,
+        sensors=sensors,
+        biases=biases,
+        commanded=commanded,
     )
     covariance = process.require_start_covariance().copy()
     covariance[0, 0] = first_deviation_m**2

@@ -29,6 +29,7 @@ from femfit.filters.noise import (
 from femfit.filters.outputs import bias_deviations, bias_names, outputs_of
 from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import commands_currents, is_plain, winding_voltage
 from femfit.model.dynamics import euler_jacobian, euler_step
 from femfit.model.float_steps import float_euler_step
 from femfit.model.sensors import HALL, sensors_of
@@ -46,6 +47,7 @@ def levitation_process(
     distance: float | None = None,
     sensors: Sequence[str] | None = None,
     biases: Sequence[str] | None = None,
+    commanded: bool = False,
 ) -> FilterProcess:
     """Process and measurement of a moving part with any circuits and sensors.
 
@@ -63,12 +65,17 @@ def levitation_process(
         Names of the sensors, in the order of a measurement's entries; the Hall element, or all where there is none.
     biases : sequence of str or None
         Which of them have a bias that is estimated.
+    commanded : bool
+        Whether the inputs are what the drivers are told, in V or A, instead of the voltages across the circuits: a
+        freewheel diode and a current amplifier then have their say.
     """
     model.require_dynamics()
+    driven = commanded and not is_plain(model.circuits)
     sensors = chosen_sensors(model, sensors)
     biases = chosen_biases(sensors, biases, hall_bias)
     distance = operating_distance(model) if distance is None else distance
-    require_slow_coil(model, distance)
+    if not (driven and commands_currents(model).all()):  # an amplifier's current follows without a coil's decay
+        require_slow_coil(model, distance)
     noise = default_noise(model, distance) if noise is None else noise
     names = (*model.state_names, *bias_names(model, biases))
     lower, upper = _plausible_range(model, len(names))
@@ -78,13 +85,13 @@ def levitation_process(
     return FilterProcess(
         names=names,
         step_s=model.sample_time_s,
-        transition=partial(_transition, model),
+        transition=partial(_driven_transition if driven else _transition, model),
         measure=own.measure,
         process_covariance=process_covariance(model, noise, distance, walks),
         measurement_variance=own.variance,
-        transition_jacobian=partial(_transition_jacobian, model),
+        transition_jacobian=None if driven else partial(_transition_jacobian, model),
         measurement_jacobian=own.jacobian,
-        transition_columns=float_euler_step(model),
+        transition_columns=None if driven else float_euler_step(model),
         measure_columns=own.columns,
         lower=lower,
         upper=upper,
@@ -160,6 +167,17 @@ def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
         return float(inductance.min() / model.resistances_ohm[0])
     root = np.sqrt(model.resistances_ohm)  # eigenvalues of R^-1 L, made symmetric
     return float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).min())
+
+
+def _driven_transition(model: ActuatorModel, states: FloatArray, command: FloatArray) -> FloatArray:
+    """The same for commands of drivers that are no bridges; no diode lets a current turn round."""
+    command = command[:, None] if command.ndim == 1 else command
+    volts = winding_voltage(model, states, command, model.sample_time_s)
+    result = _transition(model, states, volts[:, 0] if volts.shape[1] == 1 else volts)
+    for k, circuit in enumerate(model.circuits, start=2):
+        if circuit.drive.kind == "voltage" and circuit.drive.diode_V is not None:
+            result[:, k] = np.maximum(result[:, k], 0.0)
+    return result
 
 
 def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:

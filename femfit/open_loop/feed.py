@@ -22,6 +22,7 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.model.circuit import Circuit
+from femfit.model.drive import command_limits
 from femfit.open_loop.equations import Equations, Point
 
 CONDUCTING, BLOCKED, FOLLOWING, AT_MAX, AT_MIN = "conducting", "blocked", "following", "at_max", "at_min"
@@ -79,14 +80,7 @@ class Winding:
     @property
     def limits(self) -> tuple[float, float]:
         """Least and largest command that the driver gives, in V or A."""
-        drive, circuit = self.circuit.drive, self.circuit
-        low, high = circuit.voltage_min_V, circuit.voltage_max_V
-        if self.commands_current:
-            low = -np.inf if drive.current_min_A is None else drive.current_min_A
-            high = np.inf if drive.current_max_A is None else drive.current_max_A
-        elif drive.diode_V is not None:
-            low = 0.0
-        return low, high
+        return command_limits(self.circuit, current=self.commands_current)
 
     @property
     def voltage_scale_V(self) -> float:  # noqa: N802  the unit

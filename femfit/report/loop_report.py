@@ -1,6 +1,5 @@
 """The chapter on the closed loop: its figures, and the numbers for its tables."""
 
-from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +7,9 @@ import numpy as np
 
 from femfit.report.numbers import percent, quantity
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, Drawing, new_figure, styled, words
+from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
+from femfit.simulation.loop_text import gains_text, margins_text, observed_lines, sensor_line, sensor_word, worst_of
 from femfit.simulation.study import ClosedLoopStudy, FaultRow, SpectrumPair, StepSeries
 
 if TYPE_CHECKING:
@@ -50,9 +51,21 @@ def loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
         "series": [(f"steps-{s.controller}", name_of(s.controller), name_of(s.observer)) for s in study.series],
         "spectra": [(f"spectrum-{p.controller}", name_of(p.controller)) for p in study.spectra],
         "controllers": list(dict.fromkeys(row.controller for row in study.steps)),
+        "margins": [
+            (name_of(name), margins_text(worst_of(study.design.margins(name, "ukf"))))
+            for name in study.design.controllers
+        ],
+        "gains": [
+            (name_of(name), gains_text(study.design, study.design.controller(name)))
+            for name in study.design.controllers
+        ],
+        "bounded": any(np.isfinite(row.bound) for row in study.holds),
+        "missing": [(name_of(name), study.design.why_no(name)) for name in CONTROLLERS if study.design.why_no(name)],
+        "sensors": sensor_line(study.design),
+        "observed": observed_lines(study.design),
         "measurements": list(dict.fromkeys(row.measurement for row in study.steps)),
         "steps": {(row.measurement, row.controller): row for row in study.steps},
-        "faults": _fault_rows(study.faults),
+        "faults": _fault_rows(study),
     }
 
 
@@ -68,20 +81,22 @@ def _ends(study: ClosedLoopStudy) -> list[tuple[str, float, float, float]]:
     return ends
 
 
-def _fault_rows(faults: Sequence[FaultRow]) -> tuple[list[float], list[tuple[str, str, list[FaultRow | None]]]]:
+def _fault_rows(study: ClosedLoopStudy) -> tuple[list[float], list[tuple[str, str, list[FaultRow | None]]]]:
     """Distances, and for each loop and fault what became of it at each of them."""
+    faults = study.faults
     distances = sorted({row.experiment.targets_m[0] for row in faults})
     cells: dict[tuple[str, str], dict[float, FaultRow]] = {}
     for row in faults:
         e = row.experiment
-        key = (f"{name_of(e.controller)}, {name_of(e.observer)}", _fault(e))
+        key = (f"{name_of(e.controller)}, {name_of(e.observer)}", _fault(study, e))
         cells.setdefault(key, {})[e.targets_m[0]] = row
     return distances, [(*key, [ends.get(d) for d in distances]) for key, ends in cells.items()]
 
 
-def _fault(experiment: Experiment) -> str:
-    if experiment.offset_V:
-        return f"Hall offset {quantity(experiment.offset_V, 'V', 2)}"
+def _fault(study: ClosedLoopStudy, experiment: Experiment) -> str:
+    if experiment.offset:
+        reading = study.design.loop_sensors()[0].reading
+        return f"{sensor_word(reading.name)} offset {quantity(experiment.offset, reading.unit, 2)}"
     if experiment.force_scale != 1.0:
         return f"true force {percent(experiment.force_scale - 1.0)} above the model's"
     return "no filter"

@@ -1,163 +1,29 @@
 """Close the loop around a model, and say whether it held, how well, and if not, why."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from femfit.core import atomic
-from femfit.core.amount import amount, counted
+from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
-from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
-from femfit.core.outputs import LOOP, require_outputs
-from femfit.core.paths import path_of
-from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
 from femfit.core.random_numbers import random_generator
-from femfit.filters.theory import ConsistencyBand, consistency_band
+from femfit.filters.theory import consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
+from femfit.simulation.adjust import adjusted
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.loop import LoopOutcome, LoopResult
-from femfit.simulation.loop_text import design_data, design_lines, verdict
+from femfit.simulation.summary import LoopSummary, Spread
 from femfit.simulation.why_lost import LostLoop, why_lost
-
-SERIES_COLUMNS = (
-    "voltage_V",
-    "current_A",
-    "distance_m",
-    "hall_V",
-    "reference_m",
-    "estimated_distance_m",
-    "estimated_velocity_m_s",
-    "estimated_current_A",
-)
 
 _MOST_STEPS = 2**48
 """Numbers in more than which no machine's addresses reach."""
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Median and 95 % quantile of a number over the runs that were held; NaN if none was."""
-
-    median: float
-    upper: float
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LoopSummary(Printed):
-    """What many runs of one closed loop came to; printed, it says so in a few lines.
-
-    Parameters
-    ----------
-    plant : str or None
-        Name of what truly moves, where that is another model than the design's.
-    outcomes : mapping of str to int
-        Runs by the name of their outcome.
-    first_loss_s, last_loss_s : float or None
-        When runs were lost, where any was.
-    estimate_rms_m, tracking_rms_m : Spread
-        Of each run's rms of (estimated - true distance) and of (true distance - reference).
-    normalised_innovation_squared : float or None
-        Mean over held runs; None without a filter.
-    innovation_band : ConsistencyBand
-        95 % for that mean.
-    advice : str
-        Why runs were lost and what to do; empty where all were held.
-    result : LoopResult
-        Outcome of each run, and the series of those that were recorded.
-
-    Examples
-    --------
-    >>> import femfit as ff
-    >>> loop = ff.close_loop("model.json", controller="backstepping", targets_m=(0.022,), runs=2, seconds=0.1)
-    >>> loop.held, loop.result.series.distance_m.shape
-    (2, (200, 1))
-    """
-
-    design: LoopDesign
-    experiment: Experiment
-    plant: str | None
-    runs: int
-    steps: int
-    outcomes: Mapping[str, int]
-    first_loss_s: float | None
-    last_loss_s: float | None
-    estimate_rms_m: Spread
-    tracking_rms_m: Spread
-    normalised_innovation_squared: float | None
-    innovation_band: ConsistencyBand
-    advice: str
-    result: LoopResult
-
-    @property
-    def held(self) -> int:
-        """Number of runs that were held."""
-        return self.outcomes.get(LoopOutcome.HELD.name, 0)
-
-    def __str__(self) -> str:
-        return "\n".join([*self._lines(), "", *design_lines(self.design)])
-
-    def _lines(self) -> list[str]:
-        seconds = self.steps * self.design.model.sample_time_s
-        lines = [verdict(self.design, seconds, [(self.experiment, self.held, self.runs)], self.plant)]
-        for name, count in self.outcomes.items():
-            if name != LoopOutcome.HELD.name:
-                runs = counted(count, "run")
-                lines.append(f"  {runs} lost: {LoopOutcome[name].sentence}")
-        if self.last_loss_s is not None:
-            lines.append(f"  lost between {self.first_loss_s:.4g} and {self.last_loss_s:.4g} s")
-        if self.advice:
-            lines.append(f"  {self.advice}")
-        if self.held:
-            for text, spread in (
-                ("estimated - true distance", self.estimate_rms_m),
-                ("true distance - reference", self.tracking_rms_m),
-            ):
-                median, upper = amount(spread.median, "m", 3), amount(spread.upper, "m", 3)
-                lines.append(f"  rms of {text}: median {median}, 95 % below {upper}")
-        if self.normalised_innovation_squared is not None:
-            band = self.innovation_band
-            lines.append(
-                f"  squared errors of the filter's predictions are {self.normalised_innovation_squared:.3f} of what it "
-                f"expects (a filter that knows its errors: {band.lower:.3f} to {band.upper:.3f}, 95 %)"
-            )
-        return lines
-
-    def data(self) -> dict[str, Any]:
-        """The numbers without the series, ready for JSON."""
-        names = ("plant", "runs", "steps", "first_loss_s", "last_loss_s", "normalised_innovation_squared", "advice")
-        return {
-            "model": self.design.model.name,
-            "experiment": json_ready(asdict(self.experiment)),
-            "outcomes": dict(self.outcomes),
-            **{name: json_ready(getattr(self, name)) for name in names},
-            **{
-                name: json_ready(asdict(getattr(self, name)))
-                for name in ("estimate_rms_m", "tracking_rms_m", "innovation_band")
-            },
-            "design": design_data(self.design),
-        }
-
-    def write_csv(self, path: str | Path) -> None:
-        """Write the recorded runs, one row a sample, up to the sample at which a run was lost."""
-        require_outputs([], (path_of(path, "The table of the runs"), LOOP))
-        series, rows = self.result.series, []
-        for run in range(series.distance_m.shape[1]):
-            known = np.flatnonzero(np.isfinite(series.distance_m[:, run]))
-            columns = (getattr(series, name)[known, run] for name in SERIES_COLUMNS)
-            rows.append(np.stack([np.full(len(known), run + 1.0), self.result.time_s[known], *columns], axis=1))
-        names = ("run", "time_s", *SERIES_COLUMNS)
-        table = np.concatenate(rows) if rows else np.empty((0, len(names)))
-        with atomic.replacing(path) as partial:
-            np.savetxt(partial, table, delimiter=",", header=",".join(names), comments="", fmt=["%d"] + ["%.9g"] * 9)
 
 
 def close_loop(
@@ -165,14 +31,20 @@ def close_loop(
     *,
     controller: ControllerName = "pid",
     estimator: ObserverName = "ukf4",
+    sensors: Sequence[str] | None = None,
     targets_m: Iterable[float] | None = None,
     runs: int = 20,
     seconds: float | None = None,
     plant: ActuatorModel | str | Path | None = None,
     rng: int | np.random.Generator = 1,
-    noise_V: float | None = None,
-    hall_offset_V: float = 0.0,
-    drift_V_per_s: float = 0.0,
+    gains: Mapping[str, float] | None = None,
+    bandwidth_rad_s: float | None = None,
+    poles_rad_s: Sequence[complex] | None = None,
+    latency: int = 0,
+    noise: Mapping[str, float] | float | None = None,
+    faulty: str | None = None,
+    offset: float = 0.0,
+    drift_per_s: float = 0.0,
     force_scale: float = 1.0,
     stuck_after_s: float | None = None,
     dropout: float = 0.0,
@@ -186,16 +58,29 @@ def close_loop(
     ----------
     model : ActuatorModel, str or Path
         What controller and filter believe, or its file.
+    controller : str
+        ``pid``, ``state-feedback`` (a linear-quadratic regulator with an integral) or ``backstepping``.
+    estimator : str
+        ``ukf`` or ``ekf``, with a 4 to estimate the first sensor's bias too, or ``direct``, which inverts the first
+        sensor's characteristic.
+    sensors : sequence of str or None
+        Which sensors of the model the loop reads; the Hall element, or all where there is none.
     targets_m : iterable of float or None
         Distances that the reference steps to in turn; those of the model where None.
     seconds : float or None
         Of one run; one second a target where None.
     plant : ActuatorModel, str, Path or None
         What truly moves and is truly sensed, where that is another model.
-    noise_V : float or None
-        White noise of a Hall sample; the model's where None.
-    hall_offset_V, drift_V_per_s : float
-        Offset of the Hall sensor that the model does not know, and its drift.
+    gains, bandwidth_rad_s, poles_rad_s : optional
+        The controller's, in place of the designed ones: :func:`femfit.simulation.adjust.adjusted`.
+    latency : int
+        Samples from a reading to the command that it leads to.
+    noise : mapping of str to float, float or None
+        White noise of one sample by the sensors' names, in their units, or that of the first; the model's where None.
+    faulty : str or None
+        Sensor that offset, drift, sticking and dropouts are of; the first where None.
+    offset, drift_per_s : float
+        Of its reading, in its unit, which the model does not know.
     force_scale : float
         True force over the model's.
     stuck_after_s : float or None
@@ -224,7 +109,7 @@ def close_loop(
     for given, value, known in (("controller", controller, CONTROLLERS), ("estimator", estimator, OBSERVERS)):
         if value not in known:
             raise DomainError(f"There is no {given} {value!r}. Give one of {', '.join(known)}.")
-    for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0)):
+    for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0), ("latency", latency, 0)):
         if not isinstance(count, int | np.integer) or count < least:
             raise DomainError(
                 f"{name} must be a whole number >= {least}; instead received {name}={count!r}. Give 20, say."
@@ -235,14 +120,21 @@ def close_loop(
     believed, truth = model_of(model), None if plant is None else model_of(plant)
     if targets_m is not None:
         believed = replace(believed, reference_distances_m=_distances(targets_m))
-    design = design_loop(believed, noise_V)
+    design = adjusted(
+        design_loop(believed, noise, sensors=sensors, latency=latency),
+        controller,
+        gains=gains,
+        bandwidth_rad_s=bandwidth_rad_s,
+        poles_rad_s=poles_rad_s,
+    )
     experiment = Experiment(
         controller=controller,
         observer=estimator,
         targets_m=design.targets_m,
         force_scale=force_scale,
-        offset_V=hall_offset_V,
-        drift_V_per_s=drift_V_per_s,
+        faulty=faulty,
+        offset=offset,
+        drift_per_s=drift_per_s,
         stuck_after_s=np.inf if stuck_after_s is None else stuck_after_s,
         dropout_probability=dropout,
     )

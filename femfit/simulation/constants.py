@@ -29,3 +29,16 @@ constants less than 1 % of the first error is left."""
 
 UNKNOWN_NOISE_PART = 5e-4
 """Conventional: white noise of a Hall sample over the output's range where the model says none: two of 4096 steps."""
+
+WANTED_MODULUS = 0.4
+"""Conventional: modulus margin that a design is content with: a maximum sensitivity of 2.5, gain margin 1.7, phase
+margin 23 degrees. Process control asks for 2 (K. J. Astrom and T. Hagglund, Advanced PID Control (ISA, 2006), section
+4.3), which a plant with an unstable pole seldom leaves room for."""
+
+SETTLING_PART = 0.35
+"""Conventional: rate at which a loop's slowest motion must decay over the body's own; an integral that is slower would
+not be done with a disturbance while one looks."""
+
+NOISE_ROOM = 0.1
+"""Conventional: rms of a command that the sensors' noise may take, over the way to the nearer limit: a tenth leaves the
+rest to steps of the reference, which use half of it."""

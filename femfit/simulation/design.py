@@ -1,27 +1,33 @@
-"""What a closed loop of a model needs: reference distances, controllers, filters, all derived from the model."""
+"""What a closed loop of a model needs: reference distances, sensors, observers, controllers, derived from the model."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, NoReturn, cast, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, FilterError
 from femfit.filters.constants import FIRST_DEVIATION_M
-from femfit.filters.direct import hall_inverse
 from femfit.filters.kalman_filter import FilterKind, kalman_filter
-from femfit.filters.noise import default_noise
+from femfit.filters.levitation import chosen_sensors
+from femfit.filters.noise import FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
-from femfit.model.hall_sensor import HallSensor
-from femfit.simulation.constants import COVERED_PART, DESIGN_POINTS, UNKNOWN_NOISE_PART
-from femfit.simulation.controllers import Backstepping, Controller, Pid, design_backstepping, design_pid
-from femfit.simulation.observers import DirectObserver, Observer
-from femfit.simulation.operating_point import OperatingPoint, current_for_force, current_range, operating_point
+from femfit.model.sensors import HALL
+from femfit.simulation.constants import DESIGN_POINTS
+from femfit.simulation.controllers import Backstepping, Controller, design_backstepping
+from femfit.simulation.distance_inverse import distance_inverse
+from femfit.simulation.margins import Margins
+from femfit.simulation.observers import DirectObserver, Observer, SplitObserver
+from femfit.simulation.operating_point import OperatingPoint, operating_point
+from femfit.simulation.pid import Pid
 from femfit.simulation.reference import reference_rate
+from femfit.simulation.sensor import LoopSensor, loop_sensors, sensor_noise
+from femfit.simulation.targets import covered, derived_targets, require_sensed
+from femfit.simulation.tune import Bench, make_bench, settled_errors, tuned_pid, tuned_regulator
 
-ControllerName = Literal["backstepping", "pid"]
+ControllerName = Literal["backstepping", "pid", "state-feedback"]
 ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 
 CONTROLLERS: tuple[ControllerName, ...] = get_args(ControllerName)
@@ -30,190 +36,195 @@ OBSERVERS: tuple[ObserverName, ...] = get_args(ObserverName)
 
 @dataclass(frozen=True, eq=False)
 class LoopDesign:
-    """Reference, controllers and noise of one model's closed loop."""
+    """Reference, sensors, controllers and noise of one model's closed loop."""
 
-    # With circuit, motion and sensor; the driver's voltages within what the swept currents cover
+    # With circuits, motion and sensors; the drivers' limits within what the swept currents cover
     model: ActuatorModel
+    sensors: tuple[str, ...]  # Those that the loop reads, in the order of the measurement's entries
+    noise: Mapping[str, float]  # White, of one sample, in the sensors and as the filters know it
     targets_m: tuple[float, ...]
     points: tuple[OperatingPoint, ...]  # From the smallest to the largest of them
-    backstepping: Backstepping
-    pid: Pid | None  # Designed for the middle one; None where there is none for it
     reference_rate_rad_s: float
-    noise_V: float  # White noise of a Hall sample, in the sensor and as the filters know it
-    why_no_pid: str = ""  # Why there is no PID controller; empty where there is one
+    latency: int = 0  # Samples from a reading to the command that it leads to
+    given: Mapping[str, Controller] = field(default_factory=dict)  # In place of the designed ones
 
     @property
-    def slowest_pole_rad_s(self) -> float:
-        """The smallest unstable pole of the points: it sets how long filter and loop need to settle."""
-        return min(point.unstable_pole_rad_s for point in self.points)
+    def rate_rad_s(self) -> float:
+        """How fast the body moves on by itself, at the slowest point: it sets how long filter and loop need to settle.
+
+        The unstable pole, or where the body is stable its natural frequency and the reference's rate at least.
+        """
+        rates = [p.unstable_pole_rad_s or max(p.natural_rad_s, self.reference_rate_rad_s) for p in self.points]
+        return min(rates)
 
     @cached_property
     def why_no_direct(self) -> str:
-        """Why the Hall voltage cannot be inverted to a distance, which no filter needs; empty where it can."""
+        """Why the first sensor's reading cannot be inverted to a distance, which no filter needs; empty if it can."""
         try:
-            hall_inverse(self.model)
+            distance_inverse(self.model, self.sensors[0])
         except FilterError as error:
             return str(error)
         return ""
 
     def steps(self, time_constants: float) -> int:
-        """Samples in so many time constants of the slowest unstable pole."""
-        return int(np.ceil(time_constants / self.slowest_pole_rad_s / self.model.sample_time_s))
+        """Samples in so many of the body's time constants."""
+        return int(np.ceil(time_constants / self.rate_rad_s / self.model.sample_time_s))
+
+    def loop_sensors(self, model: ActuatorModel | None = None) -> tuple[LoopSensor, ...]:
+        """The sensors of the design's model, or those of the same names of another one."""
+        own = self.model if model is None else model
+        return loop_sensors(own, self.sensors, self.noise, self.model.sample_time_s)
+
+    @cached_property
+    def backstepping(self) -> Backstepping:
+        """The nonlinear controller."""
+        return design_backstepping(self.model, self.points)
+
+    @property
+    def pid(self) -> Pid | None:
+        """The PID controller; None where there is none for this model."""
+        return cast("Pid | None", self._made("pid"))
 
     def controller(self, name: ControllerName) -> Controller:
-        """The controller of this name."""
-        if name == "backstepping":
-            return self.backstepping
-        if self.pid is None:
-            raise DomainError(self.why_no_pid)
-        return self.pid
+        """The controller of this name, or :class:`DomainError` with the reason why there is none."""
+        made = self._made(name)
+        if made is None:
+            raise DomainError(self.why_no(name))
+        return made
+
+    def why_no(self, name: ControllerName) -> str:
+        """Why there is no controller of this name; empty where there is one."""
+        self._made(name)
+        return self._reasons.get(name, "")
 
     @property
     def controllers(self) -> tuple[ControllerName, ...]:
         """The names of the controllers that there are."""
-        return CONTROLLERS if self.pid is not None else tuple(name for name in CONTROLLERS if name != "pid")
+        return tuple(name for name in CONTROLLERS if self._made(name) is not None)
+
+    def _made(self, name: ControllerName) -> Controller | None:
+        if name in self.given:
+            return self.given[name]
+        if name not in self._designed and name not in self._reasons:
+            try:
+                self._designed[name] = self._design(name)
+            except DomainError as error:
+                self._reasons[name] = str(error)
+        return self._designed.get(name)
+
+    def _design(self, name: ControllerName) -> Controller:
+        if name == "backstepping":
+            return self.backstepping
+        if name == "pid":
+            return tuned_pid(self._filtered, self.bench("exact"))
+        return tuned_regulator(self._filtered)
+
+    @property
+    def _filtered(self) -> Bench:
+        """With a filter in the loop; with the exact state where the samples are too slow for the filter's coil."""
+        try:
+            return self.bench("ekf")
+        except FilterError:
+            return self.bench("exact")
+
+    @cached_property
+    def _designed(self) -> dict[str, Controller]:
+        return {}
+
+    @cached_property
+    def _reasons(self) -> dict[str, str]:
+        return {}
+
+    @cached_property
+    def _benches(self) -> dict[str, Bench]:
+        return {}
+
+    def bench(self, observer: ObserverName | Literal["exact"]) -> Bench:
+        """What linear controllers are judged in."""
+        if observer not in self._benches:
+            made = None if observer == "exact" else self.observer(observer)
+            own = None if isinstance(made, SplitObserver) else made  # never one of several
+            bench = make_bench(self.model, self.points, self.loop_sensors(), own, self.latency)
+            self._benches[observer] = bench
+        return self._benches[observer]
+
+    def margins(self, name: ControllerName, observer: ObserverName | Literal["exact"]) -> tuple[Margins, ...]:
+        """Stability margins of a loop at the nearest, the middle and the farthest point."""
+        return self.bench(observer).judge(self.controller(name))
+
+    @cached_property
+    def told(self) -> tuple[float, float] | None:
+        """Least rms errors of distance and velocity that these sensors allow at rest; None where they cannot tell it.
+
+        They are those of a settled Kalman filter in the middle of the reference.
+        """
+        try:
+            return settled_errors(self.bench("ekf"))
+        except DomainError:
+            return None
+
+    @property
+    def filter_noise(self) -> FilterNoise:
+        """What the filters know of the noise."""
+        base = default_noise(self.model, self.targets_m[0], self.noise.get(HALL))
+        rounding = {one.name: one.step / np.sqrt(12.0) for one in self.loop_sensors()}
+        white = {name: float(np.hypot(value, rounding[name])) for name, value in self.noise.items() if name != HALL}
+        return FilterNoise(base.acceleration_density, base.voltage_V, base.hall_V, base.bias_density, white)
 
     def observer(self, name: ObserverName, distance_deviation_m: float = FIRST_DEVIATION_M) -> Observer:
-        """The observer of this name: a filter for the Hall voltage, or the direct measurement."""
+        """The observer of this name: a filter for the sensors, or the direct measurement by the first of them.
+
+        The filters whose names end in 4 estimate the first sensor's bias as a state more.
+        """
         if name == "direct":
-            return DirectObserver(hall_inverse(self.model))
+            return DirectObserver(distance_inverse(self.model, self.sensors[0]))
         return kalman_filter(
             self.model,
             cast("FilterKind", name.removesuffix("4")),
-            hall_bias=name.endswith("4"),
-            noise=default_noise(self.model, self.targets_m[0], self.noise_V),
+            sensors=self.sensors,
+            biases=self.sensors[:1] if name.endswith("4") else (),
+            noise=self.filter_noise,
             distance=self.targets_m[0],
             first_deviation_m=distance_deviation_m,
+            commanded=True,
         )
 
 
-def design_loop(model: ActuatorModel, noise_V: float | None = None) -> LoopDesign:
+def design_loop(
+    model: ActuatorModel,
+    noise: Mapping[str, float] | float | None = None,
+    *,
+    sensors: Sequence[str] | None = None,
+    latency: int = 0,
+) -> LoopDesign:
     """Derive everything that a closed loop needs.
 
     Parameters
     ----------
-    noise_V : float or None
-        White noise of a Hall sample; None: the model's own, or a part of the output's range where it has none.
+    noise : mapping of str to float, float or None
+        White noise of one sample by the name of a sensor, in its unit, or that of the first; the model's own, or a part
+        of the range where it has none.
+    sensors : sequence of str or None
+        Which sensors the loop reads; the Hall element, or all where there is none.
+    latency : int
+        Samples from a reading to the command that it leads to.
     """
-    if noise_V is not None and not 0.0 <= noise_V < np.inf:
-        raise DomainError(
-            f"The noise of a Hall sample must be >= 0 V; instead received {noise_V:g} V. Leave it out for the model's."
-        )
-    model.require_circuit()
+    if not model.circuits:
+        model.require_circuit()
     model.require_motion()
-    sensor = model.require_sensor()
-    model = replace(model, circuit=_covered(model))
-    targets = model.reference_distances_m or _derived_targets(model)
-    points = tuple(operating_point(model, float(d)) for d in np.linspace(min(targets), max(targets), DESIGN_POINTS))
-    stable = [point.distance_m for point in points if point.unstable_pole_rad_s == 0.0]
-    if stable:
-        raise DomainError(
-            f"Model {model.name!r} must have a force that falls with the distance where it holds its body; at "
-            f"{1e3 * stable[0]:g} mm it grows, so that the body needs no controller there. Choose other reference "
-            "distances."
-        )
-    _require_sensed(model, np.array([p.distance_m for p in points]), np.array([p.current_A for p in points]))
-    pid, why_no_pid = _pid_or_why(model, points[len(points) // 2])
+    names = chosen_sensors(model, sensors)
+    known = sensor_noise(model, names, noise)
+    model = covered(model)
+    targets = model.reference_distances_m or derived_targets(model, names)
+    distances: FloatArray = np.linspace(min(targets), max(targets), DESIGN_POINTS)
+    points = tuple(operating_point(model, float(d)) for d in distances)
+    require_sensed(model, names, distances, np.array([point.currents_A for point in points]))
     return LoopDesign(
         model=model,
+        sensors=names,
+        noise=known,
         targets_m=targets,
         points=points,
-        backstepping=design_backstepping(model, points),
-        pid=pid,
         reference_rate_rad_s=reference_rate(model, targets),
-        noise_V=_hall_noise(sensor) if noise_V is None else noise_V,
-        why_no_pid=why_no_pid,
+        latency=latency,
     )
-
-
-def _hall_noise(sensor: HallSensor) -> float:
-    return sensor.noise_V or UNKNOWN_NOISE_PART * (sensor.output_max_V - sensor.output_min_V)
-
-
-def _pid_or_why(model: ActuatorModel, point: OperatingPoint) -> tuple[Pid | None, str]:
-    """The PID controller, or why a body and coil like these have none: other controllers may hold it all the same."""
-    try:
-        return design_pid(model, point), ""
-    except DomainError as error:
-        return None, str(error)
-
-
-def _covered(model: ActuatorModel) -> Circuit:
-    """The circuit with voltages whose currents the model covers: a stronger driver would leave it at once."""
-    circuit, box = model.require_circuit(), model.validity
-    lowest, highest = (COVERED_PART * circuit.resistance_ohm * i for i in (box.current_min_A, box.current_max_A))
-    # A driver that cannot give negative currents is not limited by a sweep that begins at zero.
-    lowest = lowest if lowest < 0.0 else -np.inf
-    highest = highest if highest > 0.0 else np.inf
-    return replace(
-        circuit,
-        voltage_min_V=max(circuit.voltage_min_V, lowest),
-        voltage_max_V=min(circuit.voltage_max_V, highest),
-    )
-
-
-def _derived_targets(model: ActuatorModel) -> tuple[float, ...]:
-    """Steps over the middle 40 % of the distances at which the driver holds the body and the Hall element sees it."""
-    box, motion = model.validity, model.require_motion()
-    low, high = current_range(model)
-    d = np.linspace(box.distance_min_m, box.distance_max_m, 301)
-    needed = motion.static_force(d)
-    weakest, strongest = model.magnetics.force(d, np.asarray(low)), model.magnetics.force(d, np.asarray(high))
-    holdable = d[(weakest <= needed) & (strongest >= needed)]
-    if holdable.size < 3:
-        _refuse_to_hold(model, d, weakest, strongest)
-    current = current_for_force(model, holdable, motion.static_force(holdable))
-    seen = holdable[_sensed(model, holdable, current)]
-    if seen.size < 3:
-        _require_sensed(model, holdable, current)
-    near, far = float(seen[0]), float(seen[-1])
-    return near + 0.3 * (far - near), near + 0.7 * (far - near), near + 0.3 * (far - near)
-
-
-def _refuse_to_hold(model: ActuatorModel, d: FloatArray, weakest: FloatArray, strongest: FloatArray) -> NoReturn:
-    motion, (low, high) = model.require_motion(), current_range(model)
-    needed = motion.static_force(d)
-    repelled = d[(weakest >= needed) & (strongest <= needed)]
-    if repelled.size:
-        raise DomainError(
-            f"A positive current must attract the body of model {model.name!r}; at {1e3 * repelled[0]:.4g} mm its "
-            f"force falls as the current grows from {low:.3g} to {high:.3g} A. Turn the magnet's magnetization around "
-            "in the actuator file, which is the same as reversing the coil's leads."
-        )
-    forces = np.concatenate([weakest, strongest])
-    raise DomainError(
-        f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in {1e3 * d[0]:g}.."
-        f"{1e3 * d[-1]:g} mm: {_range_mN(needed)}, and with {low:.3g}..{high:.3g} A the force is "
-        f"{1e3 * forces.min():.4g}..{1e3 * forces.max():.4g} mN. It is not an actuator that levitates this body; "
-        "change mass or supply to simulate one that is."
-    )
-
-
-def _range_mN(needed: FloatArray) -> str:  # noqa: N802  the unit
-    """What it takes to hold the body, in words."""
-    low, high = 1e3 * needed.min(), 1e3 * needed.max()
-    return (
-        f"the weight is {low:.4g} mN" if low == high else f"weight, springs and load ask for {low:.4g}..{high:.4g} mN"
-    )
-
-
-def _sensed(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> BoolArray:
-    sensor = model.require_sensor()
-    voltage = sensor.voltage(distance, current)
-    return np.asarray((voltage > sensor.output_min_V) & (voltage < sensor.output_max_V))
-
-
-def _require_sensed(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> None:
-    """Refuse points of rest at which the Hall element gives the end of its range, whatever the distance."""
-    blind = ~_sensed(model, distance, current)
-    if np.any(blind):
-        sensor = model.require_sensor()
-        field = sensor.field.field(distance[blind], current[blind])
-        strongest = int(np.argmax(np.abs(field)))
-        raise DomainError(
-            f"The Hall element of model {model.name!r} must stay within its output range of {sensor.output_min_V:g}.."
-            f"{sensor.output_max_V:g} V where the body is held; {1e3 * field[strongest]:.4g} mT at "
-            f"{1e3 * distance[blind][strongest]:.4g} mm and {sensor.sensitivity_V_per_T:g} V/T ask for "
-            f"{sensor.quiescent_V + sensor.sensitivity_V_per_T * field[strongest]:.4g} V. Give [hall] a smaller "
-            "sensitivity_V_per_T, or move the element."
-        )

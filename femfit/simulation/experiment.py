@@ -9,13 +9,14 @@ import numpy as np
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import DomainError
 from femfit.filters.constants import FIRST_DEVIATION_M
-from femfit.filters.direct import hall_inverse
 from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName
+from femfit.simulation.distance_inverse import distance_inverse
 from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
 from femfit.simulation.observers import SplitObserver
-from femfit.simulation.operating_point import current_for_acceleration, operating_point
+from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.reference import Reference, reference_steps, stack_references
 from femfit.simulation.sensor import SensorErrors
@@ -29,11 +30,13 @@ class Experiment:
     observer: ObserverName | Literal["exact"]  # ``exact``, alone in its batch: the controller knows the true state
     targets_m: tuple[float, ...]  # Reference distances in turn; one for a hold
     force_scale: float = 1.0
-    offset_V: float = 0.0
-    drift_V_per_s: float = 0.0
+    faulty: str | None = None  # Name of the sensor that the faults are of; None: the first
+    # In the unit of its reading
+    offset: float = 0.0
+    drift_per_s: float = 0.0
     stuck_after_s: float = np.inf
     dropout_probability: float = 0.0
-    noise_V: float | None = None  # Noise of the Hall sensor; None: the design's
+    noise_scale: float = 1.0  # Noise of all sensors over the design's
     # Distance that the observer starts with; None: the true one. The filter is told of so large an error.
     believed_m: float | None = None
     start_error_m: float = 0.0  # How far the body truly starts from the first reference distance
@@ -41,10 +44,11 @@ class Experiment:
     def __post_init__(self) -> None:
         for name, value, lawful, needed in (
             ("force scale", self.force_scale, 0.0 < self.force_scale < np.inf, "> 0"),
-            ("Hall sensor's offset in V", self.offset_V, np.isfinite(self.offset_V), "finite"),
-            ("Hall sensor's drift in V/s", self.drift_V_per_s, np.isfinite(self.drift_V_per_s), "finite"),
+            ("sensor offset", self.offset, np.isfinite(self.offset), "finite"),
+            ("sensor drift per second", self.drift_per_s, np.isfinite(self.drift_per_s), "finite"),
             ("time in s after which the sensor is stuck", self.stuck_after_s, self.stuck_after_s >= 0.0, ">= 0"),
             ("probability of a dropout", self.dropout_probability, 0.0 <= self.dropout_probability <= 1.0, "0 to 1"),
+            ("noise over the design's", self.noise_scale, 0.0 <= self.noise_scale < np.inf, ">= 0"),
         ):
             if not lawful:
                 raise DomainError(
@@ -88,11 +92,12 @@ def run_experiments(
     scale = each([e.force_scale for e in experiments])
     loop = ClosedLoop(
         plant=Plant(with_force_scale(truth, scale) if np.any(scale != 1.0) else truth),
-        sensor=truth.require_sensor(),
+        sensors=design.loop_sensors(truth),
         errors=SensorErrors(
-            noise_V=each([design.noise_V if e.noise_V is None else e.noise_V for e in experiments]),
-            offset_V=each([e.offset_V for e in experiments]),
-            drift_V_per_s=each([e.drift_V_per_s for e in experiments]),
+            noise_scale=each([e.noise_scale for e in experiments]),
+            faulty=each([_place(design, e.faulty) for e in experiments]),
+            offset=each([e.offset for e in experiments]),
+            drift_per_s=each([e.drift_per_s for e in experiments]),
             stuck_after_s=each([e.stuck_after_s for e in experiments]),
             dropout_probability=each([e.dropout_probability for e in experiments]),
             blocks=noise_blocks,
@@ -107,8 +112,9 @@ def run_experiments(
         reference=paths[0]
         if len({e.targets_m for e in experiments}) == 1
         else stack_references(paths, [runs] * len(experiments)),
+        latency=design.latency,
     )
-    starts = np.array([[e.targets_m[0], 0.0, operating_point(truth, e.targets_m[0]).current_A] for e in experiments])
+    starts = np.array([operating_point(truth, e.targets_m[0]).state for e in experiments])
     beliefs = starts.copy()
     starts[:, 0] += [e.start_error_m for e in experiments]
     beliefs[:, 0] = [e.targets_m[0] if e.believed_m is None else e.believed_m for e in experiments]
@@ -130,8 +136,8 @@ def _paths(design: LoopDesign, experiments: Sequence[Experiment], steps: int) ->
     for e in experiments:
         if e.targets_m not in known:
             path = reference_steps(e.targets_m, steps, design.model.sample_time_s, design.reference_rate_rad_s)
-            current = current_for_acceleration(design.model, path.distance, path.acceleration, path.velocity)
-            known[e.targets_m] = replace(path, current=current)
+            currents = currents_for_acceleration(design.model, path.distance, path.acceleration, path.velocity)
+            known[e.targets_m] = replace(path, currents=currents)
     return [known[e.targets_m] for e in experiments]
 
 
@@ -151,10 +157,22 @@ def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int)
     for name, wrong in dict.fromkeys(kind(e) for e in experiments):
         observer = design.observer(name, wrong or FIRST_DEVIATION_M)
         parts.append((_rows([kind(e) == (name, wrong) for e in experiments], runs), observer))
-    return SplitObserver(tuple(parts))
+    return SplitObserver(tuple(parts), 2 + len(design.model.circuits))
+
+
+def _place(design: LoopDesign, name: str | None) -> int:
+    """Which of the loop's sensors a name means."""
+    if name is None:
+        return 0
+    if name not in design.sensors:
+        raise DomainError(
+            f"A fault must be of a sensor that the loop reads ({', '.join(design.sensors)}); instead received {name!r}."
+        )
+    return design.sensors.index(name)
 
 
 def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
     """The direct measurement of a recorded loop in m: its readings inverted with the current that its observer had."""
-    distance, _ = hall_inverse(design.model).distance(series.hall_V.ravel(), series.estimated_current_A.ravel())
-    return distance.reshape(series.hall_V.shape)
+    readings, currents = series.readings[..., 0], series.estimated_currents_A[..., 0]
+    distance, _ = distance_inverse(design.model, design.sensors[0]).distance(readings.ravel(), currents.ravel())
+    return distance.reshape(readings.shape)

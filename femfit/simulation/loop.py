@@ -1,11 +1,12 @@
 """The closed loop: plant, sensor, observer and controller, one sample after the other, batched over runs.
 
-At sample k: the sensor reads the plant, the observer makes an estimate of the reading and the voltage held since sample
-k - 1, the controller answers with the voltage held until k + 1. A run that is lost stops there; its series are NaN from
-then on and it never enters a mean.
+At sample k: the sensors read the plant as it was their delay ago, the observer makes an estimate of the readings and
+the command held since sample k - 1, the controller answers with a command that acts for a sample, at once or after the
+latency. A run that is lost stops there; its series are NaN from then on and it never enters a mean.
 """
 
-from dataclasses import dataclass, replace
+from collections import deque
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -13,13 +14,11 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import hall_voltage
-from femfit.model.hall_sensor import HallSensor
-from femfit.simulation.controllers import Controller
+from femfit.simulation.controllers import Controller, limits_of, resting_command
 from femfit.simulation.observers import Observer
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference
-from femfit.simulation.sensor import SensorErrors, read_sensor
+from femfit.simulation.sensor import History, LoopSensor, SensorErrors, read_sensors, true_readings
 
 
 class LoopOutcome(IntEnum):
@@ -39,8 +38,10 @@ class LoopOutcome(IntEnum):
 
 _SENTENCES = {
     LoopOutcome.HELD: "The body was held over the whole time.",
-    LoopOutcome.PULLED_IN: "The body came closer than the model's shortest distance and hits the electromagnet.",
-    LoopOutcome.FELL: "The body fell beyond the model's longest distance.",
+    LoopOutcome.PULLED_IN: (
+        "The body came to its near stop, or closer than the model's shortest distance, and hits the electromagnet."
+    ),
+    LoopOutcome.FELL: "The body fell to its far stop, or beyond the model's longest distance.",
     LoopOutcome.CURRENT_OUT_OF_RANGE: "The current left the range of the model, so that its force there is not known.",
     LoopOutcome.FILTER_DIVERGED: (
         "The filter diverged before anything else went wrong: its estimate left the model, was no number, or its "
@@ -55,27 +56,28 @@ class ClosedLoop:
     """Everything that a batch of runs is made of."""
 
     plant: Plant
-    sensor: HallSensor
+    sensors: tuple[LoopSensor, ...]
     errors: SensorErrors
     observer: Observer | None  # None: the controller knows the exact state
     controller: Controller
     reference: Reference
+    latency: int = 0  # Samples from a reading to the command that it leads to
 
 
 @dataclass(frozen=True, eq=False)
 class TimeSeries:
-    """What was recorded; every array of shape (steps, recorded runs), NaN after a run was lost."""
+    """What was recorded; shapes begin with (steps, recorded runs), NaN after a run was lost."""
 
     distance_m: FloatArray
     velocity_m_s: FloatArray
-    current_A: FloatArray
+    currents_A: FloatArray  # (..., n)
     estimated_distance_m: FloatArray
     estimated_velocity_m_s: FloatArray
-    estimated_current_A: FloatArray
-    voltage_V: FloatArray
-    hall_V: FloatArray
+    estimated_currents_A: FloatArray  # (..., n)
+    commands: FloatArray  # (..., n), in V, or in A for a current amplifier
+    readings: FloatArray  # (..., sensors); NaN where a sensor is not read
     reference_m: FloatArray
-    normalised_innovation_squared: FloatArray
+    normalised_innovation_squared: FloatArray  # Over the number of sensors
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,7 @@ class WindowStatistics:
     estimate_bias_m: FloatArray
     tracking_rms_m: FloatArray
     tracking_bias_m: FloatArray
-    normalised_innovation_squared: FloatArray  # Mean; 1 is expected of a true filter
+    normalised_innovation_squared: FloatArray  # Mean over samples and sensors; 1 is expected of a true filter
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,93 +139,156 @@ def run_loop(
 
     Parameters
     ----------
-    start : array, shape (runs, 3)
+    start : array, shape (runs, 2 + n)
         True state at the first sample: m, m/s, A.
-    start_estimate : array, shape (runs, 3), or None
+    start_estimate : array, shape (runs, 2 + n), or None
         Where the observer believes to start; None: at the true state.
     supported_steps : int
-        Samples before the first during which the body rests on a support and the driver holds the voltage R i, so that
-        the observer settles before the loop is closed.
+        Samples before the first during which the body rests on a support and the driver holds the current, so that the
+        observer settles before the loop is closed.
     recorded : int or None
         Number of runs whose series are kept; None: all.
     """
-    model = loop.plant.model
-    circuit, step = model.require_circuit(), model.sample_time_s
-    runs, steps = len(start), len(loop.reference.distance)
+    model, step = loop.plant.model, loop.plant.model.sample_time_s
+    n, runs, steps = len(model.circuits), len(start), len(loop.reference.distance)
     kept = slice(0, runs if recorded is None else min(recorded, runs))
-    record = np.full((len(TimeSeries.__dataclass_fields__), steps, kept.stop), np.nan)
-    sums = np.zeros((len(windows), 5, runs))
-    plant_sensor = replace(model, sensor=loop.sensor)
+    record = _Record(steps, kept, n, len(loop.sensors))
+    sums = np.zeros((len(windows), 6, runs))
     state = loop.plant.start(start)
-    belief = state[:, :3] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
-    reading = np.zeros(runs)
+    belief = state[:, : 2 + n] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
+    history = History(loop.sensors, state, step)
+    last = np.full((runs, len(loop.sensors)), np.nan)
     seen: Any = None if loop.observer is None else loop.observer.start(belief)
     memory = np.zeros((runs, loop.controller.words))
-    voltage = np.clip(circuit.resistance_ohm * belief[:, 2], circuit.voltage_min_V, circuit.voltage_max_V)
-    outcome, when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
+    rest = np.clip(resting_command(model, belief[:, 2:]), *limits_of(model))
+    on_their_way = deque([rest] * (loop.latency + 1), maxlen=loop.latency + 1)  # the oldest of them acts
+    watch = _Watch(model, runs)
     none, unknown = np.zeros(runs, dtype=np.bool_), np.full(runs, np.nan)
-    resting = hall_voltage(plant_sensor, state)
     for k in range(-supported_steps, steps):
-        volts = resting if k < 0 else hall_voltage(plant_sensor, state, k * step)
-        reading = read_sensor(loop.sensor, loop.errors, reading, volts, max(k, 0) * step, random)
-        estimate, diverged, quality = state[:, :3], none, unknown
+        values = true_readings(model, loop.sensors, history, max(k, 0) * step)
+        readings = read_sensors(loop.sensors, loop.errors, last, values, k, max(k, 0) * step, random)
+        last = np.where(np.isnan(readings), last, readings)
+        estimate, diverged, quality = state[:, : 2 + n], none, unknown
         if loop.observer is not None:
+            given, acted = _as_filters_take(readings), _as_filters_take(on_their_way[0])
             first = k == -supported_steps
-            seen = loop.observer.update(seen, reading) if first else loop.observer.step(seen, voltage, reading)
-            estimate, diverged, quality = seen.mean[:, :3], seen.diverged, seen.normalised_innovation_squared
+            seen = loop.observer.update(seen, given) if first else loop.observer.step(seen, acted, given)
+            estimate, diverged, quality = seen.mean[:, : 2 + n], seen.diverged, seen.normalised_innovation_squared
         if k < 0:
             continue
-        usable = np.isfinite(estimate).all(axis=1)
-        alive = model.validity.contains(state[:, 0], state[:, 2]) & usable
+        alive = watch.alive(k * step, state, estimate, diverged)
         whole = bool(alive.all())
-        if not whole or diverged.any():
-            code = _code(model, state, diverged)
-            fresh = (outcome == _HELD) & (code != _HELD)
-            outcome, when = np.where(fresh, code, outcome), np.where(fresh, k * step, when)
         # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
         belief = estimate if whole else np.where(alive[:, None], estimate, start)
         reference = loop.reference.at(k)
-        voltage, memory = loop.controller.command(memory, belief, reference)
+        command, memory = loop.controller.command(memory, belief, reference)
+        on_their_way.append(command)
         if kept.stop:
-            wanted = np.broadcast_to(reference.distance, (runs,))
-            row = [*state.T[:3], *belief.T, voltage, reading, wanted, quality]
-            record[:, k] = np.where(alive[kept], [part[kept] for part in row], np.nan)
+            record.add(k, alive, (state[:, : 2 + n], belief, command, readings, reference.distance, quality))
         inside = [j for j, window in enumerate(windows) if window.start <= k < window.stop]
         if inside:
             error, deviation = belief[:, 0] - state[:, 0], state[:, 0] - reference.distance
-            sums[inside] += np.stack([error**2, error, deviation**2, deviation, quality])
-        moved = loop.plant.step(state, voltage)
+            told = np.isfinite(quality)
+            parts = [error**2, error, deviation**2, deviation, np.where(told, quality, 0.0), told]
+            sums[inside] += np.stack(parts)
+        moved = loop.plant.step(state, on_their_way[0])
         state = moved if whole else np.where(alive[:, None], moved, state)
+        history.add(state)
         if not alive.any():
             break
+    outcome, when = watch.end(steps * step)
     lost_at = np.where(np.isnan(when), steps * step, when)
     return LoopResult(
         time_s=step * np.arange(steps, dtype=np.float64),
-        series=TimeSeries(*record),
+        series=record.series(),
         windows=tuple(_statistics(sums[j], window, lost_at, step, steps) for j, window in enumerate(windows)),
         outcome=outcome,
         outcome_time_s=when,
     )
 
 
-def _code(model: ActuatorModel, state: FloatArray, diverged: BoolArray) -> IntArray:
-    """What is lost at this sample; a diverged filter that still gives numbers goes on, named."""
-    box = model.validity
-    distance, current = state[:, 0], state[:, 2]
-    slack = 1e-9 * (box.current_max_A - box.current_min_A)
-    return np.select(
-        [
-            ~(distance >= box.distance_min_m),
-            distance > box.distance_max_m,
-            (current < box.current_min_A - slack) | (current > box.current_max_A + slack),
-            diverged,
-        ],
-        [LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.CURRENT_OUT_OF_RANGE, LoopOutcome.FILTER_DIVERGED],
-        _HELD,
-    )
+def _as_filters_take(values: FloatArray) -> FloatArray:
+    """One number a run where there is one sensor, or one circuit."""
+    return values[:, 0] if values.shape[1] == 1 else values
+
+
+class _Record:
+    """The series of the first runs."""
+
+    def __init__(self, steps: int, kept: slice, circuits: int, sensors: int) -> None:
+        self._kept = kept
+        widths = {"state": 2 + circuits, "belief": 2 + circuits, "command": circuits, "readings": sensors}
+        self._many = [np.full((steps, kept.stop, width), np.nan) for width in widths.values()]
+        self._reference, self._quality = np.full((2, steps, kept.stop), np.nan)
+
+    def add(self, k: int, alive: BoolArray, row: tuple[FloatArray, ...]) -> None:
+        kept, alive = self._kept, alive[self._kept]
+        *many, reference, quality = row
+        for array, values in zip(self._many, many, strict=True):
+            array[k] = np.where(alive[:, None], values[kept], np.nan)
+        self._reference[k] = np.where(alive, np.broadcast_to(reference, quality.shape)[kept], np.nan)
+        self._quality[k] = np.where(alive, quality[kept], np.nan)
+
+    def series(self) -> TimeSeries:
+        state, belief, command, readings = self._many
+        return TimeSeries(
+            state[..., 0], state[..., 1], state[..., 2:],
+            belief[..., 0], belief[..., 1], belief[..., 2:],
+            command, readings, self._reference, self._quality,
+        )  # fmt: skip
+
+
+class _Watch:
+    """Which runs are lost, how and when."""
+
+    def __init__(self, model: ActuatorModel, runs: int) -> None:
+        self._model = model
+        self._outcome, self._when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
+        self._touched, self._side = np.full(runs, np.nan), np.zeros(runs, dtype=np.intp)
+
+    def alive(self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray) -> BoolArray:
+        """Which runs go on from this sample; a diverged filter that still gives numbers goes on, named."""
+        model, n = self._model, len(self._model.circuits)
+        currents = state[:, 2] if n == 1 else state[:, 2 : 2 + n]
+        alive = model.validity.contains(state[:, 0], currents) & np.isfinite(estimate).all(axis=1)
+        if not alive.all() or diverged.any():
+            code = self._code(state, currents, diverged)
+            fresh = (self._outcome == _HELD) & (code != _HELD)
+            self._outcome = np.where(fresh, code, self._outcome)
+            self._when = np.where(fresh, time, self._when)
+        near, far = model.require_motion().ends
+        if (near, far) != (-np.inf, np.inf):
+            side = np.where(
+                state[:, 0] <= near, LoopOutcome.PULLED_IN, np.where(state[:, 0] >= far, LoopOutcome.FELL, 0)
+            )
+            self._touched = np.where(side == 0, np.nan, np.where(self._side == side, self._touched, time))
+            self._side = side
+        return np.asarray(alive)
+
+    def _code(self, state: FloatArray, currents: FloatArray, diverged: BoolArray) -> IntArray:
+        box, distance = self._model.validity, state[:, 0]
+        middle = np.full(len(distance), 0.5 * (box.distance_min_m + box.distance_max_m))
+        return np.select(
+            [
+                ~(distance >= box.distance_min_m),
+                distance > box.distance_max_m,
+                ~box.contains(middle, currents),
+                diverged,
+            ],
+            [LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.CURRENT_OUT_OF_RANGE, LoopOutcome.FILTER_DIVERGED],
+            _HELD,
+        )
+
+    def end(self, time: float) -> tuple[IntArray, FloatArray]:
+        """Outcomes and times; a body that lies on a stop at the end was not held."""
+        lies = (self._outcome == _HELD) & (self._side != 0)
+        outcome = np.where(lies, self._side, self._outcome)
+        return outcome, np.where(lies, np.minimum(self._touched, time), self._when)
 
 
 def _statistics(sums: FloatArray, window: slice, lost_at: FloatArray, step: float, steps: int) -> WindowStatistics:
     stop = min(window.stop, steps)
     mean = np.where(lost_at >= stop * step - 0.5 * step, sums, np.nan) / (stop - window.start)
-    return WindowStatistics(np.sqrt(mean[0]), mean[1], np.sqrt(mean[2]), mean[3], mean[4])
+    with np.errstate(invalid="ignore"):
+        quality = mean[4] / mean[5]
+    return WindowStatistics(np.sqrt(mean[0]), mean[1], np.sqrt(mean[2]), mean[3], quality)

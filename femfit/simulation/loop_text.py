@@ -1,16 +1,23 @@
-"""What is said of a closed loop, by one loop and by a study of many: the first line, numbers, the design."""
+"""What is said of a closed loop, by one loop and by a study of many: the first line, the design, its margins."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from math import degrees, inf, isfinite
 from typing import Any
 
-from femfit.core.amount import counted
+from femfit.core.amount import amount, counted
+from femfit.core.atomic import json_ready
+from femfit.core.errors import DomainError, FilterError
 from femfit.core.quoted import quoted
-from femfit.simulation.design import LoopDesign
+from femfit.model.sensors import HALL
+from femfit.simulation.controllers import Backstepping, Controller
+from femfit.simulation.design import ControllerName, LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome
-
-POINT = ("distance_m", "current_A", "voltage_V", "unstable_pole_rad_s", "coil_pole_rad_s")
-"""What is written of a point of rest."""
+from femfit.simulation.margins import Margins
+from femfit.simulation.operating_point import OperatingPoint
+from femfit.simulation.pid import Pid
+from femfit.simulation.state_feedback import StateFeedback
 
 
 def verdict(
@@ -35,38 +42,154 @@ def losses(outcomes: Mapping[str, int]) -> str:
     )
 
 
-def design_lines(design: LoopDesign) -> list[str]:
-    """Operating points and gains."""
-    b, pid = design.backstepping, design.pid
-    if pid is None:
-        linear = f"no PID: {design.why_no_pid}"
-    else:
-        gains = ", ".join(f"{gain:.5g}" for gain in pid.gains_V_m)
-        linear = f"PID: filter pole {pid.filter_pole:.4f}, gains {gains} V/m"
-    sample, noise = 1e3 * design.model.sample_time_s, 1e3 * design.noise_V
+def sensor_word(name: str) -> str:
+    """A sensor as it is written."""
+    return "Hall" if name == HALL else name
+
+
+def command_unit(design: LoopDesign) -> str:
+    """Of the first circuit's command."""
+    circuit = design.model.circuits[0]
+    return "A" if circuit.drive.kind == "current" else "V"
+
+
+def design_lines(design: LoopDesign, loops: Sequence[tuple[ControllerName, str]] = ()) -> list[str]:
+    """Operating points, gains and margins.
+
+    Parameters
+    ----------
+    loops : sequence of (str, str)
+        Controller and observer of each loop whose margins are told; every controller's gains are where it is empty.
+    """
+    chosen = dict.fromkeys(name for name, _ in loops) or dict.fromkeys(("backstepping", "pid", "state-feedback"))
+    sample = 1e3 * design.model.sample_time_s
+    late = f", commands {counted(design.latency, 'sample')} after their readings" if design.latency else ""
     return [
         "Design from the model",
-        "  distance  voltage  current  unstable pole  coil pole",
-        *(
-            f"  {1e3 * p.distance_m:5.1f} mm  {p.voltage_V:5.3f} V  {p.current_A:5.3f} A"
-            f"  {p.unstable_pole_rad_s:6.1f} rad/s   {p.coil_pole_rad_s:6.1f} rad/s"
-            for p in (design.points[0], design.points[len(design.points) // 2], design.points[-1])
-        ),
-        (
-            f"  backstepping: position gain {b.position_gain:.4g} 1/s^2, velocity gain {b.velocity_gain:.4g} 1/s, "
-            f"current gain {b.current_gain_ohm:.4g} ohm"
-        ),
-        f"  {linear}",
-        f"  reference filters {design.reference_rate_rad_s:.4g} rad/s, sample time {sample:g} ms, "
-        + (f"Hall noise {noise:.3g} mV rms" if noise else "no Hall noise"),
+        *_point_lines(design),
+        *(f"  {line}" for name in chosen for line in _controller_lines(design, name)),
+        *(f"  {line}" for name, observer in loops for line in _margin_lines(design, name, observer)),
+        f"  reference filters {design.reference_rate_rad_s:.4g} rad/s, sample time {sample:g} ms{late}",
+        f"  {sensor_line(design)}",
+        *(f"  {line}" for line in observed_lines(design)),
     ]
 
 
-def design_data(design: LoopDesign) -> dict[str, Any]:
-    """Reference, gains and operating points, ready for JSON."""
-    pid, b = design.pid, design.backstepping
+def _point_lines(design: LoopDesign) -> list[str]:
+    unit, names = command_unit(design), [circuit.name for circuit in design.model.circuits]
+    chosen = (design.points[0], design.points[len(design.points) // 2], design.points[-1])
+    if len(names) == 1 and unit == "V":
+        head = "  distance  voltage  current  unstable pole  coil pole"
+        return [head, *(f"  {1e3 * p.distance_m:5.1f} mm  {p.commands[0]:5.3f} V  {_poles(p)}" for p in chosen)]
+    if len(names) == 1:
+        return ["  distance  current  unstable pole", *(f"  {1e3 * p.distance_m:5.3g} mm  {_poles(p)}" for p in chosen)]
+    head = f"  distance  {', '.join(names)} (which share the force about half of their range)  unstable pole  coil pole"
+    return [head, *(f"  {1e3 * p.distance_m:5.3g} mm  {_poles(p)}" for p in chosen)]
+
+
+def _poles(point: OperatingPoint) -> str:
+    currents = ", ".join(f"{current:5.3f} A" for current in point.currents_A)
+    unstable = f"{point.unstable_pole_rad_s:6.1f} rad/s" if point.unstable_pole_rad_s else "       stable"
+    return f"{currents}  {unstable}   {point.coil_pole_rad_s:6.1f} rad/s"
+
+
+def _controller_lines(design: LoopDesign, name: ControllerName) -> list[str]:
+    if reason := design.why_no(name):
+        return [f"no {name}: {reason}"]
+    return [f"{name}: {gains_text(design, design.controller(name))}"]
+
+
+def gains_text(design: LoopDesign, controller: Controller) -> str:
+    """Gains with their units."""
+    unit = command_unit(design)
+    if isinstance(controller, Backstepping):
+        current = f", current gain {controller.current_gain_ohm:.4g} ohm" if unit == "V" else ""
+        return (
+            f"position gain {controller.position_gain:.4g} 1/s^2, velocity gain {controller.velocity_gain:.4g} 1/s"
+            + current
+        )
+    if isinstance(controller, Pid):
+        parts = controller.parts
+        return (
+            f"kp {parts['kp']:.4g} {unit}/m, ki {parts['ki']:.4g} {unit}/(m s), kd {parts['kd']:.4g} {unit} s/m, "
+            f"derivative filter {parts['filter_rad_s']:.4g} rad/s"
+        )
+    if isinstance(controller, StateFeedback):
+        rows = [
+            f"{row[0]:.4g} {unit}/m, {row[1]:.4g} {unit} s/m, "
+            + ", ".join(f"{gain:.4g} {unit}/A" for gain in row[2:])
+            + f", integral {-own:.4g} {unit}/(m s)"
+            for row, own in zip(-controller.gains, controller.integral, strict=True)
+        ]
+        return "; ".join(rows)
+    return type(controller).__name__
+
+
+def _margin_lines(design: LoopDesign, name: ControllerName, observer: str) -> list[str]:
+    try:
+        found = design.margins(name, observer)  # type: ignore[arg-type]
+    except (DomainError, FilterError) as error:
+        return [f"no margins of {name} on {observer}: {error}"]
+    return [f"{name} on {observer}: {margins_text(worst_of(found))}"]
+
+
+def worst_of(found: Sequence[Margins]) -> Margins:
+    """The least of each margin."""
+    return Margins(
+        stable=all(one.stable for one in found),
+        gain_below=max(one.gain_below for one in found),
+        gain_above=min(one.gain_above for one in found),
+        phase_rad=min(one.phase_rad for one in found),
+        delay_s=min(one.delay_s for one in found),
+        modulus=min(one.modulus for one in found),
+        slowest_pole_rad_s=min(one.slowest_pole_rad_s for one in found),
+        noise_share=max(one.noise_share for one in found),
+    )
+
+
+def margins_text(margins: Margins) -> str:
+    """The margins of a loop at its worst point of rest, in a line."""
+    if not margins.stable:
+        return f"unstable about its rest: a deviation grows by {-margins.slowest_pole_rad_s:.3g} 1/s"
+    above = f"{margins.gain_above:.3g}" if isfinite(margins.gain_above) else "any factor"
+    below = f"{margins.gain_below:.2g}" if margins.gain_below else "none"
+    delay = amount(margins.delay_s, "s") if margins.delay_s < inf else "any"
+    return (
+        f"stable with gains from {below} to {above} times these, phase margin {degrees(margins.phase_rad):.3g} "
+        f"degrees, delay margin {delay}, modulus margin {margins.modulus:.2g}; noise takes "
+        f"{100.0 * margins.noise_share:.2g} % of the command's room"
+    )
+
+
+def sensor_line(design: LoopDesign) -> str:
+    """The sensors with noise, delay and sample time."""
+    parts = []
+    for one in design.loop_sensors():
+        noise = f"{amount(one.noise, one.reading.unit, 3)} rms" if one.noise else "no noise"
+        late = f", {amount(one.reading.delay_s, 's')} late" if one.delay else ""
+        slow = f", every {one.period} samples" if one.period > 1 else ""
+        parts.append(f"{sensor_word(one.name)} {noise}{late}{slow}")
+    return f"sensors: {'; '.join(parts)}"
+
+
+def observed_lines(design: LoopDesign) -> list[str]:
+    """How well the sensors can tell distance and velocity at rest, in the middle of the reference."""
+    told = design.told
+    if told is None:
+        return ["these sensors cannot tell the distance of a body at rest"]
+    distance, velocity = told
+    both = f"the distance to {amount(distance, 'm')} and the velocity to {amount(velocity, 'm/s')}"
+    return [f"at best these sensors tell {both} rms"]
+
+
+def design_data(design: LoopDesign, loops: Sequence[tuple[ControllerName, str]] = ()) -> dict[str, Any]:
+    """Reference, gains, margins and operating points, ready for JSON."""
+    b, pid = design.backstepping, design.pid
+    feedback = design.controller("state-feedback") if not design.why_no("state-feedback") else None
     return {
-        "noise_V": design.noise_V,
+        "sensors": list(design.sensors),
+        "noise": dict(design.noise),
+        "latency_samples": design.latency,
         "targets_m": list(design.targets_m),
         "reference_rate_rad_s": design.reference_rate_rad_s,
         "backstepping": {
@@ -74,7 +197,24 @@ def design_data(design: LoopDesign) -> dict[str, Any]:
             "velocity_gain_1_s": b.velocity_gain,
             "current_gain_ohm": b.current_gain_ohm,
         },
-        "pid": None if pid is None else {"filter_pole": pid.filter_pole, "gains_V_m": list(pid.gains_V_m)},
-        "no_pid": design.why_no_pid,
-        "points": [{name: getattr(point, name) for name in POINT} for point in design.points],
+        "pid": None if pid is None else {**pid.parts, "filter_pole": pid.filter_pole, "gains": list(pid.gains)},
+        "no_pid": design.why_no("pid"),
+        "state_feedback": {"gains": feedback.gains.tolist(), "integral": feedback.integral.tolist()}
+        if isinstance(feedback, StateFeedback)
+        else None,
+        "no_state_feedback": design.why_no("state-feedback"),
+        "margins": [
+            {"controller": name, "observer": observer, **json_ready(asdict(worst_of(design.margins(name, observer))))}  # type: ignore[arg-type]
+            for name, observer in loops
+        ],
+        "points": [
+            {
+                "distance_m": point.distance_m,
+                "currents_A": point.currents_A.tolist(),
+                "commands": point.commands.tolist(),
+                "unstable_pole_rad_s": point.unstable_pole_rad_s,
+                "coil_pole_rad_s": point.coil_pole_rad_s,
+            }
+            for point in design.points
+        ],
     }

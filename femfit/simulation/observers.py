@@ -1,7 +1,7 @@
 """Where the controller's state comes from: a Kalman filter, or the direct measurement.
 
 An observer steps as :class:`femfit.filters.filter.Filter` does, and its state has the same three readings: ``mean``
-(runs, 3 or more: distance, velocity, current), ``diverged`` and ``normalised_innovation_squared`` (runs,).
+(runs, 2 + n or more: distance, velocity, currents), ``diverged`` and ``normalised_innovation_squared`` (runs,).
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,10 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.filters.direct import HallInverse
 from femfit.filters.filter import Filter
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import circuit_terms, current_targets, is_plain, voltage_limits, winding_voltage
+from femfit.simulation.distance_inverse import PositionInverse
+from femfit.simulation.operating_point import OperatingPoint
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,15 +32,15 @@ class Seen:
 class DirectObserver:
     """The direct measurement, which the paper compares its filter with.
 
-    Distance by inverting the Hall characteristic, velocity by the difference quotient, current from the coil's own
-    L i' = U - R i + k_m v, which is kinder than the static U/R of (15) because the paper's coil takes 6 ms.
+    Distance by inverting the first sensor's characteristic, velocity by the difference quotient, currents from the
+    coils' own L i' = U - R i + k_m v, which is kinder than the static U/R of (15) because the paper's coil takes 6 ms.
 
     References
     ----------
     A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure 14.
     """
 
-    inverse: HallInverse
+    inverse: HallInverse | PositionInverse
 
     def start(self, mean: FloatArray) -> Seen:
         """The belief itself."""
@@ -44,22 +48,62 @@ class DirectObserver:
 
     def update(self, state: Seen, measurement: FloatArray) -> Seen:
         """The distance alone."""
-        mean = state.mean.copy()
-        mean[:, 0] = self.inverse.distance(measurement, mean[:, 2])[0]
+        mean, first = state.mean.copy(), _first(measurement)
+        found = self.inverse.distance(first, mean[:, 2])[0]
+        mean[:, 0] = np.where(np.isnan(first), mean[:, 0], found)
         return Seen(mean, state.diverged, state.normalised_innovation_squared)
 
     def step(self, state: Seen, voltage: FloatArray, measurement: FloatArray) -> Seen:
-        """Coil equation, inversion, difference quotient."""
-        distance, velocity, current = state.mean.T
+        """Coil equations, inversion, difference quotient; a sample that is missing leaves distance and velocity."""
+        mean, first = state.mean, _first(measurement)
         model = self.inverse.model
-        step, resistance = model.sample_time_s, model.require_circuit().resistance_ohm
-        magnetic = model.magnetics.state(distance, current)
-        decay = np.exp(-resistance / magnetic.inductance * step)
-        rest = (voltage + magnetic.motional_constant * velocity) / resistance
-        current = rest + decay * (current - rest)
-        measured, _ = self.inverse.distance(measurement, current)
-        mean = np.stack([measured, (measured - distance) / step, current], axis=1)
-        return Seen(mean, state.diverged, state.normalised_innovation_squared)
+        n, step = len(model.circuits), model.sample_time_s
+        command = voltage[:, None] if voltage.ndim == 1 else voltage
+        currents = coil_currents(model, mean, command)
+        measured, _ = self.inverse.distance(first, currents[:, 0])
+        moved = np.concatenate([np.stack([measured, (measured - mean[:, 0]) / step], axis=1), currents], axis=1)
+        missing = np.isnan(first)
+        moved[missing, :2] = mean[missing, :2]
+        return Seen(moved[:, : 2 + n], state.diverged, state.normalised_innovation_squared)
+
+    def linear(self, point: OperatingPoint) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Jacobians of a step in state, commands and first reading about a point of rest."""
+        n, rest = len(point.commands), point.state
+        reading = self.inverse.reading(rest[None, 0], rest[None, 2])
+        both = np.concatenate([rest, point.commands, reading])
+        scale = np.maximum(np.abs(both), 1e-3)
+        scale[1] = 1.0
+        steps = np.diag(1e-6 * scale)
+        points = np.concatenate([both + steps, both - steps])
+        seen = self.step(self.start(points[:, : 2 + n]), points[:, 2 + n : 2 + 2 * n], points[:, 2 + 2 * n :]).mean
+        half = len(both)
+        slopes = ((seen[:half] - seen[half:]) / (2e-6 * scale)[:, None]).T
+        return slopes[:, : 2 + n], slopes[:, 2 + n : 2 + 2 * n], slopes[:, 2 + 2 * n :]
+
+
+def _first(measurement: FloatArray) -> FloatArray:
+    """Readings of the first sensor."""
+    return measurement if measurement.ndim == 1 else measurement[:, 0]
+
+
+def coil_currents(model: ActuatorModel, mean: FloatArray, command: FloatArray) -> FloatArray:
+    """Currents one sample later, of shape (runs, n), with distance and velocity held."""
+    n, step = len(model.circuits), model.sample_time_s
+    distance, velocity, currents = mean[:, 0], mean[:, 1], mean[:, 2 : 2 + n]
+    _, motional, inductance = circuit_terms(model, distance, currents)
+    volts, ohms = winding_voltage(model, mean, command, step), model.resistances_ohm
+    rest = (volts + motional * velocity[:, None]) / ohms
+    decay, modes = np.linalg.eig(np.linalg.solve(inductance, np.diag(ohms) + np.zeros_like(inductance)))
+    along = np.linalg.solve(modes, (currents - rest)[..., None])
+    found = rest + (modes @ (np.exp(-decay * step)[..., None] * along))[..., 0].real
+    if is_plain(model.circuits):
+        return np.asarray(found)
+    wanted = current_targets(model, currents, command, step)
+    low, high = voltage_limits(model.circuits)
+    free = np.isfinite(wanted) & (volts > low) & (volts < high)
+    one_sided = np.array([one.drive.kind == "voltage" and one.drive.diode_V is not None for one in model.circuits])
+    found = np.where(one_sided, np.maximum(found, 0.0), found)
+    return np.where(free, wanted, found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +111,7 @@ class SplitObserver:
     """Different observers for different runs of one batch."""
 
     parts: tuple[tuple[IntArray, "Observer"], ...]  # Indices of the runs and their observer; every run once
+    states: int  # 2 + n, those that the controller asks for
 
     def start(self, mean: FloatArray) -> Seen:
         """Each part on its own runs."""
@@ -84,11 +129,20 @@ class SplitObserver:
 
     def _gathered(self, states: list[Any]) -> Seen:
         runs = sum(len(rows) for rows, _ in self.parts)
-        mean, diverged, quality = np.empty((3, runs)).T, np.empty(runs, dtype=bool), np.empty(runs)
+        mean, diverged, quality = np.empty((self.states, runs)).T, np.empty(runs, dtype=bool), np.empty(runs)
         for (rows, _), state in zip(self.parts, states, strict=True):
-            mean[rows], diverged[rows] = state.mean[:, :3], state.diverged
-            quality[rows] = state.normalised_innovation_squared
+            mean[rows], diverged[rows] = state.mean[:, : self.states], state.diverged
+            quality[rows] = _quality(state)
         return Seen(mean, diverged, quality, tuple(states))
+
+
+def _quality(state: Any) -> FloatArray:
+    """Normalised innovations squared over the number of sensors that were read: 1 is expected."""
+    ratio: FloatArray = state.normalised_innovation_squared
+    variance = getattr(state, "innovation_variance", None)
+    if variance is None or variance.ndim == 1:
+        return ratio
+    return np.asarray(ratio / np.maximum(np.isfinite(variance).sum(axis=1), 1))
 
 
 Observer: TypeAlias = Filter | DirectObserver | SplitObserver

@@ -8,7 +8,7 @@ which give r, r' and r'' that belong together. w is the largest for which the vo
 
     u = R i + L i' - k_m r',    F(r, i) = F_0(r) - c r' - m r'',
 
-uses at most a part of the way from the holding voltage to the clamp, so that the rest is left to the feedback.
+of each circuit uses at most a part of the way from the holding voltage to the clamp: the rest is left to the feedback.
 """
 
 from collections.abc import Sequence
@@ -19,13 +19,10 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import circuit_terms
+from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.constants import USED_AUTHORITY
-from femfit.simulation.operating_point import (
-    current_for_acceleration,
-    operating_point,
-    usable_coil_pole,
-    zero_order_hold,
-)
+from femfit.simulation.operating_point import operating_point, usable_coil_pole, zero_order_hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +33,13 @@ class Reference:
     distance: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
-    # Current that holds a body which moves so, A, of the same shape; worked out by the controller where None
-    current: FloatArray | None = None
+    # Currents that hold a body which moves so, A, one more axis of n; worked out by the controller where None
+    currents: FloatArray | None = None
 
     def at(self, k: int | IntArray) -> "Reference":
         """The reference at sample k, or of some runs at one sample."""
-        current = None if self.current is None else self.current[k]
-        return Reference(self.distance[k], self.velocity[k], self.acceleration[k], current)
+        currents = None if self.currents is None else self.currents[k]
+        return Reference(self.distance[k], self.velocity[k], self.acceleration[k], currents)
 
 
 def reference_steps(targets: Sequence[float], steps: int, sample_time: float, rate: float) -> Reference:
@@ -61,15 +58,15 @@ def reference_steps(targets: Sequence[float], steps: int, sample_time: float, ra
 def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> Reference:
     """Different references of shape (steps,) for consecutive runs of one batch, as one of shape (steps, runs)."""
     names = ["distance", "velocity", "acceleration"]
-    if all(r.current is not None for r in references):
-        names.append("current")
+    if all(r.currents is not None for r in references):
+        names.append("currents")
     parts = (np.stack([getattr(r, name) for r in references], axis=1) for name in names)
     return Reference(*(np.repeat(part, counts, axis=1) for part in parts))
 
 
 def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
     """The largest w in rad/s that leaves the feedback its part of the voltage, at most a third of the coil's pole."""
-    highest = usable_coil_pole(operating_point(model, targets[0]), model.sample_time_s) / 3.0
+    highest = usable_coil_pole(model, operating_point(model, targets[0])) / 3.0
     pairs = {pair for pair in pairwise(targets) if pair[0] != pair[1]}
     low, high = 1e-3 * highest, highest
     if all(_fits(model, pair, high) for pair in pairs):
@@ -84,22 +81,22 @@ def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
 
 
 def _fits(model: ActuatorModel, pair: tuple[float, float], rate: float) -> bool:
-    circuit = model.require_circuit()
     step = 0.02 / rate
     path = reference_steps((pair[0], pair[1]), 1000, step, rate)
     moving = slice(500, 1000)  # the second half: the step and ten time constants
     r, v, a = path.distance[moving], path.velocity[moving], path.acceleration[moving]
-    needed = _voltage(model, r, v, a, step)
-    resting = _voltage(model, r, np.zeros_like(v), np.zeros_like(a), np.inf)
-    lower = resting - USED_AUTHORITY * (resting - circuit.voltage_min_V)
-    upper = resting + USED_AUTHORITY * (circuit.voltage_max_V - resting)
+    needed = _voltages(model, r, v, a, step)
+    resting = _voltages(model, r, np.zeros_like(v), np.zeros_like(a), np.inf)
+    low, high = np.array([(one.voltage_min_V, one.voltage_max_V) for one in model.circuits]).T
+    lower = resting - USED_AUTHORITY * (resting - low)
+    upper = resting + USED_AUTHORITY * (high - resting)
     return bool(np.all((needed >= lower) & (needed <= upper)))
 
 
-def _voltage(model: ActuatorModel, r: FloatArray, v: FloatArray, a: FloatArray, step: float) -> FloatArray:
-    circuit = model.require_circuit()
-    current = current_for_acceleration(model, r, a, v)
-    magnetic = model.magnetics.state(r, current)
-    rate = np.gradient(current) / step
-    voltage = circuit.resistance_ohm * current + magnetic.inductance * rate - magnetic.motional_constant * v
-    return np.asarray(voltage)
+def _voltages(model: ActuatorModel, r: FloatArray, v: FloatArray, a: FloatArray, step: float) -> FloatArray:
+    """Across each winding, of shape (N, n)."""
+    currents = currents_for_acceleration(model, r, a, v)
+    _, motional, inductance = circuit_terms(model, r, currents)
+    rate = np.gradient(currents, axis=0) / step
+    volts = model.resistances_ohm * currents + np.einsum("rjk,rk->rj", inductance, rate) - motional * v[:, None]
+    return np.asarray(volts)

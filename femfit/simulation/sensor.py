@@ -1,29 +1,63 @@
-"""The Hall sensor as the controller sees it: field, offset, drift, noise, clipping, converter, faults.
+"""The sensors as the controller sees them: characteristic, delay, noise, clipping, converter, faults.
 
-V = quiescent + S B(d, i) + offset + drift t + noise, clipped to the output's range and rounded to the converter's
-steps of (V_max - V_min) / 2^bits.
+    reading = rounded(clipped(characteristic(state at t - delay) + offset + drift t + noise))
+
+A sensor with a sample time of its own is read at every so many samples, and not at all (NaN) between them. The state
+within a delay that is no whole number of samples is interpolated from its neighbours and their velocities.
 
 References
 ----------
-Allegro MicroSystems, A1321/A1322/A1323 datasheet: 5 mV/G, ratiometric quiescent output of half the supply.
 B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008): error variance LSB^2/12.
 """
 
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import floor
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import DomainError
+from femfit.device.sensors import Sensor
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall_sensor import HallSensor
+from femfit.model.sensors import AnySensor, Reading, predict_sensor, reading_of, sensor_named
+from femfit.simulation.constants import UNKNOWN_NOISE_PART
+
+
+@dataclass(frozen=True)
+class LoopSensor:
+    """One sensor of a loop."""
+
+    reading: Reading
+    sensor: AnySensor  # Without its delay, which the loop makes
+    noise: float  # White, of one sample, without the converter's rounding
+    bits: int
+    delay: float  # In samples
+    period: int  # Samples from one reading to the next
+
+    @property
+    def name(self) -> str:
+        """The sensor's."""
+        return self.reading.name
+
+    @property
+    def step(self) -> float:
+        """One step of the converter; 0 where there is none."""
+        span = self.reading.high - self.reading.low
+        return span / 2.0**self.bits if self.bits and np.isfinite(span) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class SensorErrors:
-    """What is wrong with the sensor; every entry is one number or one a run."""
+    """What is wrong with the sensors; every entry is one number or one a run."""
 
-    noise_V: FloatArray | float = 0.0  # Standard deviation of white noise on a sample; shape (runs,)
-    offset_V: FloatArray | float = 0.0  # Constant offset that the model does not know
-    drift_V_per_s: FloatArray | float = 0.0
+    noise_scale: FloatArray | float = 1.0  # Of all sensors' noise; shape (runs,)
+    # Of the faulty sensor, in the unit of its reading
+    faulty: FloatArray | int = 0  # Which sensor, by its place
+    offset: FloatArray | float = 0.0  # Constant offset that the model does not know
+    drift_per_s: FloatArray | float = 0.0
     stuck_after_s: FloatArray | float = np.inf  # From then on the last reading is repeated; infinite for never
     dropout_probability: FloatArray | float = 0.0  # Probability that a sample reads the lower end of the range
     # The runs are this many equal blocks in a row that share their random numbers, so that what differs between the
@@ -31,39 +65,158 @@ class SensorErrors:
     blocks: int = 1
 
 
-def read_sensor(
-    sensor: HallSensor,
-    errors: SensorErrors,
-    last: FloatArray,
-    voltage: FloatArray,
-    time: float,
-    random: np.random.Generator,
-) -> FloatArray:
-    """Take one reading.
+def loop_sensors(
+    model: ActuatorModel, names: Sequence[str], noise: Mapping[str, float], sample_time_s: float
+) -> tuple[LoopSensor, ...]:
+    """The named sensors of a model as a loop with this sample time reads them."""
+    found = []
+    for name in names:
+        sensor = sensor_named(model, name)
+        reading = reading_of(model, name)
+        period = 1 if reading.sample_time_s is None else max(1, round(reading.sample_time_s / sample_time_s))
+        prompt = replace(sensor, delay_s=0.0) if isinstance(sensor, Sensor) else sensor
+        bits = sensor.adc_bits if isinstance(sensor, HallSensor) else sensor.bits
+        found.append(LoopSensor(reading, prompt, noise[name], bits, reading.delay_s / sample_time_s, period))
+    return tuple(found)
+
+
+def sensor_noise(
+    model: ActuatorModel, names: Sequence[str], given: Mapping[str, float] | float | None = None
+) -> dict[str, float]:
+    """White noise of one sample of each sensor: as given, the sensor's own, or a part of its range where it has none.
 
     Parameters
     ----------
-    last : array, shape (runs,)
-        The reading before.
-    voltage : array, shape (runs,)
-        The element's output without these errors, in V.
+    given : mapping of str to float, float or None
+        By the sensors' names, in the units of their readings; one number is the first sensor's.
     """
-    drawn = len(voltage) // errors.blocks
-    # Always both, so that switching one error on leaves the other's random numbers as they were
-    white, lost = random.standard_normal(drawn), random.random(drawn)
-    if errors.blocks > 1:
-        white, lost = np.tile(white, errors.blocks), np.tile(lost, errors.blocks)
-    voltage = voltage + errors.offset_V + errors.drift_V_per_s * time + errors.noise_V * white
-    reading = np.where(lost < errors.dropout_probability, sensor.output_min_V, convert(sensor, voltage))
-    return np.where(time >= errors.stuck_after_s, last, reading)
+    known = dict(given) if isinstance(given, Mapping) else {} if given is None else {names[0]: given}
+    if unknown := [name for name in known if name not in names]:
+        raise DomainError(
+            f"Noise must be given for sensors that the loop reads ({', '.join(names)}); instead received "
+            f"{', '.join(unknown)}."
+        )
+    result = {}
+    for name in names:
+        sensor = sensor_named(model, name)
+        reading = reading_of(model, name)
+        white = known.get(name)
+        if white is not None and not 0.0 <= white < np.inf:
+            raise DomainError(
+                f"The noise of a sample must be >= 0 {reading.unit}; instead received {white:g} {reading.unit} of "
+                f"{name}. Leave it out for the model's."
+            )
+        own = sensor.noise_V if isinstance(sensor, HallSensor) else sensor.noise
+        result[name] = white if white is not None else own or UNKNOWN_NOISE_PART * span_of(model, sensor, reading)
+    return result
 
 
-def convert(sensor: HallSensor, voltage: FloatArray) -> FloatArray:
-    """Clip to the output's range and round to the converter's steps."""
-    low, high = sensor.output_min_V, sensor.output_max_V
-    clipped = np.clip(voltage, low, high)
-    if sensor.adc_bits == 0:
-        return clipped
-    step = sensor.quantisation_step
-    codes = np.minimum(np.round((clipped - low) / step), 2.0**sensor.adc_bits - 1.0)
-    return low + step * codes
+def span_of(model: ActuatorModel, sensor: AnySensor, reading: Reading) -> float:
+    """Range of a sensor, or of its readings over the validity domain where it has none, in its unit."""
+    if np.isfinite(reading.high - reading.low):
+        return reading.high - reading.low
+    distance, currents = model.validity.grid(9, 3)
+    states, n = np.zeros((len(distance), model.order)), len(model.circuits)
+    states[:, 0], states[:, 2 : 2 + n] = distance, currents.reshape(len(distance), -1)[:, :n]
+    return float(np.ptp(predict_sensor(model, sensor, states)))
+
+
+class History:
+    """The plant's last states, as many as the longest delay asks for; before the first it was at rest."""
+
+    def __init__(self, sensors: Sequence[LoopSensor], first: FloatArray, sample_time_s: float) -> None:
+        longest = max((sensor.delay for sensor in sensors), default=0.0)
+        self._states = deque([first], maxlen=floor(longest) + 2)
+        self._step = sample_time_s
+
+    def add(self, state: FloatArray) -> None:
+        """The state one sample later."""
+        self._states.append(state)
+
+    def before(self, samples: float) -> FloatArray:
+        """The state so many samples before the last one."""
+        whole = floor(samples)
+        part = samples - whole
+        states = self._states
+        later = states[max(-1 - whole, -len(states))]
+        if part == 0.0:
+            return later
+        return between(states[max(-2 - whole, -len(states))], later, 1.0 - part, self._step)
+
+
+def between(earlier: FloatArray, later: FloatArray, part: float, step: float) -> FloatArray:
+    """A state between two that are a step in s apart: the distance by Hermite's cubic, the rest linearly.
+
+    Parameters
+    ----------
+    part : float
+        Of the step that has passed since the earlier one, 0 to 1.
+    """
+    state = earlier + part * (later - earlier)
+    s, rest = part, 1.0 - part
+    state[..., 0] = (
+        (1.0 + 2.0 * s) * rest**2 * earlier[..., 0]
+        + s**2 * (1.0 + 2.0 * rest) * later[..., 0]
+        + step * s * rest * (rest * earlier[..., 1] - s * later[..., 1])
+    )
+    return state
+
+
+def true_readings(
+    model: ActuatorModel, sensors: Sequence[LoopSensor], history: History, time: FloatArray | float = 0.0
+) -> FloatArray:
+    """What the sensors would read without noise, clipping and rounding, of shape (runs, sensors)."""
+    columns = [predict_sensor(model, one.sensor, history.before(one.delay), time) for one in sensors]
+    return np.stack(columns, axis=1)
+
+
+def read_sensors(
+    sensors: Sequence[LoopSensor],
+    errors: SensorErrors,
+    last: FloatArray,
+    values: FloatArray,
+    sample: int,
+    time: float,
+    random: np.random.Generator,
+) -> FloatArray:
+    """Take the readings of one sample.
+
+    Parameters
+    ----------
+    last, values : array, shape (runs, sensors)
+        The readings before, and what the sensors would read without these errors.
+    sample : int
+        Number of the sample; a slow sensor is not read at each.
+
+    Returns
+    -------
+    array, shape (runs, sensors)
+        NaN for a sensor that is not read at this sample.
+    """
+    result, drawn = np.empty_like(values), len(values) // errors.blocks
+    for k, sensor in enumerate(sensors):
+        # Always both, so that switching one error on leaves the other's random numbers as they were
+        white, lost = random.standard_normal(drawn), random.random(drawn)
+        if sample % sensor.period:
+            result[:, k] = np.nan
+            continue
+        if errors.blocks > 1:
+            white, lost = np.tile(white, errors.blocks), np.tile(lost, errors.blocks)
+        mine = np.asarray(errors.faulty) == k
+        off = np.where(mine, errors.offset + np.multiply(errors.drift_per_s, time), 0.0)
+        reading = convert(sensor, values[:, k] + off + errors.noise_scale * sensor.noise * white)
+        low = sensor.reading.low if np.isfinite(sensor.reading.low) else np.nan
+        reading = np.where(mine & (lost < errors.dropout_probability), low, reading)
+        stuck = mine & np.asarray(time >= errors.stuck_after_s) & np.isfinite(last[:, k])
+        result[:, k] = np.where(stuck, last[:, k], reading)
+    return result
+
+
+def convert(sensor: LoopSensor, values: FloatArray) -> FloatArray:
+    """Clip to the reading's range and round to the converter's steps."""
+    low, high = sensor.reading.low, sensor.reading.high
+    clipped = np.clip(values, low, high)
+    if not sensor.step:
+        return np.asarray(clipped)
+    codes = np.minimum(np.round((clipped - low) / sensor.step), 2.0**sensor.bits - 1.0)
+    return np.asarray(low + sensor.step * codes)

@@ -6,8 +6,9 @@ the noise.
 - *Steps* follow the reference distances: root mean square of measured minus true distance over the whole run.
 - *Holds* are at rest, at the smallest and the largest reference distance: the loop is closed once the filter has
   settled on the supported body, and the statistics start four time constants of the unstable pole later. Direct and
-  filtered distance come from the same Hall readings; no filter passes 1/sqrt(2 lambda t_s).
-- *Faults* are holds with something wrong: a Hall offset, a wrong force law, a wrong first estimate, no filter.
+  filtered distance come from the same readings; no filter passes 1/sqrt(2 lambda t_s).
+- *Faults* are holds with something wrong: an offset of the first sensor, a wrong force law, a wrong first estimate, no
+  filter.
 """
 
 import math
@@ -21,14 +22,17 @@ import numpy as np
 from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
+from femfit.core.errors import DomainError
 from femfit.core.printed import Printed
 from femfit.filters.theory import ConsistencyBand, consistency_band, noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.sensors import reading_of, sensor_named
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopResult
-from femfit.simulation.loop_text import design_data, design_lines, losses, verdict
+from femfit.simulation.loop_text import design_data, design_lines, losses, sensor_word, verdict
+from femfit.simulation.sensor import span_of
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
 
@@ -39,7 +43,8 @@ RUNS = 16
 """Conventional: repeats of a hold; an rms over ten time constants of each is known to 6 %."""
 
 STEP_RUNS, ACQUISITION_RUNS = 8, 8
-HALL_OFFSET_V, FORCE_ERROR = 0.02, 0.01
+OFFSET_SHARE, FORCE_ERROR = 0.004, 0.01
+"""Conventional: offset of the first sensor over its range (20 mV of 5 V), and error of the force."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,20 +150,28 @@ class ClosedLoopStudy(Printed):
             "model": self.design.model.name,
             "seed": self.seed,
             "no_direct": self.no_direct,
-            **design_data(self.design),
+            **design_data(self.design, [(name, "ukf") for name in self.design.controllers]),
             **{name: [json_ready(asdict(row)) for row in getattr(self, name)] for name in tables},
         }
 
 
-def closed_loop_study(model: ActuatorModel, seed: int = 1, noise_V: float | None = None) -> ClosedLoopStudy:
+def closed_loop_study(
+    model: ActuatorModel,
+    seed: int = 1,
+    noise: Mapping[str, float] | float | None = None,
+    *,
+    sensors: Sequence[str] | None = None,
+) -> ClosedLoopStudy:
     """Run the study.
 
     Parameters
     ----------
-    noise_V : float or None
-        White noise of a Hall sample; the model's where None.
+    noise : mapping of str to float, float or None
+        White noise of one sample by the sensors' names, or that of the first; the model's where None.
+    sensors : sequence of str or None
+        Which of the model's sensors the loops read; the Hall element, or all where there is none.
     """
-    design = design_loop(model, noise_V)
+    design = design_loop(model, noise, sensors=sensors)
     steps, series = _steps(design, seed)
     holds, faults, spectra = _holds(design, seed)
     return ClosedLoopStudy(
@@ -196,14 +209,15 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Fa
     """All loops at rest, with and without a fault, in one batch on the same noise."""
     places = list(product(design.controllers, _ends(design)))
 
-    def everywhere(observer: ObserverName, **fault: float) -> list[Experiment]:
+    def everywhere(observer: ObserverName, **fault: Any) -> list[Experiment]:
         return [Experiment(controller, observer, (distance,), **fault) for controller, distance in places]
 
     clean = [experiment for name in FILTERS for experiment in everywhere(name)]
     clean4 = everywhere("ukf4")
-    biased = [*everywhere("ukf4", offset_V=-HALL_OFFSET_V), *everywhere("ukf4", offset_V=HALL_OFFSET_V)]
+    shift = OFFSET_SHARE * reading_span(design)
+    biased = [*everywhere("ukf4", offset=-shift), *everywhere("ukf4", offset=shift)]
     forces = everywhere("ukf", force_scale=1.0 + FORCE_ERROR)
-    blind = [e for e in everywhere("ukf", offset_V=HALL_OFFSET_V) if e.controller == "backstepping"]
+    blind = [e for e in everywhere("ukf", offset=shift) if e.controller == "backstepping"]
     faulty: list[tuple[Experiment, Experiment | None]] = [
         *zip(biased, [*clean4, *clean4], strict=True),
         *((e, None) for e in blind),
@@ -288,12 +302,26 @@ def _hold_row(design: LoopDesign, experiment: Experiment, result: LoopResult, di
         direct_rms_m=direct_rms,
         filtered_rms_m=filtered_rms,
         ratio=direct_rms / filtered_rms,
-        bound=noise_ratio_bound(design.model, distance),
+        bound=_bound(design, distance),
         normalised_innovation_squared=float(np.mean(quality)) if quality.size else np.nan,
-        innovation_band=consistency_band(max(1, int(held.sum())) * len(direct)),
+        innovation_band=consistency_band(max(1, int(held.sum())) * len(direct) * len(design.sensors)),
         held=int(held.sum()),
         runs=len(held),
     )
+
+
+def reading_span(design: LoopDesign) -> float:
+    """Range of the first sensor, or of its readings over the validity domain where it has none, in its unit."""
+    name = design.sensors[0]
+    return span_of(design.model, sensor_named(design.model, name), reading_of(design.model, name))
+
+
+def _bound(design: LoopDesign, distance: float) -> float:
+    """1/sqrt(2 lambda t_s); NaN where the body is stable."""
+    try:
+        return noise_ratio_bound(design.model, distance)
+    except DomainError:
+        return float("nan")
 
 
 def _fault_row(experiment: Experiment, result: LoopResult, undisturbed: LoopResult | None = None) -> FaultRow:
@@ -322,7 +350,7 @@ def _fault_row(experiment: Experiment, result: LoopResult, undisturbed: LoopResu
 
 def _steps(design: LoopDesign, seed: int) -> tuple[tuple[StepRow, ...], tuple[StepSeries, ...]]:
     experiments = [Experiment(controller, "ukf", design.targets_m) for controller in design.controllers]
-    stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.slowest_pole_rad_s
+    stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.rate_rad_s
     steps = len(design.targets_m) * math.ceil(stay / design.model.sample_time_s)
     support = design.steps(SUPPORT_TIME_CONSTANTS)
     rows: list[StepRow] = []
@@ -335,7 +363,8 @@ def _steps(design: LoopDesign, seed: int) -> tuple[tuple[StepRow, ...], tuple[St
             rms = _rms((distance - series.distance_m)[:, held])
             rows.append(StepRow(e.controller, name, rms, int(held.sum()), len(held)))
         distances = (series.reference_m, series.distance_m, direct, series.estimated_distance_m)
-        arrays = (array[:, run] for array in (*distances, series.voltage_V, series.current_A))
+        drives = (series.commands[..., 0], series.currents_A[..., 0])
+        arrays = (array[:, run] for array in (*distances, *drives))
         drawn.append(StepSeries(e.controller, e.observer, result.time_s, *arrays))
     return tuple(rows), tuple(drawn)
 
@@ -373,9 +402,13 @@ def _lines(study: ClosedLoopStudy) -> list[str]:
     ]
     if study.no_direct:
         lines += [f"  no direct measurement to compare with: {study.no_direct}"]
-    lines += ["", "With a fault", *map(_fault_line, study.faults)]
-    lines += ["", "Filter started at the wrong end of the range", *map(_fault_line, study.acquisition)]
-    return [*lines, "", *design_lines(design), f"  seed {study.seed}"]
+    lines += ["", "With a fault", *(_fault_line(design, row) for row in study.faults)]
+    lines += [
+        "",
+        "Filter started at the wrong end of the range",
+        *(_fault_line(design, row) for row in study.acquisition),
+    ]
+    return [*lines, "", *design_lines(design, [(name, "ukf") for name in design.controllers]), f"  seed {study.seed}"]
 
 
 def _length(metres: float) -> str:
@@ -390,7 +423,7 @@ def _lost(held: int, runs: int) -> str:
     return "" if held == runs else f"  ({runs - held} of {counted(runs, 'run')} lost)"
 
 
-def _fault_line(row: FaultRow) -> str:
+def _fault_line(design: LoopDesign, row: FaultRow) -> str:
     """One experiment with a fault: how many runs are lost, and what the fault moves."""
     e, parts = row.experiment, []
     if row.held < row.runs:
@@ -407,8 +440,11 @@ def _fault_line(row: FaultRow) -> str:
         parts.append(f"estimate within {amount(row.estimate_rms_m, 'm', 3)} rms")
     name: str = "no filter" if e.observer == "direct" else e.observer
     what = [f"{e.controller}, {name}, {1e3 * e.targets_m[0]:.4g} mm"]
-    if e.offset_V:
-        what.append(f"Hall offset {1e3 * e.offset_V:+.3g} mV")
+    if e.offset:
+        one = design.loop_sensors()[0]
+        what.append(
+            f"{sensor_word(one.name)} offset {'+' if e.offset > 0.0 else ''}{amount(e.offset, one.reading.unit, 3)}"
+        )
     if e.force_scale != 1.0:
         what.append(f"force {100.0 * (e.force_scale - 1.0):+.2g} %")
     if e.believed_m is not None:

@@ -100,7 +100,7 @@ def why_lost(loop: LostLoop, lost: LoopResult) -> str:
     return _of_the_controller(loop, removed, holds)
 
 
-PLANT, NOISE = "the difference between plant and model", "the noise of the Hall voltage"
+PLANT, NOISE = "the difference between plant and model", "the sensors' noise"
 
 
 def _causes(loop: LostLoop) -> dict[str, Change]:
@@ -110,8 +110,8 @@ def _causes(loop: LostLoop) -> dict[str, Change]:
         causes[PLANT] = lambda own: replace(own, plant=None)
     if faults := _faults(loop.experiment):
         causes[f"the fault ({faults})"] = _without_faults
-    if loop.experiment.noise_V != 0.0:
-        causes[NOISE] = lambda own: own.undisturbed(noise_V=0.0)
+    if loop.experiment.noise_scale != 0.0:
+        causes[NOISE] = lambda own: own.undisturbed(noise_scale=0.0)
     return causes
 
 
@@ -122,13 +122,9 @@ def _remedy(cause: str, loop: LostLoop, holds: Callable[[LostLoop], bool]) -> st
     if cause == NOISE:
         if loop.experiment.observer == "direct" and holds(loop.other(observer="ukf4")):
             return "Use a filter: with ukf4 they hold with the noise as it is."
-        white = loop.design.noise_V if loop.experiment.noise_V is None else loop.experiment.noise_V
         for part in (0.5, 0.25, 0.1):
-            if holds(loop.other(noise_V=part * white)):
-                return (
-                    f"They hold with {1e3 * part * white:.3g} mV instead of {1e3 * white:.3g} mV rms: take a sensor "
-                    "with less noise or a stronger field at the element."
-                )
+            if holds(loop.other(noise_scale=part)):
+                return f"They hold with {part:g} of it: take sensors with less noise or a steeper characteristic."
         return "They are lost with a tenth of the noise too: the sensor does not suit."
     return ""
 
@@ -159,21 +155,21 @@ def _share_at_limit(loop: LostLoop) -> float:
     circuit, last = loop.design.model.require_circuit(), loop.design.steps(LAST_TIME_CONSTANTS)
     slack = 1e-6 * (circuit.voltage_max_V - circuit.voltage_min_V)
     run = int(np.argmin(loop.again().held))
-    voltage = loop.again(recorded=run + 1).series.voltage_V[:, run]
+    voltage = loop.again(recorded=run + 1).series.commands[:, run, 0]
     voltage = voltage[np.isfinite(voltage)][-last:]
     return float(np.mean((voltage <= circuit.voltage_min_V + slack) | (voltage >= circuit.voltage_max_V - slack)))
 
 
 def _without_faults(loop: LostLoop) -> LostLoop:
     e = loop.experiment
-    clean = Experiment(e.controller, e.observer, e.targets_m, noise_V=e.noise_V, start_error_m=e.start_error_m)
+    clean = Experiment(e.controller, e.observer, e.targets_m, noise_scale=e.noise_scale, start_error_m=e.start_error_m)
     return replace(loop, experiment=clean)
 
 
 def _faults(experiment: Experiment) -> str:
     parts = {
-        "Hall offset": experiment.offset_V != 0.0,
-        "Hall drift": experiment.drift_V_per_s != 0.0,
+        "sensor offset": experiment.offset != 0.0,
+        "sensor drift": experiment.drift_per_s != 0.0,
         "sensor stuck": np.isfinite(experiment.stuck_after_s),
         "dropouts": experiment.dropout_probability != 0.0,
         "true force unlike the model's": experiment.force_scale != 1.0,

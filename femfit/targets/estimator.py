@@ -13,7 +13,7 @@ from pathlib import Path
 from femfit import __version__
 from femfit.core.errors import MissingPartError, RunDirectoryError
 from femfit.effects import catalogue as effects
-from femfit.filters.levitation import require_slow_coil
+from femfit.filters.levitation import chosen_sensors, require_slow_coil
 from femfit.filters.noise import operating_distance
 from femfit.laws import catalogue as laws
 from femfit.model.actuator_model import ActuatorModel
@@ -32,7 +32,7 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     """Write the package, the model, a description and an example."""
     model.require_circuit()
     model.require_motion()
-    model.require_sensor()
+    chosen_sensors(model, None)
     _require_built_in_law(model)
     _require_built_in_effects(model)
     model.require_dynamics()

@@ -17,9 +17,10 @@ def main() -> None:
     design = design_loop(read_model(Path(__file__).with_name("model.json")))
     model, point = design.model, design.points[0]
     reference = reference_steps([point.distance_m], 2000, model.sample_time_s, rate=10.0)
-    sensor, errors = model.require_sensor(), SensorErrors(noise_V=design.noise_V)
-    loop = ClosedLoop(Plant(model), sensor, errors, design.observer("ukf"), design.backstepping, reference)
-    start = np.array([[point.distance_m, 0.0, point.current_A]])
+    loop = ClosedLoop(
+        Plant(model), design.loop_sensors(), SensorErrors(), design.observer("ukf"), design.backstepping, reference
+    )
+    start = point.state[None]
     result = run_loop(loop, start, np.random.default_rng(0))
     held = 1e3 * result.series.distance_m[1000:]
     if result.held.all():

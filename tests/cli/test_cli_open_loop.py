@@ -55,7 +55,7 @@ def test_a_command_beyond_the_supply_is_cut_and_said(model_file):
     assert result.stdout.splitlines()[0] == femfit("simulate", model_file, "--voltage", 12).stdout.splitlines()[0]
 
 
-@pytest.mark.parametrize("options", [("--controller", "pid"), ("--noise-mV", 3), ("--force-scale", 1.1), ("--runs", 3)])
+@pytest.mark.parametrize("options", [("--controller", "pid"), ("--noise", 3), ("--force-scale", 1.1), ("--runs", 3)])
 def test_options_of_the_closed_loop_are_refused_in_open_loop(model_file, options):
     result = femfit("simulate", model_file, "--voltage", 12, *options)
     assert result.returncode != 0

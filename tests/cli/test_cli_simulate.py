@@ -34,7 +34,7 @@ def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
 
 def test_one_loop_is_summed_up_and_its_series_written(model_file, tmp_path):
     result = simulate(
-        model_file, "--controller", "pid", "--filter", "ukf4", "--hall-bias-mV", 20, "--seconds", 0.3, "--runs", 2,
+        model_file, "--controller", "pid", "--filter", "ukf4", "--offset", 0.02, "--seconds", 0.3, "--runs", 2,
         "--csv", tmp_path / "series.csv", "--json", tmp_path / "result.json", "--seed", 7,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
@@ -44,7 +44,7 @@ def test_one_loop_is_summed_up_and_its_series_written(model_file, tmp_path):
     assert {"run", "time_s", "voltage_V", "current_A", "distance_m", "hall_V"} <= set(table.dtype.names)
     data = json.loads((tmp_path / "result.json").read_text())
     assert data["outcomes"] == {"HELD": 2}
-    assert data["experiment"]["offset_V"] == 0.02
+    assert data["experiment"]["offset"] == 0.02
 
 
 def test_a_lost_magnet_is_named_and_no_rms_is_printed(model_file):
@@ -63,7 +63,7 @@ def test_a_model_without_a_hall_sensor_says_how_to_get_one_and_exits_1(levitatio
 
 
 @pytest.mark.parametrize(
-    "option", [("--runs", 0), ("--seconds", -1), ("--dropout", 2), ("--noise-mV", -1), ("--controller", "lqr")]
+    "option", [("--runs", 0), ("--seconds", -1), ("--dropout", 2), ("--seed", -1), ("--controller", "fuzzy")]
 )
 def test_impossible_options_are_usage_errors(model_file, option):
     assert simulate(model_file, *option).returncode == 2

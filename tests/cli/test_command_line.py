@@ -193,7 +193,7 @@ def test_run_does_the_whole_main_job(small_actuator, tmp_path):
 def test_run_of_an_actuator_that_cannot_levitate_says_so(tmp_path):
     result = femfit("run", GEOMETRY / "plunger-solenoid.toml", "-o", tmp_path / "run")
     assert result.returncode == 0, result.stderr
-    assert result.stdout.count("no Hall element") == 1  # with its remedy, and not once a step
+    assert result.stdout.count("no sensor that a filter could read") == 1  # with its remedy, and not once a step
     assert "reluctance-network is taken" in result.stdout  # no sum of columns reaches the target for a plunger
     assert "[hall]" in result.stdout
     assert (tmp_path / "run" / "report.html").is_file()

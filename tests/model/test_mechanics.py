@@ -14,8 +14,9 @@ from femfit.filters.noise import default_noise
 from femfit.model.dynamics import euler_step, runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.float_steps import float_euler_step
 from femfit.model.with_effects import with_effects
+from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import design_backstepping
-from femfit.simulation.operating_point import current_for_acceleration, operating_point
+from femfit.simulation.operating_point import operating_point
 from femfit.simulation.reference import Reference
 
 SPRUNG = Mechanics(
@@ -84,7 +85,7 @@ def test_a_stiff_spring_makes_the_held_body_stable(levitation_model):
 
 def test_the_inverted_acceleration_is_the_one_that_the_plant_has(levitation_model):
     model = replace(levitation_model, motion=SPRUNG)
-    current = current_for_acceleration(model, np.array([0.024]), np.array([1.0]), np.array([0.1]))
+    current = currents_for_acceleration(model, np.array([0.024]), np.array([1.0]), np.array([0.1]))[:, 0]
     rate = state_derivative(model, np.array([[0.024, 0.1, current[0]]]), np.ones(1))
     assert rate[0, 1] == pytest.approx(1.0, abs=1e-6)
 

@@ -40,7 +40,7 @@ def loops(model, seed=1):
     small = (near, near + 0.375 * (far - near), near)
     paths = [(c, design.targets_m) for c in design.controllers] + [("backstepping", small)]
     experiments = [Experiment(c, f, targets) for f in ("ukf", "ekf") for c, targets in paths]
-    stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.slowest_pole_rad_s
+    stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.rate_rad_s
     results = run_experiments(
         design,
         experiments,

@@ -74,7 +74,7 @@ def made_up_study(model, held=2, runs=2):
     t = np.arange(300) * 5e-4
     path = 0.022 + 0.008 * np.clip((t - 0.05) / 0.05, 0.0, 1.0)
     noise = 1e-4 * np.random.default_rng(0).standard_normal(len(t))
-    place = Experiment("pid", "ukf4", (0.022,), offset_V=0.02)
+    place = Experiment("pid", "ukf4", (0.022,), offset=0.02)
 
     def series(controller, observer):
         known = np.where((t < 0.02) | (held > 0), 1.0, np.nan)  # lost after 20 ms
@@ -103,14 +103,14 @@ def made_up_study(model, held=2, runs=2):
             FaultRow(Experiment("pid", "direct", (0.022,)), runs, {"PULLED_IN": runs}, 0.071, *[nan] * 5),
             FaultRow(place, runs, {"FILTER_DIVERGED": runs}, 0.0, *[nan] * 5),
             FaultRow(
-                replace(place, observer="ukf", offset_V=-0.02),
+                replace(place, observer="ukf", offset=-0.02),
                 runs,
                 outcomes,
                 None if held else 0.1,
                 *(known * x for x in (1e-5, 3e-7, 1e-6, 4e-7, 3e-7)),
             ),
             FaultRow(
-                replace(place, offset_V=0.0, force_scale=1.01),
+                replace(place, offset=0.0, force_scale=1.01),
                 runs,
                 outcomes,
                 None if held else 0.1,

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.simulation.controllers import SplitController, design_pid
+from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference
+from femfit.simulation.tune import design_pid
 
 
 @pytest.fixture(scope="module")
@@ -65,12 +66,12 @@ def test_backstepping_puts_the_three_poles_at_a_third_of_the_coils(design):
 
 def test_pid_has_its_quadruple_pole_where_it_is_designed(levitation_model, design):
     middle = design.points[len(design.points) // 2]
-    pid = design.pid
+    pid = design_pid(levitation_model, middle)
     phi, gamma = middle.discrete(levitation_model.sample_time_s)
     a = np.poly(phi)
-    c = np.poly(phi - np.outer(gamma, [1.0, 0.0, 0.0])) - a
+    c = np.poly(phi - np.outer(gamma[:, 0], [1.0, 0.0, 0.0])) - a
     closed = np.polymul(np.polymul(a, [1.0, -1.0]), [1.0, -pid.filter_pole])
-    closed = np.polyadd(closed, np.polymul(c[1:], pid.gains_V_m))
+    closed = np.polyadd(closed, np.polymul(c[1:], pid.gains))
     roots = np.roots(closed)
     slow = roots[np.argsort(-np.abs(roots))[:4]]
     # a quadruple root splits by the fourth root of rounding, but its mean does not
@@ -102,12 +103,12 @@ def test_commands_stay_within_the_clamp_and_nothing_winds_up_behind_it(levitatio
     reference = Reference(np.array([0.022]), zero, zero)
     memory = np.zeros((1, controller.words))
     memories = []
-    for _ in range(1000):
+    for _ in range(2000):
         voltage, memory = controller.command(memory, far, reference)
-        assert circuit.voltage_min_V <= voltage[0] <= circuit.voltage_max_V
+        assert circuit.voltage_min_V <= voltage[0, 0] <= circuit.voltage_max_V
         memories.append(memory)
-    assert voltage[0] == pytest.approx(circuit.voltage_max_V)
-    np.testing.assert_allclose(memories[-1], memories[500], atol=1e-6)  # an integrator would have doubled
+    assert voltage[0, 0] == pytest.approx(circuit.voltage_max_V)
+    np.testing.assert_allclose(memories[-1], memories[1000], atol=1e-6)  # an integrator would have doubled
 
 
 def test_a_split_controller_gives_each_run_its_own(design):

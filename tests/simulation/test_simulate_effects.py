@@ -38,8 +38,8 @@ def held(truth, believed, observer, seed=0):
     reference = reference_steps([point.distance_m], STEPS, truth.sample_time_s, rate=10.0)
     loop = ClosedLoop(
         Plant(own.model),
-        own.model.require_sensor(),
-        SensorErrors(noise_V=own.noise_V),
+        own.loop_sensors(),
+        SensorErrors(),
         design.observer(observer),
         own.backstepping,
         reference,

@@ -9,11 +9,13 @@ import pytest
 from femfit.core.errors import DomainError
 from femfit.model.json_file import write_model
 from femfit.model.validity import ValidityBox
-from femfit.simulation.close_loop import SERIES_COLUMNS, close_loop, run_loops
+from femfit.simulation.adjust import adjusted
+from femfit.simulation.close_loop import close_loop, run_loops
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopOutcome
 from femfit.simulation.plant import with_force_scale
+from femfit.simulation.series_table import series_columns
 
 SUPPORT = 300
 
@@ -63,7 +65,9 @@ def test_a_sensor_that_sticks_loses_the_magnet_by_name(design):
 
 @pytest.mark.parametrize(("scale", "outcome"), [(1.5, LoopOutcome.PULLED_IN), (0.6, LoopOutcome.FELL)])
 def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(design, scale, outcome):
-    (result,) = run(design, Experiment("pid", "direct", (0.026,), force_scale=scale, noise_V=0.0), supported_steps=0)
+    (result,) = run(
+        design, Experiment("pid", "direct", (0.026,), force_scale=scale, noise_scale=0.0), supported_steps=0
+    )
     assert set(result.outcomes()) == {outcome}
     lost = int(np.round(result.outcome_time_s[0] / design.model.sample_time_s))
     assert np.isfinite(result.series.distance_m[:lost]).all()
@@ -72,7 +76,7 @@ def test_a_far_too_strong_or_weak_magnet_is_lost_on_its_side(design, scale, outc
 
 
 def test_a_diverging_filter_is_named_and_says_what_to_do(design):
-    (result,) = run(design, Experiment("backstepping", "ukf", (0.022,), offset_V=0.1))
+    (result,) = run(design, Experiment("backstepping", "ukf", (0.022,), offset=0.1))
     assert set(result.outcomes()) == {LoopOutcome.FILTER_DIVERGED}
     assert np.isnan(result.windows[0].estimate_rms_m).all()
 
@@ -88,7 +92,9 @@ def test_a_current_beyond_the_model_is_named(levitation_model):
 def test_without_noise_the_direct_measurement_is_the_distance(levitation_model):
     free = replace(levitation_model, sensor=replace(levitation_model.sensor, adc_bits=0))
     design = design_loop(free)
-    (result,) = run(design, Experiment("pid", "direct", (0.022,), noise_V=0.0), runs=1, steps=200, supported_steps=0)
+    (result,) = run(
+        design, Experiment("pid", "direct", (0.022,), noise_scale=0.0), runs=1, steps=200, supported_steps=0
+    )
     np.testing.assert_allclose(direct_distance(design, result.series), result.series.distance_m, atol=1e-8)
     np.testing.assert_allclose(result.series.distance_m, 0.022, atol=1e-7)
 
@@ -115,7 +121,7 @@ def test_time_series_are_written_up_to_the_loss_whole_or_not_at_all(design, tmp_
     lost.write_csv(tmp_path / "loops" / "series.csv")
     table = np.genfromtxt(tmp_path / "loops" / "series.csv", delimiter=",", names=True)
     series = lost.result.series
-    assert table.dtype.names == ("run", "time_s", *SERIES_COLUMNS)
+    assert table.dtype.names == ("run", "time_s", *series_columns(design))
     assert len(table) == np.isfinite(series.distance_m).sum() < 2 * lost.steps
     first = table[table["run"] == 1]
     np.testing.assert_allclose(first["distance_m"], series.distance_m[: len(first), 0], rtol=1e-8)
@@ -141,8 +147,8 @@ def test_a_loop_lost_for_want_of_a_filter_is_advised_to_take_one(levitation_mode
 
 def test_the_advice_never_names_what_is_done_already(levitation_model):
     """Noise of a volt on 0.9 V of signal: a filter is in the loop, and the model is the plant's."""
-    words = advice(levitation_model, noise_V=1.0)
-    assert "noise of the Hall voltage" in words
+    words = advice(levitation_model, noise=1.0)
+    assert "the sensors' noise" in words
     assert "Use a filter" not in words
 
 
@@ -154,7 +160,7 @@ def test_a_fault_is_no_cause_alone_where_the_loop_is_lost_without_it(levitation_
     """Without a filter the body falls, sensor stuck or not: neither of them alone is to blame."""
     words = advice(levitation_model, estimator="direct", stuck_after_s=0.05)
     assert not words.startswith("Without the fault")
-    assert "noise of the Hall voltage" in words
+    assert "the sensors' noise" in words
     assert "sensor stuck" in words
 
 
@@ -177,7 +183,7 @@ def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
 
 def test_gains_that_do_not_fit_are_named_as_the_cause(levitation_model):
     design = design_loop(levitation_model)
-    lame = replace(design, pid=replace(design.pid, gains_V_m=tuple(0.05 * g for g in design.pid.gains_V_m)))
+    lame = adjusted(design, "pid", gains={name: 0.05 * design.pid.parts[name] for name in ("kp", "ki", "kd")})
     lost = run_loops(lame, Experiment("pid", "ukf4", (0.022,)), np.random.default_rng(1), runs=4, duration_s=1.0)
     assert lost.held == 0
     assert "pid loses the body with the exact state" in lost.advice
@@ -209,12 +215,12 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
         ({"runs": 1.5}, "runs=1.5"),
         ({"recorded": -1}, "recorded=-1"),
         ({"rng": -1}, "-1"),
-        ({"noise_V": -1e-3}, "-0.001 V"),
-        ({"noise_V": float("nan")}, "nan V"),
+        ({"noise": -1e-3}, "-0.001 V"),
+        ({"noise": float("nan")}, "nan V"),
         ({"force_scale": -1.0}, "force scale"),
         ({"dropout": 3.0}, "dropout"),
         ({"stuck_after_s": -1.0}, "stuck"),
-        ({"hall_offset_V": float("nan")}, "offset in V"),
+        ({"offset": float("nan")}, "offset"),
         ({"targets_m": 0.02}, "targets_m must be a list of distances in m; instead received 0.02"),
         ({"targets_m": ("near",)}, "near"),
         ({"seconds": -1.0}, "seconds=-1"),

@@ -10,9 +10,10 @@ from femfit.core.errors import DomainError, FilterError, MissingPartError
 from femfit.model.dynamics import state_derivative
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
+from femfit.simulation.allocation import current_for_force
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.operating_point import current_for_force, operating_point, zero_order_hold
+from femfit.simulation.operating_point import operating_point, zero_order_hold
 from femfit.simulation.reference import reference_rate, reference_steps
 
 
@@ -23,7 +24,7 @@ def test_the_linear_model_is_the_derivative_of_the_equations_of_motion(levitatio
         ends = [state_derivative(levitation_model, x0 + s * h * np.eye(3)[k], np.asarray(u0)) for s in (1, -1)]
         np.testing.assert_allclose(point.A[:, k], (ends[0] - ends[1]) / (2 * h), rtol=1e-5, atol=1e-5)
     ends = [state_derivative(levitation_model, x0, np.asarray(u0 + s)) for s in (1.0, -1.0)]
-    np.testing.assert_allclose(point.B, (ends[0] - ends[1]) / 2, atol=1e-9)
+    np.testing.assert_allclose(point.B[:, 0], (ends[0] - ends[1]) / 2, atol=1e-9)
 
 
 def test_the_unstable_pole_is_that_of_the_body_and_the_back_emf_slows_it(levitation_model):
@@ -36,11 +37,11 @@ def test_the_unstable_pole_is_that_of_the_body_and_the_back_emf_slows_it(levitat
 def test_zero_order_hold_is_the_matrix_exponential(levitation_model, step):
     point = operating_point(levitation_model, 0.022)
     whole = np.zeros((4, 4))
-    whole[:3, :3], whole[:3, 3] = point.A, point.B
+    whole[:3, :3], whole[:3, 3:] = point.A, point.B
     expected = scipy.linalg.expm(whole * step)
     phi, gamma = zero_order_hold(point.A, point.B, step)
     np.testing.assert_allclose(phi, expected[:3, :3], rtol=1e-10, atol=1e-12 * np.abs(expected).max())
-    np.testing.assert_allclose(gamma, expected[:3, 3], rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(gamma[:, 0], expected[:3, 3], rtol=1e-10, atol=1e-12 * np.abs(expected).max())
 
 
 def test_current_for_force_inverts_the_force_and_stops_at_the_clamp(levitation_model):
@@ -122,29 +123,33 @@ def test_the_currents_of_the_clamp_never_leave_the_model(levitation_model):
     np.testing.assert_allclose(ends, [0.25, 0.9])
 
 
-def reversed_magnetics(model):
-    """The model's co-energy with its current reversed: a coil whose leads are the wrong way round."""
-    spline = model.magnetics.spline
-    ends = spline.y_knots
-    return replace(
-        model.magnetics, spline=replace(spline, y_knots=-ends[::-1], coefficients=spline.coefficients[:, ::-1])
-    )
+def reversed_magnetics(model, of="magnetics"):
+    """The model's co-energy, or field, with its current reversed: a coil whose leads are the wrong way round."""
+    function = model.magnetics if of == "magnetics" else model.sensor.field
+    spline, ends = function.spline, function.spline.y_knots
+    return replace(function, spline=replace(spline, y_knots=-ends[::-1], coefficients=spline.coefficients[:, ::-1]))
 
 
-def test_a_coil_that_repels_is_refused_with_its_polarity(levitation_model):
+def test_a_coil_with_its_leads_reversed_is_held_by_currents_of_the_other_sign(levitation_model):
     circuit = replace(levitation_model.circuit, voltage_min_V=-3.0, voltage_max_V=-0.5)
     box = replace(levitation_model.validity, current_min_A=-1.4, current_max_A=0.0)
+    field = replace(levitation_model.sensor.field, spline=reversed_magnetics(levitation_model, "sensor").spline)
     repelling = replace(
         levitation_model,
         magnetics=reversed_magnetics(levitation_model),
+        sensor=replace(levitation_model.sensor, field=field),
         circuit=circuit,
         validity=box,
-        reference_distances_m=(),
     )
-    with pytest.raises(
-        DomainError, match=r"positive current must attract.*falls as the current grows from -1\.12 to -0"
-    ):
-        design_loop(repelling)
+    usual, reversed_ = design_loop(levitation_model), design_loop(repelling)
+    for there, here in zip(usual.points, reversed_.points, strict=True):
+        assert here.current_A == pytest.approx(-there.current_A, rel=1e-9)
+        assert here.unstable_pole_rad_s == pytest.approx(there.unstable_pole_rad_s, rel=1e-9)
+    assert reversed_.pid.direction == (-1.0,)
+    experiments = [Experiment(name, "ukf", (0.022,)) for name in ("backstepping", "pid", "state-feedback")]
+    random = np.random.default_rng(3)
+    for result in run_experiments(reversed_, experiments, random, runs=2, steps=400, supported_steps=300):
+        assert result.held.all()
 
 
 def test_targets_are_derived_where_the_hall_element_is_not_saturated(levitation_model):

@@ -1,11 +1,22 @@
-"""The Hall sensor: converter, noise, drift and faults."""
+"""The sensors of a loop: converter, noise, drift, faults, delay, sample time."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from femfit.simulation.sensor import SensorErrors, convert, read_sensor
+from femfit.core.errors import DomainError
+from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.simulation.sensor import (
+    History,
+    SensorErrors,
+    between,
+    convert,
+    loop_sensors,
+    read_sensors,
+    sensor_noise,
+    true_readings,
+)
 
 STEP_S = 0.5e-3
 
@@ -15,67 +26,136 @@ def sensor(levitation_model):
     return levitation_model.sensor
 
 
-def readings(sensor, errors, steps, runs=1, seed=0, state=(0.025, 0.0, 0.5)):
-    random, reading = np.random.default_rng(seed), np.zeros(runs)
-    volts = np.tile(sensor.voltage(state[0], state[2]), runs)
+def of(model, noise=0.0, names=("hall",)):
+    return loop_sensors(model, names, dict.fromkeys(names, noise), STEP_S)
+
+
+def readings(model, errors, steps, runs=1, seed=0, state=(0.025, 0.0, 0.5), noise=0.0):
+    sensors = of(model, noise)
+    random, last = np.random.default_rng(seed), np.full((runs, 1), np.nan)
+    volts = np.tile(model.sensor.voltage(state[0], state[2]), (runs, 1))
     values = []
     for k in range(steps):
-        reading = read_sensor(sensor, errors, reading, volts, k * STEP_S, random)
-        values.append(reading)
+        last = read_sensors(sensors, errors, last, volts, k, k * STEP_S, random)
+        values.append(last[:, 0])
     return np.array(values)
 
 
-def test_twelve_bits_over_five_volts_are_steps_of_one_and_a_fifth_millivolts(sensor):
-    assert sensor.quantisation_step == pytest.approx(1.2207e-3, rel=1e-4)
+@pytest.fixture
+def free(levitation_model, sensor):
+    return replace(levitation_model, sensor=replace(sensor, adc_bits=0))
+
+
+def test_twelve_bits_over_five_volts_are_steps_of_one_and_a_fifth_millivolts(levitation_model):
+    (one,) = of(levitation_model)
+    assert one.step == pytest.approx(1.2207e-3, rel=1e-4)
     volts = np.linspace(0.1, 4.9, 100_001)
-    codes = convert(sensor, volts) / sensor.quantisation_step
+    codes = convert(one, volts) / one.step
     np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)
-    error = convert(sensor, volts) - volts
-    assert np.abs(error).max() <= 0.5 * sensor.quantisation_step * (1 + 1e-9)
-    assert error.std() == pytest.approx(sensor.quantisation_step / np.sqrt(12.0), rel=1e-3)
+    error = convert(one, volts) - volts
+    assert np.abs(error).max() <= 0.5 * one.step * (1 + 1e-9)
+    assert error.std() == pytest.approx(one.step / np.sqrt(12.0), rel=1e-3)
 
 
-def test_the_output_is_clipped_to_its_range(sensor):
-    top = sensor.output_max_V - sensor.quantisation_step  # the largest code
-    np.testing.assert_allclose(convert(sensor, np.array([-1.0, 9.0])), [sensor.output_min_V, top])
+def test_the_output_is_clipped_to_its_range(levitation_model, sensor):
+    (one,) = of(levitation_model)
+    top = sensor.output_max_V - one.step  # the largest code
+    np.testing.assert_allclose(convert(one, np.array([-1.0, 9.0])), [sensor.output_min_V, top])
 
 
-def test_no_converter_leaves_the_voltage_alone(sensor):
-    free = replace(sensor, adc_bits=0)
-    np.testing.assert_array_equal(convert(free, np.array([1.23456789])), [1.23456789])
-    assert free.quantisation_step == 0.0
+def test_no_converter_leaves_the_voltage_alone(free):
+    (one,) = of(free)
+    np.testing.assert_array_equal(convert(one, np.array([1.23456789])), [1.23456789])
+    assert one.step == 0.0
 
 
-def test_white_noise_has_its_deviation_and_no_correlation(sensor):
-    free = replace(sensor, adc_bits=0)
-    values = readings(free, SensorErrors(noise_V=3.2e-3), steps=20_000)[:, 0]
-    noise = values - free.voltage(np.asarray(0.025), np.asarray(0.5))
+def test_white_noise_has_its_deviation_and_no_correlation(free):
+    values = readings(free, SensorErrors(), steps=20_000, noise=3.2e-3)[:, 0]
+    noise = values - free.sensor.voltage(np.asarray(0.025), np.asarray(0.5))
     assert noise.std() == pytest.approx(3.2e-3, rel=0.02)  # 1/sqrt(2 * 20000) = 0.5 %
     assert abs(noise.mean()) < 4 * 3.2e-3 / np.sqrt(20_000)
     assert abs(np.mean(noise[1:] * noise[:-1])) < 4 * 3.2e-3**2 / np.sqrt(20_000)
 
 
-def test_offset_and_ramp_add_volts(sensor):
-    free = replace(sensor, adc_bits=0)
-    clean = free.voltage(np.asarray(0.025), np.asarray(0.5))
-    values = readings(free, SensorErrors(offset_V=0.02, drift_V_per_s=0.1), steps=101)[:, 0]
+def test_offset_and_ramp_add_volts(free):
+    clean = free.sensor.voltage(np.asarray(0.025), np.asarray(0.5))
+    values = readings(free, SensorErrors(offset=0.02, drift_per_s=0.1), steps=101)[:, 0]
     np.testing.assert_allclose(values - clean, 0.02 + 0.1 * STEP_S * np.arange(101), atol=1e-12)
 
 
-def test_a_stuck_sensor_repeats_its_last_reading(sensor):
-    values = readings(sensor, SensorErrors(noise_V=3.2e-3, stuck_after_s=10 * STEP_S), steps=30)[:, 0]
+def test_a_stuck_sensor_repeats_its_last_reading(levitation_model):
+    values = readings(levitation_model, SensorErrors(stuck_after_s=10 * STEP_S), steps=30, noise=3.2e-3)[:, 0]
     assert len(np.unique(values[:10])) > 3
     np.testing.assert_array_equal(values[10:], values[9])
 
 
-def test_dropouts_read_the_lower_end_as_often_as_told(sensor):
-    values = readings(sensor, SensorErrors(dropout_probability=0.1), steps=200, runs=100)
+def test_dropouts_read_the_lower_end_as_often_as_told(levitation_model, sensor):
+    values = readings(levitation_model, SensorErrors(dropout_probability=0.1), steps=200, runs=100)
     assert np.mean(values == sensor.output_min_V) == pytest.approx(0.1, abs=0.01)  # 4.7 sigma of 20000 draws
 
 
-def test_blocks_of_runs_share_their_noise(sensor):
-    errors = SensorErrors(noise_V=3.2e-3, offset_V=np.repeat([0.0, 0.5], 3), blocks=2)
-    free = replace(sensor, adc_bits=0)
-    values = readings(free, errors, steps=5, runs=6)
+def test_blocks_of_runs_share_their_noise(free):
+    errors = SensorErrors(offset=np.repeat([0.0, 0.5], 3), blocks=2)
+    values = readings(free, errors, steps=5, runs=6, noise=3.2e-3)
     np.testing.assert_allclose(values[:, 3:] - values[:, :3], 0.5, atol=1e-12)
     assert np.ptp(values[:, :3]) > 1e-3
+
+
+@pytest.fixture
+def several(levitation_model):
+    """Beside the Hall element a laser that is 1.3 samples late and an ammeter that is read at every fourth sample."""
+    laser = PositionSensor(
+        name="laser", distances_m=(0.0, 0.1), readings=(0.0, 0.1), unit="m", noise=1e-6, delay_s=1.3 * STEP_S
+    )
+    ammeter = CurrentSensor(name="ammeter", circuit="coil", sample_time_s=4 * STEP_S, noise=1e-3)
+    return replace(levitation_model, other_sensors=(laser, ammeter))
+
+
+def test_a_late_sensor_reads_what_was_there_before(several):
+    """A body on a parabola: Hermite's cubic meets it exactly."""
+    sensors = of(several, names=("laser",))
+    assert sensors[0].delay == pytest.approx(1.3)
+
+    def state(time):
+        return np.array([[0.02 + 0.1 * time + 5.0 * time**2, 0.1 + 10.0 * time, 0.4, 0.0][:3]])
+
+    history = History(sensors, state(0.0), STEP_S)
+    for k in range(1, 6):
+        history.add(state(k * STEP_S))
+        late = true_readings(several, sensors, history)[0, 0]
+        if k >= 2:  # before that the body was at rest
+            assert late == pytest.approx(state((k - 1.3) * STEP_S)[0, 0], abs=1e-15)
+
+
+def test_between_two_states_a_cubic_is_met_exactly():
+    step = 0.1
+    ends = [np.array([[t**3, 3 * t**2, 1.0 + t]]) for t in (0.0, step)]
+    for part in (0.0, 0.3, 1.0):
+        state = between(*ends, part, step)[0]
+        assert state[0] == pytest.approx((part * step) ** 3, abs=1e-18)
+        assert state[2] == pytest.approx(1.0 + part * step, rel=1e-15)
+
+
+def test_a_slow_sensor_is_not_read_between_its_samples(several):
+    sensors, random = of(several, names=("laser", "ammeter")), np.random.default_rng(0)
+    assert [one.period for one in sensors] == [1, 4]
+    last = np.full((1, 2), np.nan)
+    seen = [read_sensors(sensors, SensorErrors(), last, np.ones((1, 2)), k, 0.0, random)[0] for k in range(8)]
+    assert np.isfinite(np.array(seen)[:, 1]).tolist() == [True, False, False, False] * 2
+    assert np.isfinite(np.array(seen)[:, 0]).all()
+
+
+def test_a_fault_is_of_the_sensor_that_has_it(several):
+    sensors, random = of(several, names=("laser", "ammeter")), np.random.default_rng(0)
+    errors = SensorErrors(faulty=np.array([0, 1]), offset=np.array([0.5, 0.25]))
+    found = read_sensors(sensors, errors, np.full((2, 2), np.nan), np.zeros((2, 2)), 0, 0.0, random)
+    np.testing.assert_array_equal(found, [[0.5, 0.0], [0.0, 0.25]])
+
+
+def test_noise_is_given_by_name_or_for_the_first_sensor(several):
+    names = ("laser", "ammeter")
+    assert sensor_noise(several, names) == {"laser": 1e-6, "ammeter": 1e-3}
+    assert sensor_noise(several, names, 2e-6) == {"laser": 2e-6, "ammeter": 1e-3}
+    assert sensor_noise(several, names, {"ammeter": 0.0}) == {"laser": 1e-6, "ammeter": 0.0}
+    with pytest.raises(DomainError, match=r"reads \(laser, ammeter\); instead received hall"):
+        sensor_noise(several, names, {"hall": 1.0})

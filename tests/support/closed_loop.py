@@ -24,8 +24,8 @@ def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
     path = reference_steps(design.targets_m, steps, model.sample_time_s, design.reference_rate_rad_s)
     loop = ClosedLoop(
         plant=Plant(plant),
-        sensor=plant.require_sensor(),
-        errors=SensorErrors(noise_V=design.noise_V),
+        sensors=design.loop_sensors(plant),
+        errors=SensorErrors(),
         observer=design.observer("ukf"),
         controller=design_backstepping(design.model, design.points),
         reference=stack_references([path], [runs]),
@@ -42,7 +42,10 @@ def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
     for run in range(runs):
         known = np.isfinite(series.distance_m[:, run])
         columns = {
-            name: getattr(series, name)[known, run] for name in ("voltage_V", "current_A", "distance_m", "hall_V")
+            "voltage_V": series.commands[known, run, 0],
+            "current_A": series.currents_A[known, run, 0],
+            "distance_m": series.distance_m[known, run],
+            "hall_V": series.readings[known, run, 0],
         }
         pieces.append(pd.DataFrame({"run": run + 1.0, "time_s": result.time_s[known], **columns}))
     return pd.concat(pieces, ignore_index=True)

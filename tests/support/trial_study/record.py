@@ -89,16 +89,16 @@ def closed_loop(
     voltages, halls = np.empty((recorder.samples, runs)), np.empty((recorder.samples, runs))
     dither = np.zeros(runs)
     for k in range(design.steps(SUPPORT_TIME_CONSTANTS)):  # the body rests on a support until the filter has settled
-        reading = plant.hall_output(state) + design.noise_V * generator.standard_normal(runs)
+        reading = plant.hall_output(state) + design.noise["hall"] * generator.standard_normal(runs)
         seen = observer.step(seen, voltage, reading) if k else observer.update(seen, reading)
     for k in range(recorder.samples):
         output = plant.hall_output(state)
-        reading = output + design.noise_V * generator.standard_normal(runs)
+        reading = output + design.noise["hall"] * generator.standard_normal(runs)
         seen = observer.step(seen, voltage, reading)
         command, memory = controller.command(memory, seen.mean[:, :3], reference.at(k))
         flips = generator.random(runs) < 0.05
         dither = np.where(flips | (k == 0), _DITHER * (high - low) * generator.choice([-1.0, 1.0], runs), dither)
-        voltage = np.clip(command + dither, low, high)
+        voltage = np.clip(command[:, 0] + dither, low, high)
         states[k], voltages[k], halls[k] = state, voltage, output
         state = plant.step(state, voltage, step)
         inside = (state[:, 0] > model.validity.distance_min_m) & (state[:, 0] < model.validity.distance_max_m)

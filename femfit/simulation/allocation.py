@@ -1,0 +1,161 @@
+"""Which currents give a force: the only one of one circuit, or of several those that heat least about a bias.
+
+One circuit: F(d, i) = F by Newton's iteration. Several circuits have a current to spare for each one after the first.
+Theirs are the currents nearest to bias currents b in the copper's loss,
+
+    minimise sum R_k (i_k - b_k)^2    with F(d, i) = F,    so that    i = b + mu R^-1 k_m(d, i),
+
+found by projecting b on the force's tangent again and again, as :mod:`femfit.filters.holding` does at rest. A bias
+makes the force of two magnets that pull against each other linear: about it their currents change by equal and opposite
+amounts.
+
+Distances have the shape (N,), forces (N,), currents (N, n).
+
+References
+----------
+G. Schweitzer and E. H. Maslen (eds.), Magnetic Bearings (Springer, 2009), section 4.1.4 (differential driving mode).
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.filters.holding import bias_currents
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import circuit_terms, held_limits
+
+_NEWTON_STEPS, _STEPS_FROM_NEAR, _PROJECTIONS = 40, 5, 60
+
+EVEN_PART = 0.05
+"""Conventional: a circuit whose force per current vanishes without current, to this part of its largest, attracts with
+either sign; only the positive one is used, so that its current does not pass through the point without effect."""
+
+
+@lru_cache(maxsize=16)
+def current_range(model: ActuatorModel) -> tuple[float, float]:
+    """The currents in A that the only driver can hold and the model covers, from the weakest force to the largest.
+
+    Steel alone is attracted by either sign of the current: its range begins at zero.
+    """
+    circuit, box = model.require_circuit(), model.validity
+    low, high = held_limits(circuit)
+    return model.attracting_range(max(low, box.current_min_A), min(high, box.current_max_A))
+
+
+@lru_cache(maxsize=16)
+def current_ranges(model: ActuatorModel) -> FloatArray:
+    """The same for every circuit, of shape (n, 2)."""
+    if len(model.circuits) == 1:
+        return np.array([current_range(model)])
+    box = model.validity
+    held = [held_limits(circuit) for circuit in model.circuits]
+    result = np.array([(max(a, c), min(b, d)) for (a, b), (c, d) in zip(box.current_limits_A, held, strict=True)])
+    middle = np.array([0.5 * (box.distance_min_m + box.distance_max_m)])
+    idle, busy = (
+        np.abs(circuit_terms(model, middle, currents[None])[1][0]) for currents in (np.zeros(len(result)), result[:, 1])
+    )
+    result[(idle < EVEN_PART * busy) & (result[:, 0] < 0.0), 0] = 0.0
+    return result
+
+
+@lru_cache(maxsize=16)
+def _bias(model: ActuatorModel) -> FloatArray:
+    box = model.validity
+    return np.clip(bias_currents(model, 0.5 * (box.distance_min_m + box.distance_max_m)), *current_ranges(model).T)
+
+
+def currents_for_force(
+    model: ActuatorModel,
+    distance: FloatArray,
+    force: FloatArray,
+    near: FloatArray | None = None,
+) -> FloatArray:
+    """Currents that give a force, within :func:`current_ranges`; the nearest ones where none give it."""
+    if len(model.circuits) == 1:
+        flat = current_for_force(model, distance, force, None if near is None else near[..., 0])
+        return flat[..., None]
+    ranges, bias, ohms = current_ranges(model), _bias(model), model.resistances_ohm
+    scale = float(np.abs(ranges).max())
+    distance, force = np.broadcast_arrays(np.asarray(distance, float), np.asarray(force, float))
+    shape = distance.shape
+    distance, force = distance.ravel(), force.ravel()
+    currents = np.tile(bias, (len(distance), 1)) if near is None else np.clip(near, *ranges.T)
+    free = np.ones(currents.shape, dtype=np.bool_)
+    for _ in range(_PROJECTIONS):
+        pull, slope, _ = circuit_terms(model, distance, currents)
+        slope = np.where(free, slope, 0.0)
+        start = np.where(free, bias, currents)
+        short = force - pull - np.einsum("rk,rk->r", slope, start - currents)
+        worth = np.einsum("rk,rk->r", slope / ohms, slope)
+        wanted = start + (slope / ohms) * (short / np.maximum(worth, 1e-30))[:, None]
+        updated = np.clip(wanted, *ranges.T)
+        free &= updated == wanted  # at its limit, the others take what is left
+        change = float(np.abs(updated - currents).max())
+        currents = updated
+        if change < 1e-12 * scale:
+            break
+    return currents.reshape(*shape, -1)
+
+
+def currents_for_acceleration(
+    model: ActuatorModel,
+    distance: FloatArray,
+    acceleration: FloatArray,
+    velocity: FloatArray | float = 0.0,
+    near: FloatArray | None = None,
+) -> FloatArray:
+    """Currents for which F(d, i) = F_0(d) - c v - m a, a along growing distance, as :func:`currents_for_force`.
+
+    Dry friction is left to the feedback: taken from an estimate of the velocity it would chatter about rest.
+    """
+    force = model.require_motion().force_to_accelerate(distance, velocity, acceleration)
+    return currents_for_force(model, distance, force, near)
+
+
+def current_for_force(
+    model: ActuatorModel, distance: FloatArray, force: FloatArray, near: FloatArray | None = None
+) -> FloatArray:
+    """The current of one circuit that gives a force: F(d, i) = force, kept between those of :func:`current_range`.
+
+    Newton's iteration from the current of the largest force: dF/di rises towards it in an unsaturated actuator, so that
+    it approaches the root from one side. Where no current of the range gives the force, the nearer end is returned.
+    From currents ``near`` the solution a few steps are tried first.
+    """
+    strongest = np.full(np.shape(distance), np.inf if _rises(model) else -np.inf)
+    if near is None:
+        return _newton(model, distance, force, strongest, _NEWTON_STEPS)[0]
+    current, converged = _newton(model, distance, force, near, _STEPS_FROM_NEAR)
+    if converged.all():
+        return current
+    return np.where(converged, current, _newton(model, distance, force, strongest, _NEWTON_STEPS)[0])
+
+
+@lru_cache(maxsize=16)
+def _rises(model: ActuatorModel) -> bool:
+    """Whether a larger current attracts more, in the middle of the distances."""
+    box = model.validity
+    low, high = current_range(model)
+    at = np.full(2, 0.5 * (box.distance_min_m + box.distance_max_m))
+    weak, strong = model.magnetics.force(at, np.array([low, high]))
+    return bool(strong >= weak)
+
+
+def _newton(
+    model: ActuatorModel, distance: FloatArray, force: FloatArray, start: FloatArray, steps: int
+) -> tuple[FloatArray, BoolArray]:
+    """Currents, and which converged; each stops by itself, so that it does not depend on the others."""
+    low, high = current_range(model)
+    sign = 1.0 if _rises(model) else -1.0
+    scale = max(abs(low), abs(high))  # the range may end at zero: a magnet that a negative current holds back
+    current = np.clip(start, low, high)
+    changing = np.ones(np.shape(distance), dtype=np.bool_)
+    for _ in range(steps):
+        slope_d, slope_di = model.magnetics.coenergy_derivatives(distance, current, ((1, 0), (1, 1)))
+        slope = sign * np.maximum(-sign * slope_di, 1e-12 * np.abs(slope_d) / scale + np.finfo(np.float64).tiny)
+        updated = np.where(changing, np.clip(current - (-slope_d - force) / slope, low, high), current)
+        changing = np.abs(updated - current) > 1e-6 * scale  # the next change would be its square
+        current = updated
+        if not changing.any():
+            break
+    return current, ~changing

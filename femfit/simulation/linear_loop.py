@@ -1,0 +1,277 @@
+"""The sampled loop about a point of rest: plant with its drivers and delays, observer and controller, all linear.
+
+    plant       x(k+1) = A x(k) + B u(k - q),              y_j(k) = c_j x(k - m_j) + e_j x(k - m_j - 1)
+    observer    x^(k) = P x^(k-1) + G u(k - 1 - q) + L y(k)
+    controller  m(k+1) = M m(k) + E x^(k),                 u(k) = N m(k) + D x^(k)
+
+u is the change of the commands. The matrices of plant, direct measurement and controller are differences of the very
+functions that the simulation steps; those of a Kalman filter follow from its Jacobians and its settled covariance.
+
+References
+----------
+K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), chapters 3 and 4.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import floor
+
+import numpy as np
+
+from femfit.core.arrays import ComplexArray, FloatArray
+from femfit.filters.filter import Filter
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.sensors import predict_sensor
+from femfit.simulation.controllers import Controller
+from femfit.simulation.observers import DirectObserver
+from femfit.simulation.operating_point import OperatingPoint
+from femfit.simulation.plant import Plant
+from femfit.simulation.reference import Reference
+from femfit.simulation.riccati import solve_riccati
+from femfit.simulation.sensor import LoopSensor, between
+
+_PROBE = 1e-5
+"""Part of a state's range over which differences are taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPlant:
+    """Plant and sensors at a point of rest."""
+
+    A: FloatArray  # (N, N)
+    B: FloatArray  # (N, n)
+    # Of each sensor: what it reads of the state so many samples ago and of the one before that, (sensors, N), and when
+    newer: FloatArray
+    older: FloatArray
+    delays: tuple[int, ...]
+    noise: FloatArray  # Standard deviation of each reading, (sensors,)
+
+    def response(self, z: ComplexArray, latency: int = 0) -> ComplexArray:
+        """Readings over commands that are applied so many samples late, of shape (frequencies, sensors, n)."""
+        states = np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, self.B + 0j)
+        delay = z[:, None] ** -np.array(self.delays)
+        seen = delay[:, :, None] * (self.newer + self.older / z[:, None, None])
+        return np.asarray(seen @ states * z[:, None, None] ** -latency)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearController:
+    """Observer and controller together, from readings y to commands u: s+ = A s + B y, u = C s + D y."""
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+    latency: int  # Samples from a command to its effect; the last entries of s are the commands on their way
+    order: int  # Of the plant, all of whose states are the readings where the state is known exactly
+
+    def response(self, z: ComplexArray) -> ComplexArray:
+        """Commands over readings, of shape (frequencies, n, sensors)."""
+        inner = np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, self.B + 0j)
+        return np.asarray(self.C @ inner + self.D)
+
+
+def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[LoopSensor]) -> LinearPlant:
+    """Differences of one step of the plant, and of its readings."""
+    plant = Plant(model)
+    rest = plant.start(point.state[None])[0]
+    scale, push = state_scale(model), _command_scale(model, point)
+
+    def moved(points: FloatArray, commands: FloatArray) -> FloatArray:
+        return plant.step(points, commands)
+
+    A, B = _differences(moved, rest, point.commands, scale, push)
+    order = len(rest)
+    later, earlier = np.zeros((order, len(sensors))), np.zeros((order, len(sensors)))
+    unit, none = np.eye(order), np.zeros((order, order))
+    delays = []
+    for j, one in enumerate(sensors):
+        slope = _slope(partial(predict_sensor, model, one.sensor), rest, scale)
+        whole = floor(one.delay)
+        part = one.delay - whole
+        delays.append(whole)
+        if part == 0.0:
+            later[:, j] = slope
+        else:
+            later[:, j] = between(none, unit, 1.0 - part, model.sample_time_s) @ slope
+            earlier[:, j] = between(unit, none, 1.0 - part, model.sample_time_s) @ slope
+    noise = np.array([np.hypot(one.noise, one.step / np.sqrt(12.0)) for one in sensors])
+    return LinearPlant(A, B, later.T, earlier.T, tuple(delays), noise)
+
+
+def exact_readings(plant: LinearPlant) -> LinearPlant:
+    """The plant where every state is known at once, without noise."""
+    order = len(plant.A)
+    return replace(
+        plant,
+        newer=np.eye(order),
+        older=np.zeros((order, order)),
+        delays=(0,) * order,
+        noise=np.zeros(order),
+    )
+
+
+def linear_controller(
+    model: ActuatorModel,
+    point: OperatingPoint,
+    sensors: Sequence[LoopSensor],
+    observer: Filter | DirectObserver | None,
+    controller: Controller,
+    latency: int = 0,
+) -> LinearController:
+    """Observer and controller about a point; ``observer`` None knows the exact state."""
+    n = len(point.commands)
+    order = model.order
+    P, G, L = _observer(model, point, sensors, observer, order)
+    M, E, N, D = _controller(model, point, controller, len(P))
+    seen, words, inputs = len(P), len(M), L.shape[1]
+    pending = n * (latency + 1)
+    size = seen + words + pending
+    A, B = np.zeros((size, size)), np.zeros((size, inputs))
+    C, Dy = np.zeros((n, size)), D @ L
+    applied = slice(size - n, size)  # the oldest command on its way acted from the sample before to this one
+    A[:seen, :seen], A[:seen, applied], B[:seen] = P, G, L
+    rows = slice(seen, seen + words)
+    A[rows, :seen], A[rows, rows], A[rows, applied], B[rows] = E @ P, M, E @ G, E @ L
+    C[:, :seen], C[:, rows], C[:, applied] = D @ P, N, D @ G
+    first = slice(seen + words, seen + words + n)
+    A[first], B[first] = C, Dy
+    for k in range(latency):
+        start = seen + words + n * (k + 1)
+        A[start : start + n, start - n : start] = np.eye(n)
+    return LinearController(A, B, C, Dy, latency, order)
+
+
+def closed_loop_matrix(plant: LinearPlant, controller: LinearController) -> FloatArray:
+    """The state matrix of the whole loop; its eigenvalues are the loop's poles."""
+    N, n = plant.B.shape
+    chains = [d + bool(np.any(plant.older[j])) for j, d in enumerate(plant.delays)]
+    offset = np.concatenate([[N], N + np.cumsum(chains)]).astype(int)
+    inner, size = int(offset[-1]), int(offset[-1]) + len(controller.A)
+    y = np.zeros((len(plant.delays), size))
+    F = np.zeros((size, size))
+    for j, delay in enumerate(plant.delays):
+        start, length = offset[j], chains[j]
+        if delay == 0:
+            y[j, :N] = plant.newer[j]
+        if length:
+            y[j, start + length - 1] = 1.0
+        # A chain moves on towards its end; the newer state enters ``delay`` places before it, the older at its start
+        for k in range(1, length):
+            F[start + k, start + k - 1] = 1.0
+        if length:
+            F[start, :N] += plant.older[j] if np.any(plant.older[j]) else 0.0
+        if delay:
+            F[start + length - delay, :N] += plant.newer[j]
+    own = slice(inner, size)
+    u = controller.D @ y
+    u[:, own] += controller.C
+    F[:N, :N] += plant.A
+    if controller.latency:  # the command given so many samples ago
+        start = size - n * controller.latency - n + n * (controller.latency - 1)
+        F[:N, start : start + n] += plant.B
+    else:
+        F[:N] += plant.B @ u
+    F[own] += controller.B @ y
+    F[own, own] += controller.A
+    return F
+
+
+def state_scale(model: ActuatorModel) -> FloatArray:
+    """What is large for each state."""
+    box = model.validity
+    stroke = box.distance_max_m - box.distance_min_m
+    widths = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
+    memory = model.dynamics.spreads if model.dynamics is not None else np.zeros(0)
+    return np.array([stroke, 0.01 * stroke / model.sample_time_s, *widths, *memory])
+
+
+def _command_scale(model: ActuatorModel, point: OperatingPoint) -> FloatArray:
+    widths = state_scale(model)[2 : 2 + len(point.commands)]
+    amplified = [circuit.drive.kind == "current" for circuit in model.circuits]
+    return np.where(amplified, widths, widths * model.resistances_ohm)
+
+
+def _slope(function: Callable[[FloatArray], FloatArray], rest: FloatArray, scale: FloatArray) -> FloatArray:
+    """Gradient of a function of states (N, order) -> (N,)."""
+    steps = np.diag(_PROBE * scale)
+    values = function(np.concatenate([rest + steps, rest - steps]))
+    return np.asarray((values[: len(rest)] - values[len(rest) :]) / (2.0 * _PROBE * scale))
+
+
+def _differences(
+    step: Callable[[FloatArray, FloatArray], FloatArray],
+    rest: FloatArray,
+    commands: FloatArray,
+    scale: FloatArray,
+    push: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Jacobians of a step in its states and its commands."""
+    order, n = len(rest), len(commands)
+    both = np.concatenate([rest, commands])
+    steps = np.diag(_PROBE * np.concatenate([scale, push]))
+    points = np.concatenate([both + steps, both - steps])
+    moved = step(points[:, :order], points[:, order:])
+    slopes = (moved[: order + n] - moved[order + n :]) / (2.0 * _PROBE * np.concatenate([scale, push]))[:, None]
+    return slopes[:order].T, slopes[order:].T
+
+
+def _observer(
+    model: ActuatorModel,
+    point: OperatingPoint,
+    sensors: Sequence[LoopSensor],
+    observer: Filter | DirectObserver | None,
+    order: int,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """P, G and L of the module's head."""
+    n = len(point.commands)
+    if observer is None:
+        return np.zeros((order, order)), np.zeros((order, n)), np.eye(order)
+    if isinstance(observer, DirectObserver):
+        return observer.linear(point)
+    A, B, C, R = linear_filter(model, point, sensors, observer)
+    covariance = solve_riccati(A.T, C.T, observer.process.process_covariance, R)
+    gain = np.asarray(np.linalg.solve(C @ covariance @ C.T + R, C @ covariance).T, dtype=np.float64)
+    kept = np.eye(len(A)) - gain @ C
+    return kept @ A, kept @ B, gain
+
+
+def linear_filter(
+    model: ActuatorModel, point: OperatingPoint, sensors: Sequence[LoopSensor], observer: Filter
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Jacobians of a filter's transition in states and commands, of its readings, and their covariance."""
+    n, process = len(point.commands), observer.process
+    rest = np.concatenate([point.state, np.zeros(process.order - 2 - n)])
+    commands = point.commands if n > 1 else point.commands[0]
+    A = process.state_jacobian(rest[None], np.array([commands]))[0]
+    push = _command_scale(model, point)
+    ends = [np.array([(point.commands + sign * _PROBE * push * row) for row in np.eye(n)]) for sign in (1.0, -1.0)]
+    moved = [process.transition(np.tile(rest, (n, 1)), end if n > 1 else end[:, 0]) for end in ends]
+    B = ((moved[0] - moved[1]) / (2.0 * _PROBE * push)[:, None]).T
+    C = np.stack([process.output_jacobian(rest[None], output)[0] for output in process.outputs])
+    # A sensor that is read at every p-th sample alone tells as much as one of p times the variance at each
+    R = np.diag([output.variance * one.period for output, one in zip(process.outputs, sensors, strict=True)])
+    return A, B, C, R
+
+
+def _controller(
+    model: ActuatorModel, point: OperatingPoint, controller: Controller, seen: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """M, E, N and D of the module's head."""
+    n, words = len(point.commands), controller.words
+    still = np.zeros(1)
+    reference = Reference(np.array([point.distance_m]), still, still, point.currents_A[None])
+    rest = point.state
+    scale = np.concatenate([state_scale(model)[: 2 + n], np.full(words, 1e-2)])
+    both = np.concatenate([rest, np.zeros(words)])
+    steps = np.diag(_PROBE * scale)
+    points = np.concatenate([both + steps, both - steps])
+    command, memory = controller.command(points[:, 2 + n :], points[:, : 2 + n], reference)
+    count, width = 2 + n + words, 2.0 * _PROBE * scale
+    outputs = np.concatenate([command, memory], axis=1)
+    slopes = ((outputs[:count] - outputs[count:]) / width[:, None]).T
+    D, E = np.zeros((n, seen)), np.zeros((words, seen))
+    D[:, : 2 + n], N = slopes[:n, : 2 + n], slopes[:n, 2 + n :]
+    E[:, : 2 + n], M = slopes[n:, : 2 + n], slopes[n:, 2 + n :]
+    return M, E, N, D

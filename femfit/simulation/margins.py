@@ -1,0 +1,111 @@
+"""How far a loop is from losing its stability, at the plant's input.
+
+With the loop's gain L(z), broken where the commands enter the drivers, and S = (I + L)^-1:
+
+- *gain margin*: factors on the commands, below and above one, at which the loop just oscillates;
+- *phase margin*: lag at which it does, at a frequency where the gain is one;
+- *delay margin*: that lag as a time, phase over frequency, where it is least;
+- *modulus margin*: 1 / max |S|, the least distance of L from -1; with several commands the largest singular value of S.
+
+With several commands the first three hold for each with the others closed, L_k = 1 / S_kk - 1; the worst is stated.
+
+References
+----------
+S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005), sections 2.4 and 9.6.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import ComplexArray, FloatArray
+from femfit.simulation.linear_loop import LinearController, LinearPlant, closed_loop_matrix
+
+FREQUENCIES, LOWEST = 600, 1e-4
+"""Conventional: points of the frequency response, and the lowest over the Nyquist frequency."""
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Of one loop at one point of rest."""
+
+    stable: bool
+    gain_below: float  # Factor below one on the commands at which it oscillates; 0 where there is none
+    gain_above: float  # Factor above one; infinite where there is none
+    phase_rad: float
+    delay_s: float
+    modulus: float  # 0 where the loop is unstable
+    slowest_pole_rad_s: float  # Rate at which the loop's slowest motion decays; negative where one grows
+    # Rms of each command that the sensors' noise makes, over the way from the resting command to the nearer limit
+    noise_share: float
+
+
+def frequencies(sample_time_s: float, points: int = FREQUENCIES) -> tuple[FloatArray, ComplexArray]:
+    """Angular frequencies in rad/s up to half of the sampling, and exp(i w t)."""
+    nyquist = np.pi / sample_time_s
+    w = nyquist * np.geomspace(LOWEST, 1.0, points)
+    return w, np.exp(1j * w * sample_time_s)
+
+
+def margins(
+    plant: LinearPlant,
+    controller: LinearController,
+    sample_time_s: float,
+    room: FloatArray,
+    points: int = FREQUENCIES,
+) -> Margins:
+    """Margins of a linear loop.
+
+    Parameters
+    ----------
+    room : array, shape (n,)
+        From the resting commands to the nearer limits, in the commands' units.
+    points : int
+        Of the frequency response.
+    """
+    poles = np.abs(np.linalg.eigvals(closed_loop_matrix(plant, controller)))
+    largest = float(poles.max())
+    slowest = -np.log(max(largest, 1e-300)) / sample_time_s
+    w, z = frequencies(sample_time_s, points)
+    K, G = controller.response(z), plant.response(z, controller.latency)
+    n = K.shape[1]
+    returned = np.eye(n) - K @ G
+    S = np.linalg.inv(returned)
+    from_noise = (S @ K) * plant.noise
+    power = np.sum(np.abs(from_noise) ** 2, axis=2)  # of each command, (frequencies, n)
+    variance = np.trapezoid(power, w, axis=0) * sample_time_s / np.pi
+    share = float(np.max(np.sqrt(variance) / np.maximum(room, 1e-12)))
+    if not largest < 1.0:
+        return Margins(False, np.nan, np.nan, 0.0, 0.0, 0.0, float(slowest), share)
+    modulus = 1.0 / float(np.linalg.norm(S, ord=2, axis=(1, 2)).max())
+    below, above, phase, delay = 0.0, np.inf, np.pi, np.inf
+    for k in range(n):
+        L: ComplexArray = np.asarray(1.0 / S[:, k, k] - 1.0, dtype=np.complex128)
+        low, high = gain_margins(L)
+        below, above = max(below, low), min(above, high)
+        own_phase, own_delay = phase_and_delay_margin(w, L)
+        phase, delay = min(phase, own_phase), min(delay, own_delay)
+    return Margins(True, below, above, phase, delay, modulus, float(slowest), share)
+
+
+def gain_margins(L: ComplexArray) -> tuple[float, float]:
+    """The factors nearest to one, below and above it, that bring L to -1; 0 and infinity where there are none."""
+    real, imaginary = L.real, L.imag
+    turns = np.flatnonzero(imaginary[:-1] * imaginary[1:] < 0.0)
+    part = imaginary[turns] / (imaginary[turns] - imaginary[turns + 1])
+    crossings = np.append(real[turns] + part * (real[turns + 1] - real[turns]), [real[0], real[-1]])
+    factors = -1.0 / crossings[crossings < 0.0]
+    return float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors > 1.0].min(initial=np.inf))
+
+
+def phase_and_delay_margin(w: FloatArray, L: ComplexArray) -> tuple[float, float]:
+    """Least lag in rad, either way, at a gain of one, and least delay in s that makes such a lag."""
+    size = np.log(np.abs(L))
+    turns = np.flatnonzero(size[:-1] * size[1:] < 0.0)
+    if not turns.size:
+        return np.pi, np.inf
+    part = size[turns] / (size[turns] - size[turns + 1])
+    at = w[turns] + part * (w[turns + 1] - w[turns])
+    phases = np.unwrap(np.angle(L))
+    lag = np.mod(phases[turns] + part * (phases[turns + 1] - phases[turns]) + np.pi, 2.0 * np.pi)  # 0 at -1
+    return float(np.minimum(lag, 2.0 * np.pi - lag).min()), float((lag / at).min())

@@ -1,0 +1,143 @@
+"""Feedback of every state, with an integral: the linear-quadratic regulator, or poles that are given.
+
+    u = u_r + K_x (x_r - x^) + K_p (pending commands) - K_i q,      q(k+1) = q(k) + t (d - r)
+
+K is designed on the sampled linear model with the commands that are still on their way as states. The regulator weighs
+the distance and its integral against the commands; for a wanted bandwidth w the weights are those that put the poles of
+the ideal chain from command to distance on a circle of that radius (Butterworth's pattern).
+
+References
+----------
+K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), sections 4.3 (poles), 4.5
+(integral) and 11.1 (linear-quadratic regulator).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import DomainError
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import commands_currents
+from femfit.simulation.controllers import Controller, limits_of, reference_currents, resting_command
+from femfit.simulation.linear_loop import LinearPlant
+from femfit.simulation.operating_point import OperatingPoint
+from femfit.simulation.reference import Reference
+from femfit.simulation.riccati import feedback_gain
+
+INTEGRAL_PART = 0.25
+"""Conventional: rate at which the integral acts over the bandwidth; at a quarter it costs some 15 degrees of phase."""
+
+
+@dataclass(frozen=True, eq=False)
+class StateFeedback(Controller):
+    """The class of the module's head."""
+
+    model: ActuatorModel
+    gains: FloatArray  # K_x, shape (n, 2 + n)
+    integral: FloatArray  # K_i, shape (n,)
+    pending: FloatArray  # Of the commands on their way, the last one first; shape (n, latency n)
+
+    @property
+    def words(self) -> int:  # type: ignore[override]
+        """The integral, and the commands on their way."""
+        return 1 + int(self.pending.shape[1])
+
+    def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
+        """The law, clamped; the integral stands while the clamp holds back what it asks for."""
+        q, given = memory[:, 0], memory[:, 1:]
+        currents = reference_currents(self.model, reference)
+        needed = resting_command(self.model, currents)
+        error = estimate[:, 0] - reference.distance
+        moving = np.empty_like(estimate)
+        moving[:, 0], moving[:, 1] = error, estimate[:, 1] - reference.velocity
+        moving[:, 2:] = estimate[:, 2:] - currents
+        wanted = needed - moving @ self.gains.T - given @ self.pending.T - q[:, None] * self.integral
+        command = np.clip(wanted, *limits_of(self.model))
+        held_back = np.any((command - wanted) * (self.integral * error[:, None]) > 0.0, axis=1)
+        grown = np.where(held_back, q, q + self.model.sample_time_s * error)
+        later = np.concatenate([command - needed, given], axis=1)[:, : self.pending.shape[1]]
+        return command, np.concatenate([grown[:, None], later], axis=1)
+
+
+def augmented(
+    model: ActuatorModel, point: OperatingPoint, plant: LinearPlant, latency: int
+) -> tuple[FloatArray, FloatArray]:
+    """Plant, commands on their way and integral: x+ = A x + B u over (x, u(k-1) .. u(k-latency), q)."""
+    n = len(point.commands)
+    order = 2 + n  # states of effects follow the currents and are not fed back
+    size = order + n * latency + 1
+    A, B = np.zeros((size, size)), np.zeros((size, n))
+    A[:order, :order] = plant.A[:order, :order]
+    if latency:
+        A[:order, order + n * (latency - 1) : order + n * latency] = plant.B[:order]
+        B[order : order + n] = np.eye(n)
+        for k in range(1, latency):
+            rows = slice(order + n * k, order + n * (k + 1))
+            A[rows, order + n * (k - 1) : order + n * k] = np.eye(n)
+    else:
+        B[:order] = plant.B[:order]
+    A[-1, -1], A[-1, 0] = 1.0, model.sample_time_s
+    return A, B
+
+
+def regulator(
+    model: ActuatorModel, point: OperatingPoint, plant: LinearPlant, bandwidth_rad_s: float, latency: int = 0
+) -> StateFeedback:
+    """The linear-quadratic regulator of a bandwidth."""
+    A, B = augmented(model, point, plant, latency)
+    low, high = limits_of(model)
+    span = np.where(np.isfinite(high - low), high - low, 1.0)
+    # Distance per command far above all poles: k_m / (m L s^3) behind a voltage, k_m / (m s^2) behind an amplifier
+    per_current = point.A[1, 2:]
+    amplified = commands_currents(model)
+    per_command = np.where(amplified, per_current, per_current @ point.B[2:])
+    relative = 2.0 if amplified.all() else 3.0
+    reach = float(np.sqrt(np.sum((per_command * span) ** 2)))
+    weight = (bandwidth_rad_s**relative / reach) ** 2
+    Q = np.zeros_like(A)
+    Q[0, 0] = weight
+    Q[-1, -1] = weight * (INTEGRAL_PART * bandwidth_rad_s) ** 2
+    return _of_gain(model, point, feedback_gain(A, B, Q, np.diag(1.0 / span**2)), latency)
+
+
+def placed(
+    model: ActuatorModel,
+    point: OperatingPoint,
+    plant: LinearPlant,
+    poles_rad_s: Sequence[complex],
+    latency: int = 0,
+) -> StateFeedback:
+    """One command's gains that put the poles of plant and integral where they are given, by Ackermann's formula.
+
+    Commands that are on their way stay poles at zero.
+
+    Raises
+    ------
+    DomainError
+        If there are several commands, or not as many poles as states.
+    """
+    A, B = augmented(model, point, plant, latency)
+    size, n = B.shape
+    wanted = np.exp(np.asarray(poles_rad_s, dtype=complex) * model.sample_time_s)
+    if n != 1 or len(wanted) != size - latency or np.any(np.abs(wanted) >= 1.0):
+        raise DomainError(
+            f"Poles are placed for one command, as {size - latency} rates below zero in rad/s (distance, velocity, "
+            f"current, integral); instead received {len(wanted)} poles for {n} commands: "
+            f"{', '.join(f'{pole:g}' for pole in poles_rad_s)}. Give a bandwidth for the regulator."
+        )
+    wanted = np.concatenate([wanted, np.zeros(latency)])
+    reach = np.stack([np.linalg.matrix_power(A, k) @ B[:, 0] for k in range(size)], axis=1)
+    polynomial = np.zeros_like(A)
+    for coefficient in np.poly(wanted).real:
+        polynomial = polynomial @ A + coefficient * np.eye(size)
+    gain = np.linalg.solve(reach.T, np.eye(size)[-1]) @ polynomial
+    return _of_gain(model, point, gain[None], latency)
+
+
+def _of_gain(model: ActuatorModel, point: OperatingPoint, gain: FloatArray, latency: int) -> StateFeedback:
+    n = len(point.commands)
+    order = 2 + n
+    return StateFeedback(model, gain[:, :order], gain[:, -1], gain[:, order : order + n * latency])

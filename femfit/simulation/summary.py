@@ -1,0 +1,132 @@
+"""What many runs of one closed loop came to."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from femfit.core.amount import amount, counted
+from femfit.core.atomic import json_ready
+from femfit.core.outputs import LOOP, require_outputs
+from femfit.core.paths import path_of
+from femfit.core.printed import Printed
+from femfit.filters.theory import ConsistencyBand
+from femfit.simulation.design import ControllerName, LoopDesign
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.loop import LoopOutcome, LoopResult
+from femfit.simulation.loop_text import design_data, design_lines, verdict
+from femfit.simulation.series_table import write_series
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Median and 95 % quantile of a number over the runs that were held; NaN if none was."""
+
+    median: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopSummary(Printed):
+    """What many runs of one closed loop came to; printed, it says so in a few lines.
+
+    Parameters
+    ----------
+    plant : str or None
+        Name of what truly moves, where that is another model than the design's.
+    outcomes : mapping of str to int
+        Runs by the name of their outcome.
+    first_loss_s, last_loss_s : float or None
+        When runs were lost, where any was.
+    estimate_rms_m, tracking_rms_m : Spread
+        Of each run's rms of (estimated - true distance) and of (true distance - reference).
+    normalised_innovation_squared : float or None
+        Mean over held runs; None without a filter.
+    innovation_band : ConsistencyBand
+        95 % for that mean.
+    advice : str
+        Why runs were lost and what to do; empty where all were held.
+    result : LoopResult
+        Outcome of each run, and the series of those that were recorded.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> loop = ff.close_loop("model.json", controller="backstepping", targets_m=(0.022,), runs=2, seconds=0.1)
+    >>> loop.held, loop.result.series.distance_m.shape
+    (2, (200, 1))
+    """
+
+    design: LoopDesign
+    experiment: Experiment
+    plant: str | None
+    runs: int
+    steps: int
+    outcomes: Mapping[str, int]
+    first_loss_s: float | None
+    last_loss_s: float | None
+    estimate_rms_m: Spread
+    tracking_rms_m: Spread
+    normalised_innovation_squared: float | None
+    innovation_band: ConsistencyBand
+    advice: str
+    result: LoopResult
+
+    @property
+    def held(self) -> int:
+        """Number of runs that were held."""
+        return self.outcomes.get(LoopOutcome.HELD.name, 0)
+
+    @property
+    def loop(self) -> tuple[ControllerName, str]:
+        """Controller and observer."""
+        return self.experiment.controller, self.experiment.observer
+
+    def __str__(self) -> str:
+        return "\n".join([*self._lines(), "", *design_lines(self.design, [self.loop])])
+
+    def _lines(self) -> list[str]:
+        seconds = self.steps * self.design.model.sample_time_s
+        lines = [verdict(self.design, seconds, [(self.experiment, self.held, self.runs)], self.plant)]
+        for name, count in self.outcomes.items():
+            if name != LoopOutcome.HELD.name:
+                runs = counted(count, "run")
+                lines.append(f"  {runs} lost: {LoopOutcome[name].sentence}")
+        if self.last_loss_s is not None:
+            lines.append(f"  lost between {self.first_loss_s:.4g} and {self.last_loss_s:.4g} s")
+        if self.advice:
+            lines.append(f"  {self.advice}")
+        if self.held:
+            for text, spread in (
+                ("estimated - true distance", self.estimate_rms_m),
+                ("true distance - reference", self.tracking_rms_m),
+            ):
+                median, upper = amount(spread.median, "m", 3), amount(spread.upper, "m", 3)
+                lines.append(f"  rms of {text}: median {median}, 95 % below {upper}")
+        if self.normalised_innovation_squared is not None:
+            band = self.innovation_band
+            lines.append(
+                f"  squared errors of the filter's predictions are {self.normalised_innovation_squared:.3f} of what it "
+                f"expects (a filter that knows its errors: {band.lower:.3f} to {band.upper:.3f}, 95 %)"
+            )
+        return lines
+
+    def data(self) -> dict[str, Any]:
+        """The numbers without the series, ready for JSON."""
+        names = ("plant", "runs", "steps", "first_loss_s", "last_loss_s", "normalised_innovation_squared", "advice")
+        return {
+            "model": self.design.model.name,
+            "experiment": json_ready(asdict(self.experiment)),
+            "outcomes": dict(self.outcomes),
+            **{name: json_ready(getattr(self, name)) for name in names},
+            **{
+                name: json_ready(asdict(getattr(self, name)))
+                for name in ("estimate_rms_m", "tracking_rms_m", "innovation_band")
+            },
+            "design": design_data(self.design, [self.loop]),
+        }
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write the recorded runs, one row a sample, up to the sample at which a run was lost."""
+        require_outputs([], (path_of(path, "The table of the runs"), LOOP))
+        write_series(self.design, self.result, path)

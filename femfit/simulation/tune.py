@@ -1,0 +1,281 @@
+"""Gains of linear controllers: found by what the sampled loop can stand, over the whole reference.
+
+A candidate is judged at the nearest, the middle and the farthest point of rest by the least modulus margin (the
+distance of the loop's gain from -1), the largest share of the commands' room that the sensors' noise takes, and how
+fast the loop's slowest motion decays. Wanted is the fastest one that keeps :data:`WANTED_MODULUS`,
+:data:`NOISE_ROOM` and :data:`SETTLING_PART`; where none does, the one that comes nearest.
+
+References
+----------
+K. J. Astrom and T. Hagglund, Advanced PID Control (ISA, 2006), section 4.3: robustness by the maximum sensitivity.
+R. Hooke and T. A. Jeeves, J. ACM 8 (1961) 212: the search by patterns.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import DomainError
+from femfit.filters.constants import OBSERVED_SHARE
+from femfit.filters.filter import Filter
+from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.constants import (
+    DERIVATIVE_FILTER_RATIO,
+    NOISE_ROOM,
+    SETTLING_PART,
+    USABLE_PART,
+    WANTED_MODULUS,
+)
+from femfit.simulation.controllers import Controller, limits_of
+from femfit.simulation.linear_loop import (
+    LinearPlant,
+    exact_readings,
+    linear_controller,
+    linear_filter,
+    linear_plant,
+)
+from femfit.simulation.margins import FREQUENCIES, Margins, margins
+from femfit.simulation.observers import DirectObserver
+from femfit.simulation.operating_point import OperatingPoint, usable_coil_pole, zero_order_hold
+from femfit.simulation.pid import Pid, pid_of_parts
+from femfit.simulation.riccati import solve_riccati
+from femfit.simulation.sensor import LoopSensor
+from femfit.simulation.state_feedback import StateFeedback, regulator
+
+SEARCH_FREQUENCIES = 120
+"""Conventional: points of the frequency response while gains are sought; what is told has five times as many."""
+
+_FIRST_FACTOR, _LAST_FACTOR = 1.6, 1.05
+_BANDWIDTHS = 14
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """What a controller is judged in: points of rest with their linear plants, sensors and observer."""
+
+    model: ActuatorModel
+    points: tuple[OperatingPoint, ...]
+    plants: tuple[LinearPlant, ...]
+    sensors: tuple[LoopSensor, ...]
+    observer: Filter | DirectObserver | None
+    latency: int
+
+    @property
+    def middle(self) -> int:
+        """The point for which linear controllers are designed."""
+        return len(self.points) // 2
+
+    def judge(self, controller: Controller, points: int = FREQUENCIES) -> tuple[Margins, ...]:
+        """Margins at each point, from a frequency response of so many points."""
+        found = []
+        limits = limits_of(self.model)
+        for point, plant in zip(self.points, self.plants, strict=True):
+            linear = linear_controller(self.model, point, self.sensors, self.observer, controller, self.latency)
+            room = np.minimum(point.commands - limits[0], limits[1] - point.commands)
+            found.append(margins(plant, linear, self.model.sample_time_s, room, points))
+        return tuple(found)
+
+    def score(self, controller: Controller) -> float:
+        """The least modulus margin, cut by too much noise and too slow a loop; below zero where it is unstable."""
+        found = self.judge(controller, SEARCH_FREQUENCIES)
+        if not all(one.stable for one in found):
+            return float(min(one.slowest_pole_rad_s for one in found)) * self.model.sample_time_s
+        noise = max(one.noise_share for one in found)
+        rate = SETTLING_PART * min(point.natural_rad_s for point in self.points)
+        slowest = min(one.slowest_pole_rad_s for one in found)
+        cut = min(1.0, NOISE_ROOM / max(noise, 1e-300)) * min(1.0, slowest / max(rate, 1e-300))
+        return min(one.modulus for one in found) * cut
+
+
+def make_bench(
+    model: ActuatorModel,
+    points: Sequence[OperatingPoint],
+    sensors: Sequence[LoopSensor],
+    observer: Filter | DirectObserver | None,
+    latency: int = 0,
+) -> Bench:
+    """The nearest, the middle and the farthest point with their linear plants."""
+    chosen = tuple(points[k] for k in sorted({0, len(points) // 2, len(points) - 1}))
+    plants = [linear_plant(model, point, sensors) for point in chosen]
+    if observer is None:
+        plants = [exact_readings(plant) for plant in plants]
+    return Bench(model, chosen, tuple(plants), tuple(sensors), observer, latency)
+
+
+def settled_errors(bench: Bench) -> tuple[float, float] | None:
+    """Rms errors of distance and velocity of a settled filter in the middle of the reference.
+
+    None where the error of the distance stays above half of what is not known before.
+    """
+    assert isinstance(bench.observer, Filter)  # noqa: S101  asked for by its caller
+    A, _, C, R = linear_filter(bench.model, bench.points[bench.middle], bench.sensors, bench.observer)
+    process = bench.observer.process
+    predicted = solve_riccati(A.T, C.T, process.process_covariance, R)
+    told = predicted - predicted @ C.T @ np.linalg.solve(C @ predicted @ C.T + R, C @ predicted)
+    errors = np.sqrt(np.diag(told)[:2])
+    first = float(np.sqrt(process.require_start_covariance()[0, 0]))
+    return (float(errors[0]), float(errors[1])) if errors[0] < OBSERVED_SHARE * first else None
+
+
+def tuned_regulator(bench: Bench) -> StateFeedback:
+    """The fastest regulator that keeps the wanted margin, or the one that comes nearest to it."""
+    model, at = bench.model, bench.middle
+    point, plant = bench.points[at], bench.plants[at]
+    highest = USABLE_PART / model.sample_time_s
+    lowest = min(max(0.3 * max(one.natural_rad_s for one in bench.points), 0.01 * highest), 0.5 * highest)
+    best: tuple[float, StateFeedback] | None = None
+    for bandwidth in np.geomspace(highest, lowest, _BANDWIDTHS):
+        try:
+            found = regulator(model, point, plant, float(bandwidth), bench.latency)
+        except DomainError:
+            continue
+        score = bench.score(found)
+        if score >= WANTED_MODULUS:
+            return found
+        if best is None or score > best[0]:
+            best = score, found
+    if best is None or best[0] <= 0.0:
+        raise DomainError(_unstable("state feedback", bench))
+    return best[1]
+
+
+def tuned_pid(bench: Bench, exact: Bench) -> Pid:
+    """Poles placed at the middle point; where that keeps too little margin, a search from there.
+
+    Parameters
+    ----------
+    bench, exact : Bench
+        With the observer, and with the state known at once: a filter that trusts its model takes a part of the margin
+        that no gains bring back, so that the placed poles are judged without it.
+    """
+    first = _start(bench)
+    if bench.score(first) > 0.0 and exact.score(first) >= WANTED_MODULUS:
+        return first
+    direction = first.direction
+    values = np.log(np.maximum(np.array(list(first.parts.values())), 1e-9))
+
+    def made(logs: FloatArray) -> Pid:
+        kp, ki, kd, rate = np.exp(logs)
+        return pid_of_parts(bench.model, float(kp), float(ki), float(kd), float(rate), direction)
+
+    # The filter's pole cannot be faster than the samples
+    highest = np.array([np.inf, np.inf, np.inf, np.log(3.0 / bench.model.sample_time_s)])
+    values = np.minimum(values, highest)
+    found, score = pattern_search(lambda logs: bench.score(made(logs)), values, highest, WANTED_MODULUS)
+    if score <= 0.0:
+        raise DomainError(_unstable("PID", bench))
+    return made(found)
+
+
+def pattern_search(
+    score: Callable[[FloatArray], float], start: FloatArray, highest: FloatArray, enough: float
+) -> tuple[FloatArray, float]:
+    """Climb by one coordinate after the other, and along what the last round changed, with steps that shrink."""
+    values, best, step = start, score(start), np.log(_FIRST_FACTOR)
+    while step > np.log(_LAST_FACTOR) and best < enough:
+        before = values
+        for k in range(len(values)):
+            for sign in (1.0, -1.0):
+                tried = values.copy()
+                tried[k] = min(tried[k] + sign * step, highest[k])
+                if (found := score(tried)) > best + 1e-9:
+                    values, best = tried, found
+                    break
+        if np.array_equal(values, before):
+            step *= 0.5
+            continue
+        tried = np.minimum(2.0 * values - before, highest)
+        if (found := score(tried)) > best:
+            values, best = tried, found
+    return values, best
+
+
+def _start(bench: Bench) -> Pid:
+    model, point = bench.model, bench.points[bench.middle]
+    try:
+        return design_pid(model, point)
+    except DomainError:
+        pass
+    # A coil slower than the body: twice the force that the unstable pole asks for, damped at the body's own rate
+    A, B = reduced(model, point)
+    coil, rate = -A[2, 2], max(point.natural_rad_s, 0.01 * usable_coil_pole(model, point))
+    per_command = abs(A[1, 2] * B[2]) / coil
+    kp = 2.0 * (rate**2 + coil * rate) / per_command
+    return pid_of_parts(model, kp, 0.1 * rate * kp, 2.0 * kp / rate, 10.0 * rate, tuple(point.direction.tolist()))
+
+
+def reduced(model: ActuatorModel, point: OperatingPoint) -> tuple[FloatArray, FloatArray]:
+    """Distance, velocity and the current along the controller's direction: A (3, 3) and B (3,).
+
+    Of one circuit it is the point's own model; of several that of a current shared so; of an amplifier its bandwidth.
+    """
+    amplified = [circuit.drive.kind == "current" for circuit in model.circuits]
+    along = point.direction
+    share = along if any(amplified) else along / model.resistances_ohm  # currents at rest for such a command
+    unit = share / (share @ share)
+    A = np.zeros((3, 3))
+    A[:2, :2] = point.A[:2, :2]
+    A[1, 2] = point.A[1, 2:] @ share
+    if any(amplified):
+        pole = usable_coil_pole(model, point)
+        A[2, 2] = -pole
+        return A, np.array([0.0, 0.0, pole])
+    A[2, 1], A[2, 2] = unit @ point.A[2:, 1], unit @ point.A[2:, 2:] @ share
+    return A, np.array([0.0, 0.0, float(unit @ point.B[2:] @ along)])
+
+
+def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: float | None = None) -> Pid:
+    """Gains by pole placement at one operating point.
+
+    With the plant's G = c/A held over a sample (orders 2 and 3) the closed loop is
+
+        A(z) (z - 1)(z - p) + c(z) (b_0 z^2 + b_1 z + b_2) = (z - q)^4 (z - q_5).
+
+    Its coefficients are linear in p, b_0, b_1, b_2 and q_5: for a wanted quadruple pole q = exp(-w t_s) they follow
+    from one 5 x 5 system. In continuous time, with the coil's pole p_c and the derivative filter's N, equal powers of s
+    give 10 w^2 - 4 (p_c + N) w + N p_c - lambda^2 = 0, and a choice of N picks w
+    unless it is given.
+
+    References
+    ----------
+    K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), chapter 5.
+    """
+    step = model.sample_time_s
+    coil, unstable = usable_coil_pole(model, point), point.unstable_pole_rad_s
+    derivative = DERIVATIVE_FILTER_RATIO * coil
+    half = 4.0 * (coil + derivative)
+    w = (half - np.sqrt(half**2 - 40.0 * (derivative * coil - unstable**2))) / 20.0
+    w = w if bandwidth_rad_s is None else bandwidth_rad_s
+    if w <= 0.0:
+        raise DomainError(
+            f"Four equal poles need a coil that is faster than the body; at {1e3 * point.distance_m:g} mm R/L is "
+            f"{coil:.4g} rad/s, the body's unstable pole {unstable:.4g} rad/s. Use backstepping or state feedback, "
+            "which feed back the current, or a coil with less inductance."
+        )
+    phi, gamma = zero_order_hold(*reduced(model, point), step)
+    a = np.poly(phi).real
+    c = np.poly(phi - np.outer(gamma, [1.0, 0.0, 0.0])).real - a  # c(z) of distance/command, order 2
+    integrated = np.polymul(a, [1.0, -1.0])
+    wanted = np.poly(np.full(4, np.exp(-w * step)))
+    columns = np.zeros((5, 5))
+    columns[:, 0] = -integrated
+    for power in range(3):
+        shifted = np.polymul(c[1:], np.eye(3)[power])
+        columns[5 - len(shifted) :, 1 + power] = shifted
+    columns[:, 4] = wanted
+    right = np.polymul(wanted, [1.0, 0.0])[1:] - np.polymul(integrated, [1.0, 0.0])[1:]
+    p, b0, b1, b2, _ = np.linalg.solve(columns, right)
+    return Pid(model, float(p), (float(b0), float(b1), float(b2)), tuple(point.direction.tolist()))
+
+
+def _unstable(kind: str, bench: Bench) -> str:
+    unstable = max(point.unstable_pole_rad_s for point in bench.points)
+    slowest = min(point.coil_pole_rad_s for point in bench.points)
+    return (
+        f"No {kind} was found that keeps this body at rest from the nearest to the farthest distance of the reference: "
+        f"its unstable pole is {unstable:.4g} rad/s, the coil's R/L {slowest:.4g} rad/s, the sample time "
+        f"{1e3 * bench.model.sample_time_s:g} ms. Use a controller that feeds back the current (backstepping, state "
+        "feedback), a faster coil, sensors with less delay, or reference distances that are nearer to each other."
+    )
