@@ -7,8 +7,9 @@ level; away from them by the order. Measured on eight actuators, errors fall by 
 Distances that share a mesh are checked at the group's two ends and its middle, against the next level: the difference
 is the level's own error but for a sixth. All of the group is then solved on the one level, so that the discretisation,
 and with it the error, changes smoothly with the distance. A distance with a mesh of its own is compared with the level
-below instead, which costs a third of the solution: the difference is five times the error. What the comparison solved
-on the level that is chosen is kept.
+below instead, which costs a third of the solution: the difference is four times the error where that falls to a fifth,
+and once the error where corners of saturating steel let it fall to a half (relay, push solenoid). What the comparison
+solved on the level that is chosen is kept.
 
 On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.force`),
 and a row states the larger of the difference and of their disagreement.
@@ -45,7 +46,7 @@ CORNERS = (0.1, 0.03, 0.008, 0.002, 0.0005)
 """Sizes at the corners, as fractions of the part's smallest extent, from level to level."""
 
 CHECK_SAFETY = 2.0
-"""On the difference to the next level: that level's own error, and errors between the checked distances."""
+"""On the difference of two levels: the finer one's own error, and errors between the checked distances."""
 
 OWN_MESH_LIMIT = 3
 """Groups of up to this many distances are not worth checks on the next level."""
@@ -120,7 +121,6 @@ def meet_tolerance(
     """
     shared = shares_checks(group)
     distances = (group[0], group[len(group) // 2], group[-1]) if shared else group
-    factor = CHECK_SAFETY if shared else 1.0
     tolerance = float(settings.tolerance or 0.0)
 
     def solve(number: int) -> _Solved:
@@ -135,9 +135,9 @@ def meet_tolerance(
         if met:
             break
         below, above = above, solve(level)
-        force = factor * _difference("force_N", below, above)
+        force = CHECK_SAFETY * _difference("force_N", below, above)
         linked = [_difference(name, below, above).max() for name in below.columns[0] if is_flux(name)]
-        flux = factor * max(linked, default=0.0)
+        flux = CHECK_SAFETY * max(linked, default=0.0)
         chosen = below if shared else above
         met = max(force.max(), flux, _disagreement(chosen)) <= tolerance
     choice = LevelChoice(chosen.level, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))

@@ -8,6 +8,7 @@ import pytest
 
 from femfit.device.load import read_actuator
 from femfit.device.parts import LinearMaterial
+from femfit.device.starters import starter_text
 from femfit.field.currents import current_points
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
@@ -36,7 +37,7 @@ def errors(actuator, tolerance, distances):
         for distance in chosen:
             rows, true = problem.rows(distance, currents), reference.rows(distance, currents)
             size, flux = scale(true["force_N"], points), scale(true["flux_linkage_Wb"], points)
-            pulls = size > 0.0
+            pulls = np.array(true["force_N"]) != 0.0
             columns = (
                 np.subtract(rows["force_N"], true["force_N"])[pulls] / size[pulls],
                 np.array(rows["force_error_N"])[pulls] / size[pulls],
@@ -66,6 +67,17 @@ def test_the_rig_meets_its_tolerance_and_states_its_error(tolerance):
 def test_every_actuator_meets_its_tolerance_and_states_its_error(name, tolerance):
     actuator = read_actuator(GEOMETRY / f"{name}.toml")
     check(actuator, tolerance, actuator.sweep.distances_m[1::7])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("name", "distances"), {"solenoid": (3e-4, 3e-3), "voice-coil": (-7e-3,), "relay": (1e-4, 6e-4)}.items()
+)
+def test_devices_that_saturate_meet_the_tolerance_of_their_drawing_and_state_their_error(name, distances, tmp_path):
+    drawing = tmp_path / f"{name}.toml"
+    drawing.write_text(starter_text(name), encoding="utf-8")
+    actuator = read_actuator(drawing)
+    check(actuator, actuator.tolerance, distances)
 
 
 def test_the_passive_force_is_smooth_where_a_new_mesh_begins(rig_sweep):
