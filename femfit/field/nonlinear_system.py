@@ -41,14 +41,13 @@ class NonlinearSystem:
         self._air_uncondensed = stiffness(self.space, nu_0, radius, regions=AIR, condense=False)
         self._vacuum = stiffness(self.space, nu_0, None, regions=self.points.regions).Assemble()  # moves with its parts
         self._inverse, self._free_inverse = (SummedInverse(self.space) for _ in range(2))
-        self.ready = False
+        self.ready = self._free_ready = False
 
     def move(self) -> None:
         """Take the mesh as it is now stretched."""
         self._air.Assemble()
         self._stiffness = csr(self._air_uncondensed.Assemble().mat, self.space.ndof)
-        self._free_inverse.renew((self._air, self._vacuum))
-        self.ready = False
+        self.ready = self._free_ready = False
 
     def evaluate(self, state: FloatArray, currents: FloatArray) -> Expansion:
         """Energy without the constant of the magnets, its derivative and the state's square."""
@@ -114,6 +113,9 @@ class NonlinearSystem:
 
     def own_state(self, state: FloatArray, currents: FloatArray) -> FloatArray:
         """The field in free space of the moving part's magnetisation, frozen as in a state, and of its currents."""
+        if not self._free_ready:
+            self._free_inverse.renew((self._air, self._vacuum))
+            self._free_ready = True
         magnetisation = self.points.magnetisation(self.points.flux_density(state)) * self.points.moving
         return self._free_inverse.solve(self.points.load(magnetisation) + currents @ self._own_circuits)
 
