@@ -18,11 +18,12 @@ from femfit.field.linear_point import LinearActuator
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from support.actuators import GEOMETRY
-from support.timed_sweep import timed_sweep
+from support.timed_sweep import DEVICES, timed_sweep
 
 DOCS = Path(__file__).parents[2] / "docs"
 REPEATS = 3
 DISTANCES = (8, 15, 31, 61)
+COILS = (1, 2, 3)
 ELEMENTS = ((0.24, 1.0), (0.06, 0.3), (0.015, 0.15), (0.008, 0.08), (0.004, 0.05))
 """Fractions at the corners and within the parts, of the parts' extent, for 9,000 to 190,000 unknowns."""
 
@@ -77,6 +78,46 @@ def by_commands(tmp_path):
     return found
 
 
+def by_devices(tmp_path):
+    """Label -> points and least seconds on the wall of the whole command, two processes, of devices that saturate."""
+    found = {}
+    for label in DEVICES:
+        runs = [timed_sweep(label, tmp_path / label / str(repeat)) for repeat in range(REPEATS)]
+        found[label] = (runs[0][1], min(seconds for seconds, _ in runs))
+    return found
+
+
+def by_coils():
+    """Number of coils -> seconds of one distance of the rig, its winding divided into so many of its own circuits."""
+    found = {}
+    for count in COILS:
+        rig = divided(read_actuator(GEOMETRY / "emaws-rig.toml"), count)
+        settings = SolverSettings()
+        problem = LinearActuator(rig, (0.022,), layout_of(rig, settings), settings)
+        found[count] = least(lambda problem=problem: [problem.solve(0.022) for _ in range(3)]) / 3.0
+    return found
+
+
+def divided(rig, count):
+    """The rig with its winding cut into equal coils along z."""
+    (coil,), (circuit,) = rig.coils, rig.circuits
+    (r0, z0), (r1, z1) = (getattr(np.array(coil.vertices_m), end)(axis=0) for end in ("min", "max"))
+    cuts = np.linspace(z0, z1, count + 1)
+    coils = tuple(
+        dataclasses.replace(
+            coil, name=f"part{k}", turns=coil.turns / count, vertices_m=box(r0, cuts[k], r1, cuts[k + 1])
+        )
+        for k in range(count)
+    )
+    circuits = tuple(dataclasses.replace(circuit, name=one.name, coils=((one.name, 1.0),)) for one in coils)
+    sweep = dataclasses.replace(rig.sweep, further_A=((0.0,),) * (count - 1))
+    return dataclasses.replace(rig, coils=coils, circuits=circuits, sweep=sweep)
+
+
+def box(r0, z0, r1, z1):
+    return (r0, z0), (r1, z0), (r1, z1), (r0, z1)
+
+
 def by_unknowns():
     """(unknowns, seconds, of these for the two factorisations) of one distance at order 5, without its mesh."""
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
@@ -95,7 +136,7 @@ def exponent(size, seconds):
     return float(np.polyfit(np.log(size), np.log(seconds), 1)[0])
 
 
-def page(points, unknowns, commands):
+def page(points, unknowns, commands, devices, coils):
     """The table, in Markdown."""
     last, (n, whole, factorising) = points[-1], unknowns.T
     lines = [
@@ -136,6 +177,18 @@ def page(points, unknowns, commands):
         "|---|---|",
         *(f"| {label} | {seconds:.1f} |" for label, seconds in commands.items()),
         "",
+        "The drawings of `femfit new` that saturate, with their tolerance of 0.5 %, in the same way:",
+        "",
+        "| | points | s | s for 100 points |",
+        "|---|---|---|---|",
+        *(f"| {label} | {count} | {s:.1f} | {100.0 * s / count:.1f} |" for label, (count, s) in devices.items()),
+        "",
+        "One distance of the linear rig, its winding divided into coils with circuits of their own:",
+        "",
+        "| coils | s | of one coil's |",
+        "|---|---|---|",
+        *(f"| {count} | {seconds:.3f} | {seconds / coils[1]:.2f} |" for count, seconds in coils.items()),
+        "",
         (
             f"{PEER} Here: {last[1]:.1f} s ({188.0 / last[1]:.0f} times less) for 0.006 %, and "
             f"{last[2]:.1f} s ({188.0 / last[2]:.0f} times less) at a tolerance of 0.1 %."
@@ -174,8 +227,9 @@ def test_cost_against_points_and_unknowns(tmp_path):
 
     ngsolve.SetNumThreads(1)  # as the sweep's workers do
     points, unknowns, commands = by_points(tmp_path), by_unknowns(), by_commands(tmp_path)
+    devices, coils = by_devices(tmp_path), by_coils()
     DOCS.mkdir(exist_ok=True)
     plot(points, unknowns, DOCS / "cost.svg")
-    text = page(points, unknowns, commands)
+    text = page(points, unknowns, commands, devices, coils)
     (DOCS / "cost.md").write_text(text, encoding="utf-8")
     print("\n" + text)

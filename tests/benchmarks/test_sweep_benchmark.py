@@ -27,11 +27,12 @@ REPEATS = 5
 @pytest.mark.parametrize("label", SWEEPS)
 def test_whole_sweep_command(label, tmp_path):
     walls, counts = zip(*(timed_sweep(label, tmp_path / str(repeat)) for repeat in range(REPEATS)), strict=True)
-    assert set(counts) == {100 if label == "plunger" else 488}
+    assert len(set(counts)) == 1
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
     print(
         f"\nfemfit sweep, {label}, {counts[0]} points, 2 processes, imports included: median "
-        f"{statistics.median(walls):.2f} s ({min(walls):.2f} to {max(walls):.2f}); peak memory of the largest process "
+        f"{statistics.median(walls):.2f} s ({min(walls):.2f} to {max(walls):.2f}), "
+        f"{100.0 * statistics.median(walls) / counts[0]:.1f} s for 100 points; peak memory of the largest process "
         f"{peak:.0f} MB"
     )
 

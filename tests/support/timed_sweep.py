@@ -3,6 +3,7 @@
 import subprocess
 import time
 
+from femfit.device.starters import starter_names, starter_text
 from support.actuators import GEOMETRY
 from support.command import FEMFIT
 
@@ -11,8 +12,14 @@ SWEEPS = {
     "linear, tolerance of 0.1 %": ("emaws-rig", "\n[solver]\ntolerance = 1e-3\n"),
     "saturating": ("emaws-saturable", ""),
     "plunger": ("plunger-solenoid", ""),
+    "push solenoid": ("solenoid", ""),
+    "voice coil": ("voice-coil", ""),
+    "relay": ("relay", ""),
 }
-"""Label -> geometry, and what is put below it."""
+"""Label -> a drawing of ``femfit new`` or of geometry/, and what is put below it."""
+
+DEVICES = ("push solenoid", "voice coil", "relay")
+"""Those that saturate and come with a tolerance of 0.5 %."""
 
 
 def timed(command):
@@ -27,6 +34,8 @@ def timed_sweep(label, directory):
     name, solver = SWEEPS[label]
     directory.mkdir(parents=True)
     actuator = directory / "actuator.toml"
-    actuator.write_text((GEOMETRY / f"{name}.toml").read_text(encoding="utf-8") + solver, encoding="utf-8")
+    known = name in starter_names()
+    text = starter_text(name) if known else (GEOMETRY / f"{name}.toml").read_text(encoding="utf-8")
+    actuator.write_text(text + solver, encoding="utf-8")
     seconds = timed([FEMFIT, "sweep", str(actuator), "-o", str(directory / "run"), "--workers", "2"])
     return seconds, (directory / "run" / "sweep.csv").read_text(encoding="utf-8").count("\n") - 1
