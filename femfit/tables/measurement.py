@@ -10,20 +10,34 @@ import pandas as pd
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding, listing
 from femfit.core.printed import Printed
+from femfit.tables.circuit_columns import parts_of
 
 CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V", "inductance_H", "resistance_ohm")
 """Columns that a bench reads."""
 
-CHANNEL_WORDS = {
-    "force_N": "force",
-    "flux_linkage_Wb": "flux linkage",
-    "hall_V": "Hall output",
-    "voltage_V": "coil voltage",
-    "inductance_H": "inductance",
-    "resistance_ohm": "resistance",
-    "force_balance_N": "force that the motion shows",
-    "voltage_balance_V": "commanded voltage",
-}
+
+class _ChannelWords(dict[str, str]):
+    """Words by channel; one of several circuits by that of its quantity."""
+
+    def __missing__(self, channel: str) -> str:
+        quantity, circuit = parts_of(channel)
+        if not circuit:
+            raise KeyError(channel)
+        return f"{self[quantity]} of {circuit}"
+
+
+CHANNEL_WORDS = _ChannelWords(
+    {
+        "force_N": "force",
+        "flux_linkage_Wb": "flux linkage",
+        "hall_V": "Hall output",
+        "voltage_V": "coil voltage",
+        "inductance_H": "inductance",
+        "resistance_ohm": "resistance",
+        "force_balance_N": "force that the motion shows",
+        "voltage_balance_V": "commanded voltage",
+    }
+)
 """Channels, and the balances that a time series is turned into, as they are called in sentences."""
 
 SETTINGS: dict[str, float] = {
@@ -75,14 +89,16 @@ class _Measured(Printed):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The measured channels that the file has."""
-        return tuple(name for name in self.known_channels if name in self.given)
+        """The measured channels that the file has, those of several circuits after the others."""
+        of_circuits = (name for name in self.given if parts_of(name)[1] and parts_of(name)[0] in self.known_channels)
+        return (*(name for name in self.known_channels if name in self.given), *of_circuits)
 
     def __str__(self) -> str:
         """Say what the file holds, one line a fact, what must be looked at first."""
         rows, runs = self.rows, self.rows["run"].nunique()
         lines = [f"{self.source}: {len(rows)} {self.kind} in {runs} run{'s' * (runs != 1)} of {listing(self.channels)}"]
-        placed = [name for name in ("distance_m", "current_A") if rows[name].notna().any()]
+        settings = ("distance_m", "current_A", *(name for name in self.given if parts_of(name)[0] == "current_A"))
+        placed = [name for name in dict.fromkeys(settings) if rows[name].notna().any()]
         lines += [f"  {name} {rows[name].min():.4g} to {rows[name].max():.4g}" for name in placed]
         lines += [f"  declared noise of {name}: {value:.3g}" for name, value in self.declared_noise.items()]
         first = [f"check first: {one}" for one in self.findings if one.severity != "info"]

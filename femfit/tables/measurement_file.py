@@ -11,6 +11,7 @@ from femfit.core.amount import counted
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
+from femfit.tables.circuit_columns import circuit_columns, parts_of
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, match_columns, recognise
 from femfit.tables.header import parse_header
 from femfit.tables.measurement import (
@@ -145,11 +146,12 @@ def has_columns(
     names = tuple(sorted(frozenset[str]().union(*needs)))
 
     def wanted(raw: RawTable) -> bool:
+        known = (*names, *circuit_columns((*raw.headers, *(columns or {}).values())))
         try:
-            used, _, _ = match_columns(raw.headers, raw.source, names, columns, units, optional=names)
+            used, _, _ = match_columns(raw.headers, raw.source, known, columns, units, optional=known)
         except TableError:  # it lacks a column that the user named
             return False
-        found = {column.name for column in used.values()}
+        found = {parts_of(column.name)[0] for column in used.values()}
         return any(need <= found for need in needs)
 
     return wanted
@@ -191,17 +193,20 @@ def read_columns(
 
 
 def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False) -> BenchTable:
-    rows, used, findings = read_columns(raw, BENCH_COLUMNS, said.columns, said.units)
+    of_circuits = circuit_columns((*raw.headers, *said.columns.values()))
+    channels = (*CHANNELS, *(name for name in of_circuits if parts_of(name)[0] in CHANNELS))
+    known = (*BENCH_COLUMNS, *of_circuits)
+    rows, used, findings = read_columns(raw, known, said.columns, said.units)
     unknown = [str(one) for one in findings if one.code == "unused-column"]
     _require_bench([column.name for column in used], path, unknown)
-    sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A"), used, said.noise)
+    sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A", *of_circuits), used, said.noise)
     given = tuple(
-        name
-        for name in BENCH_COLUMNS
-        if name in rows and (bool(rows[name].notna().any()) or (planned and name in CHANNELS))
+        name for name in known if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
     )
     _require_bench(given, path)
-    full, copies = (_complete_bench(rows), []) if planned else without_copies(_complete_bench(rows), given)
+    full, copies = _complete_bench(rows, of_circuits), []
+    if not planned:
+        full, copies = without_copies(full, given)
     ordered, remarks = in_measuring_order(full, "run" in given)
     if "branch" not in given:
         branch, assumed = branch_from_order(ordered)
@@ -221,7 +226,7 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
 
 def _require_bench(names: Sequence[str], path: Path, unknown: Sequence[str] = ()) -> None:
     missing = [] if "distance_m" in names else ["distance_m"]
-    if not any(name in CHANNELS for name in names):
+    if not any(parts_of(name)[0] in CHANNELS for name in names):
         missing.append(f"one of {', '.join(CHANNELS)}")
     if missing:
         raise TableError(
@@ -232,22 +237,25 @@ def _require_bench(names: Sequence[str], path: Path, unknown: Sequence[str] = ()
         )
 
 
-def _complete_bench(rows: pd.DataFrame) -> pd.DataFrame:
-    """Every column of a bench table, in the order of the file."""
+def _complete_bench(rows: pd.DataFrame, of_circuits: Sequence[str]) -> pd.DataFrame:
+    """Every column of a bench table, in the order of the file, and after them those of several circuits."""
     # Without a column no current flows: right for a pair of magnets, and refused beside a model with a circuit.
-    absent = {**SETTINGS, "current_A": 0.0}
+    absent = {**SETTINGS, "current_A": np.nan if of_circuits else 0.0}
     full = pd.DataFrame({name: rows.get(name, missing) for name, missing in absent.items()}, index=rows.index)
-    full = full.assign(**{name: rows.get(name, np.nan) for name in CHANNELS}).astype(np.float64)
+    full = full.assign(**{name: rows.get(name, np.nan) for name in (*CHANNELS, *of_circuits)}).astype(np.float64)
     return full.assign(
         run=full["run"].fillna(full["run"].ffill().fillna(1.0)), branch=np.sign(full["branch"].fillna(0.0))
     )
 
 
 def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
-    values, used, findings = read_columns(raw, SERIES_COLUMNS, said.columns, said.units)
-    given = tuple(name for name in SERIES_COLUMNS if name in values and bool(values[name].notna().any()))
+    of_circuits = circuit_columns((*raw.headers, *said.columns.values()))
+    of_circuits = tuple(name for name in of_circuits if parts_of(name)[0] in SERIES_CHANNELS)
+    known = (*SERIES_COLUMNS, *of_circuits)
+    values, used, findings = read_columns(raw, known, said.columns, said.units)
+    given = tuple(name for name in known if name in values and bool(values[name].notna().any()))
     missing = [] if "time_s" in given else ["time_s"]
-    if not any(name in SERIES_CHANNELS for name in given):
+    if not any(parts_of(name)[0] in SERIES_CHANNELS for name in given):
         missing.append(f"one of {', '.join(SERIES_CHANNELS)}")
     if missing:
         unread = " ".join(one.text for one in findings if one.column in missing)
@@ -256,8 +264,8 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
             f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). "
             f"{unread and unread + ' '}Rename the columns or add them, or leave out the times of readings at rest."
         )
-    sidecar = read_sidecar(path, SERIES_CHANNELS, used, said.noise)
-    rows, lost = _complete_series(values)
+    sidecar = read_sidecar(path, (*SERIES_CHANNELS, *of_circuits), used, said.noise)
+    rows, lost = _complete_series(values, known)
     if lost:
         findings.append(
             Finding(
@@ -281,9 +289,9 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
     )
 
 
-def _complete_series(rows: pd.DataFrame) -> tuple[pd.DataFrame, int]:
+def _complete_series(rows: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, int]:
     """Every column of a time series, rows of one run together; and how many rows had no time."""
-    full = pd.DataFrame({name: rows.get(name, np.nan) for name in SERIES_COLUMNS}, index=rows.index).astype(np.float64)
+    full = pd.DataFrame({name: rows.get(name, np.nan) for name in known}, index=rows.index).astype(np.float64)
     full["run"] = full["run"].ffill().fillna(1.0)
     timed = full["time_s"].notna()
     full = full[timed]

@@ -7,6 +7,7 @@ from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, Severity
+from femfit.tables.circuit_columns import parts_of
 
 _PAUSE = 5.0
 """Assumed: a step of the clock longer than this many times the usual longest (95 %) one is a gap."""
@@ -51,7 +52,7 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
     """Set aside readings that are stuck or clipped, which become NaN; and the levels of those clipped, by channel."""
     findings, rows, time = [], rows.copy(), rows["time_s"].to_numpy()
     levels_of: dict[str, FloatArray] = {}
-    for name in _SENSORS:
+    for name in (name for name in rows.columns if parts_of(name)[0] in _SENSORS):
         values = rows[name].to_numpy(copy=True)
         known = np.isfinite(values)
         if not known.any():
