@@ -66,7 +66,8 @@ def find_rests(
     Parameters
     ----------
     time_s, segment, distance, current : array, shape (samples,)
-        Distances in m and currents in A; NaN where missing. A segment has no gap of the clock.
+        Distances in m and currents in A; NaN where missing. A segment has no gap of the clock. Of several circuits all
+        currents, shape (samples, n).
     noise_m : float
         Standard deviation of one sample of the distance.
     """
@@ -136,14 +137,15 @@ def _unbalanced(
     model: ActuatorModel, time: FloatArray, distance: FloatArray, current: FloatArray, noise: float
 ) -> bool:
     """Whether no force within a factor of two of the model's would leave the body where it stands."""
-    known = np.isfinite(distance) & np.isfinite(current)
+    known = np.isfinite(distance) & np.isfinite(current).reshape(len(distance), -1).all(axis=1)
     if known.sum() < LEAST_BLOCKS * BLOCK:
         return False
     time, distance, current = time[known], distance[known], current[known]
     motion, box = model.require_motion(), model.validity
     # A reading that noise carries out of the domain is the domain's end
-    d = np.clip(np.full_like(current, distance.mean()), box.distance_min_m, box.distance_max_m)
-    i = np.clip(current, box.current_min_A, box.current_max_A)
+    d = np.clip(np.full(len(distance), distance.mean()), box.distance_min_m, box.distance_max_m)
+    limits = box.current_limits_A
+    i = np.clip(current, *limits.T) if current.ndim > 1 else np.clip(current, *limits[0])
     pull, against = model.magnetics.force(d, i), motion.static_force(d)
     least = against - np.maximum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) - motion.coulomb_N
     most = against - np.minimum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) + motion.coulomb_N
@@ -213,12 +215,13 @@ def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: li
         rest = leaves[0]
         row = rest.last
         text = f"The body leaves {amount(rest.distance_m, 'm', 3)} after {amount(float(time[row]), 's', 3)}"
-        if np.isfinite(current[row]) and model.validity.contains(np.asarray(rest.distance_m), np.asarray(current[row])):
-            at, i = np.asarray(rest.distance_m), np.asarray(current[row])
+        at, i = np.asarray(rest.distance_m), np.asarray(current[row])
+        if np.isfinite(i).all() and model.validity.contains(at, i):
             pull = float(model.magnetics.force(at, i))
             against = float(model.require_motion().static_force(at))
             pulls = f"{amount(pull, 'N')} against {amount(against, 'N')}"
-            text += f", at {amount(float(i), 'A')}, where the model pulls with {pulls}"
+            currents = " and ".join(amount(float(one), "A") for one in np.atleast_1d(i)[: len(model.circuits)])
+            text += f"{currents and ', at '}{currents}, where the model pulls with {pulls}"
         more = f"; {counted(len(leaves) - 1, 'more departure')}" if len(leaves) > 1 else ""
         found.append(Finding("lift-off", "info", f"{text}{more}."))
     return found

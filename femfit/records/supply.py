@@ -36,35 +36,39 @@ def given_voltage(
     current: FloatArray,
     distance: FloatArray,
     noise: tuple[float, float],
+    circuit: int = 0,
 ) -> Given:
     """The voltage at the winding: commands beyond the supply are believed where the current follows them, else clamped.
 
     Parameters
     ----------
     time_s, segment, voltage, current, distance : array, shape (samples,)
-        In s, V, A and m; NaN where missing.
+        In s, V, A and m; NaN where missing. Of several circuits all currents, shape (samples, n).
     noise : (float, float)
-        Standard deviation of a sample of the current in A and of the distance in m; NaN where unknown.
+        Standard deviation of a sample of the circuit's current in A and of the distance in m; NaN where unknown.
+    circuit : int
+        The place of the circuit whose voltage it is.
     """
-    circuit = model.require_circuit()
-    clamped = np.clip(voltage, circuit.voltage_min_V, circuit.voltage_max_V)
+    fed, own = model.circuits[circuit], current if current.ndim == 1 else current[:, circuit]
+    clamped = np.clip(voltage, fed.voltage_min_V, fed.voltage_max_V)
     with np.errstate(invalid="ignore"):
         beyond = clamped != voltage
     beyond &= np.isfinite(voltage)
-    diode = circuit.drive.diode_V
+    diode = fed.drive.diode_V
     if diode is not None:
         off = voltage <= 0.0
-        flows = _conducts(current, segment, off, OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
+        flows = _conducts(own, segment, off, OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
         voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), one) for one in (voltage, clamped))
         beyond &= ~off
     if not beyond.any():
         return Given(voltage, ())
-    limits = amount_range(circuit.voltage_min_V, circuit.voltage_max_V, "V")
+    limits = amount_range(fed.voltage_min_V, fed.voltage_max_V, "V")
     reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
     if int(beyond.sum()) == 1:
         reach = amount(float(voltage[beyond][0]), "V")
-    head = f"{counted(int(beyond.sum()), 'command')} of {len(voltage)} ({reach}) lie beyond the supply's {limits}"
-    favour = _favour(model, time_s, segment, (voltage, clamped), current, distance, beyond, noise)
+    of = f" to {fed.name}" if model.further_circuits else ""
+    head = f"{counted(int(beyond.sum()), 'command')}{of} of {len(voltage)} ({reach}) lie beyond the supply's {limits}"
+    favour = _favour(model, time_s, segment, (voltage, clamped), current, distance, beyond, noise, circuit)
     if favour > NEARER:
         text = f"{head}, and the current follows them: the driver gave them, and they were believed."
         return Given(voltage, (Finding("beyond-supply", "warning", text, "Change [supply] in the drawing."),))
@@ -102,11 +106,12 @@ def _favour(
     distance: FloatArray,
     beyond: BoolArray,
     noise: tuple[float, float],
+    circuit: int,
 ) -> float:
     """Logarithm of the likelihood of the commands as recorded over that of the clamped ones; zero where unknown."""
     follows = np.zeros(len(time), dtype=bool)
     follows[:-1] = np.diff(segment) == 0
-    known = np.isfinite(current) & np.isfinite(distance)
+    known = np.isfinite(current).reshape(len(time), -1).all(axis=1) & np.isfinite(distance)
     known &= model.validity.contains(np.nan_to_num(distance), np.nan_to_num(current))
     usable = beyond & follows & known & np.r_[known[1:], False]
     if not usable.any() or not np.isfinite(noise).all():
@@ -114,10 +119,13 @@ def _favour(
     first = np.flatnonzero(usable & ~np.r_[False, usable[:-1]])
     last = np.flatnonzero(usable & ~np.r_[usable[1:], False]) + 1
     d, i = np.nan_to_num(distance), np.nan_to_num(current)
-    flux, slope, inductance = model.magnetics.coenergy_derivatives(d, i, ((0, 1), (1, 1), (0, 2)))
-    resistance = model.require_circuit().resistance_ohm
+    at = model.magnetics.state_of_circuits(d, i.reshape(len(time), -1))
+    series, resistance = model.circuits[circuit].inductance_H, model.circuits[circuit].resistance_ohm
+    slope, inductance = at.motional_constant[:, circuit], at.inductance[:, circuit, circuit] + series
+    own = i.reshape(len(time), -1)[:, circuit]
+    flux = model.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, circuit] + series * own
     step = np.r_[np.diff(time), 0.0]
-    drop = resistance * step * 0.5 * (i + np.r_[i[1:], 0.0])
+    drop = resistance * step * 0.5 * (own + np.r_[own[1:], 0.0])
     gained = flux[last] - flux[first]
     total = np.r_[0.0, np.cumsum(np.where(usable, drop, 0.0))]
     left = []

@@ -9,7 +9,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.filters.filter import Filter
 from femfit.filters.kalman_filter import FilterKind, kalman_filter
-from femfit.filters.levitation import kept_between_stops
+from femfit.filters.levitation import fastest_time_constant, kept_between_stops
 from femfit.filters.noise import FilterNoise, default_noise, operating_distance
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import runge_kutta_step
@@ -51,11 +51,10 @@ def in_fine_steps(model: ActuatorModel, built: Filter) -> Filter:
 
 
 def _substeps(model: ActuatorModel) -> int:
-    box = model.validity
-    currents = np.linspace(box.current_min_A, box.current_max_A, 5)
-    least = float(model.magnetics.inductance(np.full(5, operating_distance(model)), currents).min())
-    rate = model.require_circuit().resistance_ohm / least
-    return max(1, int(np.ceil(model.sample_time_s * rate / RUNGE_KUTTA_STEP)))
+    if not model.circuits:
+        return 1
+    fastest = fastest_time_constant(model, operating_distance(model))
+    return max(1, int(np.ceil(model.sample_time_s / fastest / RUNGE_KUTTA_STEP)))
 
 
 def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:

@@ -132,6 +132,8 @@ def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> Found
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0)) + np.where(np.diag(curvature) < 1e-3, np.inf, 0.0)
     estimates = []
     for k, name in enumerate(names):
+        if name == "voltage" and not prepared.model.circuits:
+            continue
         value = first[k] * np.exp(found[k])
         known = bool(deviation[k] < UNKNOWN)
         high = value * np.exp(1.96 * min(float(deviation[k]), 3.0))
@@ -191,10 +193,12 @@ def _parts(process: FilterProcess) -> list[FloatArray]:
 def _assumed(process: FilterProcess, prepared: Prepared) -> FloatArray:
     """Noises as the filter was given them: sqrt of the acceleration's density, the voltage, the sensors."""
     t, whole, model = process.step_s, process.process_covariance, prepared.model
-    box = model.validity
-    middle = np.asarray(0.5 * (box.current_min_A + box.current_max_A))
-    inductance = float(model.magnetics.inductance(np.asarray(operating_distance(model)), middle))
-    volts = np.sqrt(whole[2, 2]) * inductance / t
+    circuits = len(model.circuits)
+    middle = model.validity.current_limits_A.mean(axis=1)[:circuits]
+    at = model.magnetics.state_of_circuits(np.asarray(operating_distance(model)), middle)
+    inductance, end = at.inductance + model.series_inductances_H, 2 + circuits
+    squares = np.diag(inductance @ whole[2:end, 2:end] @ inductance) / t**2
+    volts = float(np.sqrt(squares.mean())) if circuits else 0.0  # rms over several drivers
     return np.array([np.sqrt(whole[1, 1] / t), volts, *(output.variance**0.5 for output in process.outputs)])
 
 

@@ -157,7 +157,6 @@ def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
     near, far = model.require_motion().ends
     samples = len(mean)
     box, deviation = model.validity, one.replayed.deviation
-    box_d, box_i = (box.distance_min_m, box.distance_max_m), (box.current_min_A, box.current_max_A)
     close = np.minimum(deviation[:, 0], AT_STOP * (box.distance_max_m - box.distance_min_m))
     if "distance_m" not in prepared.recorded:
         for side, stop in (("near", near), ("far", far)):
@@ -166,19 +165,23 @@ def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
                 share = f"{100.0 * resting.mean():.3g} % of the {counted(samples, 'sample')}"
                 found.append(Finding("at-stop", "info", f"The body rests on the {side} stop in {share}."))
     with np.errstate(invalid="ignore"):  # by more than the estimate is uncertain, and than a body lies on its stop
-        d, i = mean[:, 0], mean[:, 2]
-        slack_d, slack_i = (AT_STOP * (high - low) for low, high in (box_d, box_i))
-        beyond_d = np.maximum(box_d[0] - d, d - box_d[1]) - np.fmax(3.0 * deviation[:, 0], slack_d)
-        beyond_i = np.maximum(box_i[0] - i, i - box_i[1]) - np.fmax(3.0 * deviation[:, 2], slack_i)
-        outside = (np.maximum(beyond_d, beyond_i) > 0.0) | ~np.isfinite(d + i)
+        bounded = [0, *range(2, 2 + len(model.circuits))]
+        limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])[: len(bounded)]
+        at = mean[:, bounded]
+        beyond = np.maximum(limits[:, 0] - at, at - limits[:, 1])
+        beyond -= np.fmax(3.0 * deviation[:, bounded], AT_STOP * np.ptp(limits, axis=1))
+        outside = (beyond > 0.0).any(axis=1) | ~np.isfinite(at).all(axis=1)
     if outside.any():
+        ranges = " and ".join(
+            [f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm"]
+            + [f"{low:.3g} to {high:.3g} A" for low, high in limits[1:]]
+        )
         found.append(
             Finding(
                 "outside-domain",
                 "warning",
                 f"{counted(int(outside.sum()), 'estimate')} of {samples} lie outside of the model's validity domain, "
-                f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm and {box.current_min_A:.3g} to "
-                f"{box.current_max_A:.3g} A.",
+                f"{ranges}.",
                 "Sweep wider, or leave the stretch out.",
             )
         )

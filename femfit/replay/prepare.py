@@ -11,6 +11,7 @@ from femfit.core.amount import amount, amount_range, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.noise import operating_distance
 from femfit.model.actuator_model import ActuatorModel
@@ -22,9 +23,6 @@ from femfit.records.supply import given_voltage
 from femfit.replay.constants import MEDIAN_TO_DEVIATION, SECOND_DIFFERENCE, STANDS_STILL
 from femfit.replay.run_filter import Log
 from femfit.tables.measurement import TimeSeries
-
-RECORDED = {"current_A": "current", "distance_m": "distance"}
-"""Columns that are a sensor of their own where the model has none that reads them, and its name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +43,14 @@ class Prepared:
 
 def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
     """Choose sensors, take the record's step, and set aside what no filter should believe."""
-    rows = series.rows
-    if "voltage_V" not in series.given:
+    rows, commands = series.rows, voltage_columns(model.circuit_names)
+    model.require_circuits()
+    lacking = [name for name in commands if name not in series.given]
+    if lacking:
         raise TableError(
             f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
-            f"{', '.join(series.given)}. Record voltage_V, or say which column it is with --column HEADER=voltage_V."
+            f"{', '.join(series.given)}. Record {' and '.join(lacking)}, or say which column it is with --column "
+            f"HEADER={lacking[0]}."
         )
     model, findings = with_recorded_sensors(model, series), list(series.findings)
     names = _chosen(model, series, sensors)
@@ -62,30 +63,36 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     inside = np.delete(np.diff(time), begins[1:] - 1)
     step = float(np.median(inside)) if len(inside) else model.sample_time_s
     segment, unknown = rows["segment"].to_numpy(), np.full(len(time), np.nan)
-    current, distance = (recorded.get(name, unknown) for name in ("current_A", "distance_m"))
-    spread = [
-        _sample_noise(series, name, values) for name, values in (("current_A", current), ("distance_m", distance))
+    distance = recorded.get("distance_m", unknown)
+    columns = circuit_currents(model.circuit_names)
+    each = np.stack([recorded.get(name, unknown) for name in columns], axis=1) if columns else np.zeros((len(time), 0))
+    current = model.currents_of(np.column_stack([distance, distance, each]))
+    spread_m = _sample_noise(series, "distance_m", distance)
+    spreads_A = [_sample_noise(series, name, each[:, k]) for k, name in enumerate(columns)]
+    rests = find_rests(model, time, segment, distance, current, spread_m)
+    given = [
+        given_voltage(model, time, segment, recorded[command], current, distance, (spreads_A[k], spread_m), k)
+        for k, command in enumerate(commands)
     ]
-    rests = find_rests(model, time, segment, distance, current, spread[1])
-    given = given_voltage(model, time, segment, recorded["voltage_V"], current, distance, (spread[0], spread[1]))
-    inputs, said = _inputs(given.voltage_V, begins)
-    findings += [*rests.findings, *given.findings, *said]
+    volts = np.stack([one.voltage_V for one in given], axis=1) if given else np.zeros((len(time), 0))
+    inputs, said = _inputs(volts, begins)
+    findings += [*rests.findings, *(finding for one in given for finding in one.findings), *said]
     kept = [_kept(series, reading) for reading in readings]
     noises = [_noise(series, one.values, reading) for one, reading in zip(kept, readings, strict=True)]
     findings += [finding for one in kept for finding in one.findings]
     findings += [finding for _, said in noises for finding in said]
     log = Log(
-        inputs=inputs,
+        inputs=inputs[:, 0] if len(commands) == 1 else inputs,
         readings=np.stack([one.values for one in kept], axis=1),
         begins=begins,
-        guesses=_guesses(model, recorded, len(time)),
+        guesses=_guesses(model, recorded, each),
         held=rests.held,
         limits=np.stack([one.limit for one in kept], axis=1),
         side=np.stack([one.side for one in kept], axis=1),
     )
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
     model = replace(model, sample_time_s=step)
-    resting = _resting_deviations(rests, step, spread[1])
+    resting = _resting_deviations(rests, step, spread_m)
     return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting)
 
 
@@ -93,13 +100,16 @@ def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorM
     """The model with a sensor for each recorded current or distance that none of its own reads."""
     known = sensors_of(model)
     read = {reading_of(model, name).column for name in known}
-    added: list[OtherSensor] = []
-    for column, name in RECORDED.items():
-        if column in series.given and column not in read and name not in known:
-            if name == "current":
-                added.append(CurrentSensor(name=name, circuit="coil"))
-            else:
-                added.append(PositionSensor(name=name, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m"))
+    columns = dict(zip(circuit_currents(model.circuit_names), model.circuit_names, strict=True))
+    own: dict[str, OtherSensor] = {
+        column: CurrentSensor(name=column.rpartition("_")[0], circuit=circuit) for column, circuit in columns.items()
+    }
+    distance = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
+    added = [
+        sensor
+        for column, sensor in {**own, "distance_m": distance}.items()
+        if column in series.given and column not in read and sensor.name not in known
+    ]
     return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
 
 
@@ -139,14 +149,14 @@ def _resting_deviations(rests: Rests, step: float, noise: float) -> tuple[float,
 
 def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:
     """The voltage held from the sample before to each one."""
-    missing, findings = int(np.isnan(volts).sum()), []
+    missing, findings = int(np.isnan(volts).sum()), []  # volts of shape (samples, circuits)
     if missing:
         findings.append(
             Finding("held-command", "warning", f"{counted(missing, 'command')} are missing; the last one was held.")
         )
-    known = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))))
-    held = np.nan_to_num(volts[known])
-    before = np.r_[held[:1], held[:-1]]
+    known = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))[:, None]), axis=0)
+    held = np.nan_to_num(np.take_along_axis(volts, known, axis=0))
+    before = np.concatenate([held[:1], held[:-1]])
     before[begins] = held[begins]
     return before, findings
 
@@ -206,13 +216,13 @@ def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[fl
     return guess, [Finding("guessed-noise", "info", said, "Give it with --noise.", column=str(reading.column))]
 
 
-def _guesses(model: ActuatorModel, recorded: dict[str, FloatArray], samples: int) -> FloatArray:
-    """Recorded distance and current, kept in the model's domain; else the far stop or the operating point."""
+def _guesses(model: ActuatorModel, recorded: dict[str, FloatArray], currents: FloatArray) -> FloatArray:
+    """Recorded distance and currents, kept in the model's domain; else the far stop or the operating point."""
     box, motion = model.validity, model.require_motion()
-    result = np.zeros((samples, 3))
+    samples, circuits = currents.shape
+    result = np.zeros((samples, 2 + circuits))
     rest = operating_distance(model) if motion.far_stop is None else motion.far_stop.distance_m
     distance = recorded.get("distance_m", np.full(samples, np.nan))
     result[:, 0] = np.clip(np.where(np.isfinite(distance), distance, rest), box.distance_min_m, box.distance_max_m)
-    result[:, 2] = np.nan_to_num(recorded.get("current_A", np.zeros(samples)))
-    result[:, 2] = np.clip(result[:, 2], box.current_min_A, box.current_max_A)
+    result[:, 2:] = np.clip(np.nan_to_num(currents), *box.current_limits_A[:circuits].T)
     return result

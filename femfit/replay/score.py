@@ -16,6 +16,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError, MissingPartError, TableError
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import FilterNoise
 from femfit.model.actuator_model import ActuatorModel
@@ -39,8 +40,10 @@ class FilterScore:
 
 def can_be_filtered(model: ActuatorModel, series: TimeSeries) -> bool:
     """Whether a record has what a filter of this model needs: a command, and a current, distance or Hall voltage."""
-    complete = len(model.circuits) == 1 and model.motion is not None and "voltage_V" in series.given
-    return complete and bool({"current_A", "distance_m", "hall_V"} & set(series.given))
+    names = model.circuit_names
+    complete = model.motion is not None and set(voltage_columns(names)) <= set(series.given)
+    read = {*circuit_currents(names), "distance_m", "hall_V"} & set(series.given)
+    return complete and (bool(names) or not model.has_winding) and bool(read)
 
 
 def filter_score(

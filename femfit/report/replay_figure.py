@@ -7,6 +7,7 @@ import numpy as np
 
 from femfit.core.atomic import replacing
 from femfit.core.outputs import PICTURE, require_outputs
+from femfit.core.sweep_columns import circuit_currents
 from femfit.replay.result import Observation
 from femfit.report.style import BLUE, DPI, GREEN, INK, MUTED, ORANGE, VERMILION, new_figure, style, styled, words
 
@@ -14,24 +15,32 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
+_DASHES = ("-", "--", ":", "-.")
+"""A line for each of several currents."""
+
 _POINTS = 20_000
 """Conventional: points of a line; more are not seen."""
 
 
 @styled
 def replay_figure(seen: Observation) -> "Figure":
-    """Draw distance and current as recorded and estimated, and the normalised innovations with their band."""
+    """Draw distance and currents as recorded and estimated, and the normalised innovations with their band."""
     figure = new_figure(6.0)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
     every = slice(None, None, max(1, len(seen.time_s) // _POINTS))
     time = seen.time_s[every]
-    for axes, column, state, factor in ((panels[0], "distance_m", 0, 1e3), (panels[1], "current_A", 2, 1.0)):
+    currents = circuit_currents(seen.model.circuit_names)
+    lines = [(panels[0], "distance_m", 0, 1e3, "-")]
+    lines += [(panels[1], column, 2 + k, 1.0, _DASHES[k % len(_DASHES)]) for k, column in enumerate(currents)]
+    for axes, column, state, factor, dashes in lines:
         if column in seen.recorded:
             label = words("replay", "recorded")
-            axes.plot(time, factor * seen.recorded[column][every], color=MUTED, linewidth=0.7, label=label)
+            axes.plot(time, factor * seen.recorded[column][every], dashes, color=MUTED, linewidth=0.7, label=label)
         for one, colour in zip(seen.filters, _COLOURS, strict=False):
-            axes.plot(time, factor * one.replayed.mean[every, state], color=colour, label=words("loop", one.name))
-        axes.set_ylabel(words("replay", column))
+            said = words("loop", one.name)
+            axes.plot(time, factor * one.replayed.mean[every, state], dashes, color=colour, label=said)
+    panels[0].set_ylabel(words("replay", "distance_m"))
+    panels[1].set_ylabel(words("replay", "current_A"))
     panels[0].legend(ncols=3)
     for one, colour in zip(seen.filters, _COLOURS, strict=False):
         ratio = one.replayed.innovation[every] / np.sqrt(one.replayed.variance[every])

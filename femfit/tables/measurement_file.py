@@ -204,7 +204,8 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
         name for name in known if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
     )
     _require_bench(given, path)
-    full, copies = _complete_bench(rows, of_circuits), []
+    full = _complete_bench(rows, of_circuits)
+    copies: list[Finding] = []
     if not planned:
         full, copies = without_copies(full, given)
     ordered, remarks = in_measuring_order(full, "run" in given)
