@@ -35,6 +35,21 @@ UNMOVED_KG = 1e12
 STANDS_STILL = 1e-3
 """Numerical: random walk of a held body's distance in a sample, over the noise of its reading: Q is definite."""
 
+APART, LEAST_UNSEATED = 0.25, 1e-3
+"""Conventional: parts of the stroke beyond which a body was away from a stop, and within which it is at it."""
+
+SEAT_BEFORE = 20
+"""Conventional: samples before the estimate's arrival at which the body may have seated already."""
+
+BEYOND = 0.1
+"""Conventional: part of the stroke by which the rival body passes the stop; the model is continued no further."""
+
+LEAST_CONFIDENCE, CERTAIN = 0.95, 0.999
+"""Conventional: probabilities from which a seating is said, and from which no more digits are given."""
+
+MOST_SEATINGS = 6
+"""Conventional: arrivals at a stop that are printed; all of them are in the JSON."""
+
 NOISE_SAMPLES = 20_000
 """Conventional: samples that the search for the noise looks at, from the first stretch on."""
 

@@ -22,6 +22,7 @@ from femfit.replay.prepare import Prepared, prepare
 from femfit.replay.result import Observation, OneFilter
 from femfit.replay.run_filter import Replayed, replay
 from femfit.replay.score import can_be_filtered
+from femfit.replay.seating import find_seatings
 from femfit.replay.unread import estimates_beside
 from femfit.tables.measurement import Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
@@ -111,6 +112,7 @@ def observe(
             *([NO_NOISE_FOUND] if find and found is None else []),
         ),
         noise=found,
+        seatings=find_seatings(prepared, runs[0].built, runs[0].replayed),
     )
 
 

@@ -15,9 +15,10 @@ from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.model.actuator_model import ActuatorModel
 from femfit.replay.consistency import Beside, Innovations
-from femfit.replay.constants import LEAST_JUDGED
+from femfit.replay.constants import LEAST_JUDGED, MOST_SEATINGS
 from femfit.replay.find_noise import FoundNoise
 from femfit.replay.run_filter import Replayed
+from femfit.replay.seating import Seating
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +102,16 @@ class Observation(Printed):
     filters: tuple[OneFilter, ...]
     findings: tuple[Finding, ...]
     noise: FoundNoise | None
+    seatings: tuple[Seating, ...] = ()  # As the first filter tells them
 
     def __str__(self) -> str:
         first, *others = self.filters
         span = amount_range(float(self.time_s.min()), float(self.time_s.max()), "s", 3)
         lines = first.lines()
         lines[1:1] = [f"check first: {one}" for one in self.findings if one.severity != "info"]
+        lines += [str(one) for one in self.seatings[:MOST_SEATINGS]]
+        if len(self.seatings) > MOST_SEATINGS:
+            lines.append(f"... and {counted(len(self.seatings) - MOST_SEATINGS, 'more arrival')} at a stop (--json)")
         for other in others:
             lines += other.lines()
         if self.noise is not None:
@@ -136,6 +141,7 @@ class Observation(Printed):
             "samples": len(self.time_s),
             "sensors": list(self.sensors),
             "filters": [one.to_dict() for one in self.filters],
+            "seatings": [vars(one) for one in self.seatings],
             "noise": None if self.noise is None else self.noise.to_dict(),
             "findings": [str(one) for one in self.findings],
         }

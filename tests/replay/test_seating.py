@@ -1,0 +1,69 @@
+"""A seating is told from current and voltage when it happens, and not where the body is blocked before."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femfit as ff
+from femfit.device.sensors import CurrentSensor
+from tests.support.solenoids import solenoid
+from tests.support.switching import CURRENT_A, STEP_S, logged, switched
+
+
+def model(restitution=0.2):
+    """With a current sensor alone, and a near stop that returns a part of the speed."""
+    motion = solenoid().motion
+    motion = replace(motion, near_stop=replace(motion.near_stop, restitution=restitution))
+    shunt = CurrentSensor(name="current", noise=CURRENT_A, circuit="coil")
+    return replace(solenoid(motion), sample_time_s=STEP_S, other_sensors=(shunt,))
+
+
+def seen(device, loop, seed):
+    return ff.observe(device, logged([loop], seed=seed, drop=("distance_m",)), find=False)
+
+
+def arrival(loop):
+    return next(event for event in loop.events if event.name == "hits_near")
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_the_interval_holds_the_time_of_the_first_touch_and_the_speed_is_right(restitution):
+    device = model(restitution)
+    loop = switched([0.0, 0.02], [0.0, 12.0], 0.1, model=device)
+    truth, held = arrival(loop), 0
+    for seed in range(20):
+        first = seen(device, loop, seed).seatings[0]
+        assert first.stop == "near"
+        assert first.confidence > 0.999
+        assert first.velocity_m_s == pytest.approx(truth.velocity_m_s, rel=0.1)
+        assert first.high_s - first.low_s < 6.0 * STEP_S
+        held += first.low_s <= truth.time_s <= first.high_s
+    assert held >= 17  # of 20 intervals of 95 %: fewer in 1.6 % of such sets
+
+
+def test_a_body_that_is_blocked_before_its_stop_is_not_said_to_seat_with_certainty():
+    """An obstacle at 1 mm, of which the model knows nothing."""
+    device = model()
+    stop = replace(device.motion.near_stop, distance_m=1e-3)
+    blocked = replace(device, motion=replace(device.motion, near_stop=stop))
+    loop = switched([0.0, 0.02], [0.0, 12.0], 0.1, model=blocked)
+    for seed in range(5):
+        for one in seen(device, loop, seed).seatings:
+            assert one.stop != "near" or one.confidence < 0.95, seed
+
+
+def test_without_a_current_an_arrival_is_not_told():
+    """At the far stop the current is over: both hypotheses predict the same readings."""
+    device = model()
+    loop = switched([0.0, 0.02, 0.1], [0.0, 12.0, 0.0], 0.2, model=device)
+    found = seen(device, loop, 3)
+    assert all(one.confidence < 0.999 for one in found.seatings if one.stop == "far")
+    assert "Seats on the near stop" in str(found)
+
+
+def test_a_body_in_the_middle_seats_nowhere():
+    device = model()
+    record = logged([switched([0.0], [0.0], 0.1, model=device)], drop=("distance_m",))
+    assert not ff.observe(device, record, find=False).seatings
+    assert np.isfinite(record.rows["current_A"]).all()
