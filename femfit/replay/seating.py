@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from femfit.core.amount import amount, amount_range
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.device.mechanics import Stop
 from femfit.filters.cholesky import cholesky
 from femfit.filters.error_bound import without_stops
@@ -87,7 +87,7 @@ def _arrivals(prepared: Prepared, replayed: Replayed, stop: float, outward: floa
 class _Rivals:
     """The hypotheses of a stretch side by side; the last one never seats."""
 
-    seats: FloatArray  # Row at which each seats
+    seats: IntArray  # Row at which each seats
     likelihood: FloatArray
     overshoot_s: FloatArray  # By which the stop was passed before its sample
     velocity: FloatArray
@@ -133,7 +133,7 @@ def _run(
     prepared: Prepared,
     built: Filter,
     rows: tuple[int, int],
-    candidates: FloatArray,
+    candidates: IntArray,
     at: tuple[Stop, float, Replayed],
 ) -> _Rivals:
     stop, outward, replayed = at
