@@ -145,7 +145,7 @@ class NonlinearActuator:
                 inductance=self.fine.inductance(fine, response),
                 coenergy=-self.fine.evaluate(fine, currents).energy,
                 hall=None if self._hall is None else hall_field(self._hall, self.mesh, total),
-                beyond_curve=self.fine.points.beyond_curve(self.fine.points.flux_density(fine)),
+                beyond_curve=self.fine.beyond_curve(fine),
                 state=fine,
             )
 

@@ -42,6 +42,7 @@ class NonlinearSystem:
         self._vacuum = stiffness(self.space, nu_0, None, regions=self.points.regions).Assemble()  # moves with its parts
         self._inverse, self._free_inverse = (SummedInverse(self.space) for _ in range(2))
         self.ready = self._free_ready = False
+        self._last_state, self._last_flux_density = np.empty(0), np.empty((2, 0))
 
     def move(self) -> None:
         """Take the mesh as it is now stretched."""
@@ -51,7 +52,7 @@ class NonlinearSystem:
 
     def evaluate(self, state: FloatArray, currents: FloatArray) -> Expansion:
         """Energy without the constant of the magnets, its derivative and the state's square."""
-        h, stored = self.points.respond(self.points.flux_density(state))
+        h, stored = self.points.respond(self._flux_density(state))
         of_air = self._stiffness @ state
         of_all = of_air + self.points.load(h)
         sources = self._magnets + currents @ self.circuits
@@ -63,7 +64,7 @@ class NonlinearSystem:
 
     def renew(self, state: FloatArray) -> None:
         """Factorise the second derivative at a state."""
-        self.points.set_tangent(self.points.flux_density(state))
+        self.points.set_tangent(self._flux_density(state))
         self._inverse.renew((self._air, self.points.tangent_form))
         self.ready = True
 
@@ -76,7 +77,7 @@ class NonlinearSystem:
 
         By conjugate gradients from a guess, with the second derivative at the state, preconditioned by the kept one.
         """
-        tensor = self.points.tensor(self.points.flux_density(state))
+        tensor = self.points.tensor(self._flux_density(state))
         solved = [self._respond(tensor, load, x) for load, x in zip(self.circuits, guess, strict=True)]
         return np.array([x for x, _ in solved]).reshape(guess.shape), all(found for _, found in solved)
 
@@ -99,7 +100,7 @@ class NonlinearSystem:
 
     def inductance(self, state: FloatArray, response: FloatArray) -> FloatArray:
         """d(flux linkages)/d(currents) in H: load . x for exact responses x, stationary at them."""
-        tensor = self.points.tensor(self.points.flux_density(state))
+        tensor = self.points.tensor(self._flux_density(state))
         images = [self._second_derivative(tensor, x) for x in response]
         linked, energy = (
             np.array([[inner(x, one) for one in loads] for x in response]) for loads in (self.circuits, images)
@@ -116,14 +117,24 @@ class NonlinearSystem:
         if not self._free_ready:
             self._free_inverse.renew((self._air, self._vacuum))
             self._free_ready = True
-        magnetisation = self.points.magnetisation(self.points.flux_density(state)) * self.points.moving
+        magnetisation = self.points.magnetisation(self._flux_density(state)) * self.points.moving
         return self._free_inverse.solve(self.points.load(magnetisation) + currents @ self._own_circuits)
+
+    def beyond_curve(self, state: FloatArray) -> bool:
+        """Whether a B-H curve had to be extrapolated (:meth:`MaterialPoints.beyond_curve`)."""
+        return self.points.beyond_curve(self._flux_density(state))
 
     def function(self, state: FloatArray) -> GridFunction:
         """A state as a function on the mesh."""
         function = GridFunction(self.space)
         function.vec.FV().NumPy()[:] = state
         return function
+
+    def _flux_density(self, state: FloatArray) -> FloatArray:
+        """At the parts' points; that of the last state is kept, which is asked for again and again."""
+        if state is not self._last_state:
+            self._last_state, self._last_flux_density = state, self.points.flux_density(state)
+        return self._last_flux_density
 
     def _second_derivative(self, tensor: Tensor, x: FloatArray) -> FloatArray:
         rr, rz, zz = tensor
