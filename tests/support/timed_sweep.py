@@ -1,5 +1,6 @@
-"""The wall time of whole ``femfit sweep`` commands with two processes, imports and table included."""
+"""The time of whole ``femfit sweep`` commands with two processes, imports and table included."""
 
+import resource
 import subprocess
 import time
 
@@ -18,15 +19,20 @@ SWEEPS = {
 }
 """Label -> a drawing of ``femfit new`` or of geometry/, and what is put below it."""
 
-DEVICES = ("push solenoid", "voice coil", "relay")
-"""Those that saturate and come with a tolerance of 0.5 %."""
-
 
 def timed(command):
     """Wall seconds of a command."""
     start = time.perf_counter()
     subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
     return time.perf_counter() - start
+
+
+def processor_seconds(work):
+    """What a function returns, and the processor seconds of all processes that it started and waited for."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    found = work()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return found, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def timed_sweep(label, directory):
