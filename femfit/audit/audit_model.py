@@ -12,13 +12,14 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError
 from femfit.device.hall_range import REMEDY, where_clipped
+from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_build import circuit_rows, misfit_of_circuits
-from femfit.fit.circuits_fit import CircuitRows
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline
 from femfit.model.coenergy_matrix import CoenergyMatrix
+from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
@@ -264,7 +265,7 @@ def _rounded(magnetics: Magnetics) -> Magnetics | None:
         coefficients = spline.coefficients.astype(np.float32).astype(np.float64)
         rounded = TensorSpline(spline.x_knots, spline.y_knots, spline.x_degree, spline.y_degree, coefficients)
         return replace(magnetics, spline=rounded)
-    if isinstance(magnetics, CoenergyMatrix):
+    if isinstance(magnetics, CoenergyMatrix | CoenergyTensor):
         return replace(magnetics, coefficients=magnetics.coefficients.astype(np.float32).astype(np.float64))
     return None
 

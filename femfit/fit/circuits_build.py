@@ -11,7 +11,8 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.sweep_columns import flux_columns
-from femfit.fit.circuits_fit import CircuitRows, fit_circuits
+from femfit.fit.circuit_rows import CircuitRows
+from femfit.fit.circuits_fit import fit_circuits
 from femfit.fit.constants import COARSE
 from femfit.fit.misfit import as_written, import_notes
 from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number, other_sensors_of

@@ -12,6 +12,7 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
+from femfit.fit.circuit_rows import CircuitRows, distance_knots
 from femfit.fit.coenergy_choice import distance_coordinates
 from femfit.fit.constants import (
     CIRCUIT_CELLS,
@@ -23,45 +24,30 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import rms
+from femfit.fit.saturating_circuits import fit_saturating
 from femfit.model.bspline import basis_matrix
 from femfit.model.coenergy_matrix import CoenergyMatrix
+from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
-
-
-@dataclass(frozen=True, eq=False)
-class CircuitRows:
-    """Rows of a sweep of n circuits, in SI units."""
-
-    names: tuple[str, ...]
-    distance: FloatArray  # (rows,)
-    currents: FloatArray  # (rows, n)
-    force: FloatArray
-    flux_linkage: FloatArray  # (rows, n)
-    force_error: FloatArray  # Estimated error of the force; zero where the table gives none
-
-    @property
-    def distances(self) -> FloatArray:
-        """Distinct distances, ascending."""
-        return np.unique(self.distance)
 
 
 @dataclass(frozen=True, eq=False)
 class CircuitsFit:
     """A fitted matrix and its errors."""
 
-    magnetics: CoenergyMatrix
-    held_out: float  # Larger of force and flux linkage on distances left out, each over its rms
+    magnetics: CoenergyMatrix | CoenergyTensor
+    # Larger of force and flux linkage on distances, or points of a grid, left out, each over its rms
+    held_out: float
     force_share: float
     flux_linkage_share: float
 
     def lines(self) -> list[str]:
         """What ``femfit fit`` prints of it."""
-        return [
-            (
-                f"quadratic form in the currents of {', '.join(self.magnetics.names)}; with distances left out it "
-                f"misses force and flux linkages by {amount(self.held_out, '')} of their rms"
-            )
-        ]
+        names, saturates = ", ".join(self.magnetics.names), isinstance(self.magnetics, CoenergyTensor)
+        form = "spline in the distance and" if saturates else "quadratic form in"
+        what = "points" if saturates else "distances"
+        missed = f"misses force and flux linkages by {amount(self.held_out, '')} of their rms"
+        return [f"{form} the currents of {names}; with {what} left out it {missed}"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +80,16 @@ class _Basis:
 
 
 def fit_circuits(rows: CircuitRows) -> CircuitsFit:
-    """Fit M(d).
+    """Fit M(d), or where the iron saturates a spline in the distance and all currents.
 
     Raises
     ------
     FitError
-        If the rows do not determine M, if force or flux linkages are no quadratic form in the currents because iron
-        saturates, if they contradict each other, or if the inductances are not positive definite everywhere.
+        If the rows do not determine the co-energy, if force and flux linkages contradict each other, or if the
+        inductances are not positive definite everywhere.
     """
-    _require_quadratic(rows)
+    if _not_quadratic(rows) > NOT_QUADRATIC:
+        return _judged(*fit_saturating(rows), rows)
     if len(rows.distances) < U_DEGREE + 1:
         raise FitError(
             f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received "
@@ -116,11 +103,15 @@ def fit_circuits(rows: CircuitRows) -> CircuitsFit:
             "itself and at least one point with each two together."
         )
     magnetics = CoenergyMatrix(rows.names, basis.coordinate, basis.knots, U_DEGREE, coefficients)
+    _require_definite(magnetics, rows)
+    return _judged(magnetics, held_out, rows)
+
+
+def _judged(magnetics: CoenergyMatrix | CoenergyTensor, held_out: float, rows: CircuitRows) -> CircuitsFit:
     force = rms(magnetics.force(rows.distance, rows.currents) - rows.force) / rms(rows.force)
     flux = magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
     fit = CircuitsFit(magnetics, held_out, force, rms(flux) / rms(rows.flux_linkage))
     _require_agreement(fit)
-    _require_definite(magnetics, rows)
     return fit
 
 
@@ -131,10 +122,7 @@ def _choose(rows: CircuitRows) -> tuple[_Basis, float]:
         if U_DEGREE + cells > len(rows.distances):
             break
         for coordinate in distance_coordinates(rows.distances):
-            ends = np.sort(coordinate.of(rows.distances[[0, -1]]))
-            breaks = np.linspace(ends[0], ends[1], cells + 1)
-            knots = np.concatenate([np.repeat(breaks[0], U_DEGREE), breaks, np.repeat(breaks[-1], U_DEGREE)])
-            basis = _Basis(coordinate, knots)
+            basis = _Basis(coordinate, distance_knots(coordinate, rows.distances, cells))
             scored.append((_held_out(basis, rows), basis))
         error, basis = min(scored[-len(distance_coordinates(rows.distances)) :], key=lambda pair: pair[0])
         if error < HELD_OUT_TARGET:
@@ -179,25 +167,18 @@ def _solve(basis: _Basis, rows: CircuitRows, kept: BoolArray) -> FloatArray | No
     return coefficients.reshape(basis.count, entries)
 
 
-def _require_quadratic(rows: CircuitRows) -> None:
-    """Refuse what no quadratic form in the currents can meet at each distance by itself, as where iron saturates."""
+def _not_quadratic(rows: CircuitRows) -> float:
+    """What the best quadratic form in the currents misses at each distance by itself, over the rms; the worst share."""
     v = np.concatenate([np.ones((len(rows.distance), 1)), rows.currents], axis=1)
     a, b = np.triu_indices(v.shape[1])
-    for name, columns, values in (
-        ("force", v[:, a] * v[:, b], rows.force[:, None]),
-        ("flux linkages", v, rows.flux_linkage),
-    ):
+    shares = []
+    for columns, values in ((v[:, a] * v[:, b], rows.force[:, None]), (v, rows.flux_linkage)):
         left = np.zeros_like(values)
         for d in rows.distances:
             at = rows.distance == d
             left[at] = columns[at] @ np.linalg.lstsq(columns[at], values[at], rcond=None)[0] - values[at]
-        share = rms(left) / rms(values)
-        if share > NOT_QUADRATIC:
-            raise FitError(
-                f"The {name} of several circuits must follow a quadratic form in their currents, as without "
-                f"saturation; instead the best one misses them by {amount(share, '')} of their rms. Sweep smaller "
-                "currents, or connect the coils as one circuit: with one, saturation is fitted."
-            )
+        shares.append(rms(left) / rms(values))
+    return max(shares)
 
 
 def _require_agreement(fit: CircuitsFit) -> None:

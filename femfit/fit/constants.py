@@ -97,6 +97,18 @@ CIRCUIT_CELLS = (1, 2, 3, 4, 6, 8, 12)
 NOT_QUADRATIC = 0.02
 """Conventional: misfit of several circuits, of force or flux linkages over their rms, from which iron saturates."""
 
+MOST_UNKNOWNS = 4000
+"""Conventional: coefficients of a spline over the distance and several currents; they take half a GB and a minute."""
+
+LEFT_OUT_EVERY = 7
+"""Conventional: every seventh inner point of a grid of several currents is left out once, to be told by the others."""
+
+LEAST_OF_GRID = 0.75
+"""Conventional: part of a grid of several currents that must be there; points that failed are few."""
+
+SMOOTHNESS = 1e-5
+"""Derived: norm of the smoothness penalty over that of the rows; below the rounding of the fit where rows decide."""
+
 # How rows are weighted and left out
 
 RELATIVE_SIGMA = 1e-4

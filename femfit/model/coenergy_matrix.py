@@ -19,14 +19,14 @@ from math import factorial
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.core.errors import MissingPartError
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.magnetics import Magnetics, MagneticSlopes, MagneticState
+from femfit.model.magnetics import MagneticSlopes, MagneticState
+from femfit.model.several_magnetics import SeveralMagnetics
 
 
 @dataclass(frozen=True, eq=False)
-class CoenergyMatrix(Magnetics):
+class CoenergyMatrix(SeveralMagnetics):
     """M(d) of the module's head."""
 
     names: tuple[str, ...]  # Of the circuits, in the order of their currents
@@ -95,10 +95,6 @@ class CoenergyMatrix(Magnetics):
             -0.5 * np.einsum("...a,...a->...", v, pull), -pull[..., 1:], self.inductance(distance, current)
         )
 
-    def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
-        """As :meth:`state`, whose currents have an axis of circuits already."""
-        return self.state(distance, currents)
-
     def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """Slopes along the distance; nothing saturates, so that those of the inductances along the currents are 0."""
         v = self._with_one(currents)
@@ -113,23 +109,6 @@ class CoenergyMatrix(Magnetics):
             inductance_gradient=np.broadcast_to(rising[..., 1:, 1:], inductance.shape),
             inductance_slope=np.zeros((*inductance.shape, len(self.names))),
         )
-
-    def coenergy_derivatives(
-        self,
-        distance: FloatArray,  # noqa: ARG002  the base class's
-        current: FloatArray,  # noqa: ARG002
-        orders: tuple[tuple[int, int], ...],  # noqa: ARG002
-    ) -> list[FloatArray]:
-        """Refuse what is written for one current."""
-        raise MissingPartError(
-            f"This needs a model with one circuit; instead the model has the circuits {', '.join(self.names)}. Take a "
-            "drawing with one circuit, for example both coils in series."
-        )
-
-    def _derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
-        return self.coenergy_derivatives(distance, current, orders)
 
     def _with_one(self, current: FloatArray) -> FloatArray:
         current = np.asarray(current, dtype=np.float64)

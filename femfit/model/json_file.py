@@ -23,9 +23,17 @@ from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.circuit import BRIDGE, Circuit, Drive
 from femfit.model.coenergy_matrix import CoenergyMatrix
+from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.hall import HallSpline
 from femfit.model.hall_sensor import HallSensor
-from femfit.model.json_magnetics import NETWORK_KIND, magnetics_from, matrix_to, spline_from, spline_to
+from femfit.model.json_magnetics import (
+    NETWORK_KIND,
+    magnetics_from,
+    matrix_to,
+    spline_from,
+    spline_to,
+    tensor_to,
+)
 from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
 from femfit.model.json_section import Section
 from femfit.model.json_sensors import sensors_from
@@ -33,6 +41,7 @@ from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.misfit import Misfit
 from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.model.process_noise import ProcessNoise
+from femfit.model.several_magnetics import SeveralMagnetics
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import with_effects
 
@@ -119,8 +128,9 @@ _WORKED_OUT = {"base", "dynamics"}
 
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data."""
+    written = CoenergySpline | SeveralMagnetics | LawMagnetics | NetworkMagnetics | HallSpline | None
     for held in (model.without_effects.magnetics, getattr(model.without_effects.sensor, "field", None)):
-        if not isinstance(held, CoenergySpline | CoenergyMatrix | LawMagnetics | NetworkMagnetics | HallSpline | None):
+        if not isinstance(held, written):
             raise ModelFileError(
                 "To be written, magnetics must be a co-energy spline or a law, and the field at the Hall element a "
                 f"spline; it is {type(held).__name__}."
@@ -153,8 +163,9 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
         return kind | spline_to(value.coordinate, value.spline)
     if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
         return {name: _plain(one) for name, one in unusual(value).items()}
-    data = matrix_to(value) if isinstance(value, CoenergyMatrix) else {}
-    data = data or {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, CoenergyMatrix | CoenergyTensor):
+        return matrix_to(value) if isinstance(value, CoenergyMatrix) else tensor_to(value)
+    data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, NetworkMagnetics):
         data = {"kind": NETWORK_KIND, **data}
     if isinstance(value, LawMagnetics):

@@ -4,9 +4,11 @@ import math
 from dataclasses import fields
 from typing import Any
 
+from femfit.core.arrays import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.model.bspline import TensorSpline, is_clamped
 from femfit.model.coenergy_matrix import CoenergyMatrix
+from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.json_section import Section
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
@@ -15,7 +17,7 @@ from femfit.model.network_magnetics import NetworkMagnetics
 INVERSE, PLAIN = "inverse_distance", "distance"
 """What u may be: d_0 / (d + s), or d / d_0."""
 
-NETWORK_KIND, MATRIX_KIND = "reluctance_network", "coenergy_matrix"
+NETWORK_KIND, MATRIX_KIND, TENSOR_KIND = "reluctance_network", "coenergy_matrix", "coenergy_tensor"
 
 _SPLINE_KEYS = (
     "kind",
@@ -37,10 +39,12 @@ def magnetics_from(section: Section) -> Magnetics:
         return CoenergySpline(*spline_from(section))
     if kind == MATRIX_KIND:
         return _matrix_from(section)
+    if kind == TENSOR_KIND:
+        return _tensor_from(section)
     if kind == NETWORK_KIND:
         return _network_from(section)
     if kind != "law":
-        raise section.refusal("kind", f"coenergy_spline, {MATRIX_KIND}, {NETWORK_KIND} or law")
+        raise section.refusal("kind", f"coenergy_spline, {MATRIX_KIND}, {TENSOR_KIND}, {NETWORK_KIND} or law")
     law = section.item("law", law_by_name)
     section.section("shape").refuse_others(tuple(p.name for p in law.shape))
     return LawMagnetics(
@@ -106,19 +110,67 @@ def matrix_to(matrix: CoenergyMatrix) -> dict[str, Any]:
 def _matrix_from(section: Section) -> CoenergyMatrix:
     place = ("coordinate", "reference_distance_m", "distance_shift_m")
     section.refuse_others(("kind", "circuits", *place, "u_knots", "u_degree", "coefficients"))
-    names = section.data.get("circuits")
-    if not isinstance(names, list) or len(names) < 2 or not all(isinstance(name, str) for name in names):
-        raise section.refusal("circuits", "a list of two or more names")
-    degree, knots = section.integer("u_degree", 2, 9), section.array("u_knots", 1)
-    if not is_clamped(knots, degree):
-        raise section.refusal("u_knots", f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
+    names = _circuits_from(section)
+    knots, degree = _knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
     needed = (len(knots) - degree - 1, (len(names) + 1) * (len(names) + 2) // 2)
     coefficients = section.array("coefficients", 2)
     if coefficients.shape != needed:
         raise section.refusal(
             "coefficients", f"{needed[0]} lists of {needed[1]} numbers, as knots and circuits ask for"
         )
-    return CoenergyMatrix(tuple(names), _coordinate_from(section), knots, degree, coefficients)
+    return CoenergyMatrix(names, _coordinate_from(section), knots, degree, coefficients)
+
+
+def _circuits_from(section: Section) -> tuple[str, ...]:
+    names = section.data.get("circuits")
+    if not isinstance(names, list) or len(names) < 2 or not all(isinstance(name, str) for name in names):
+        raise section.refusal("circuits", "a list of two or more names")
+    return tuple(names)
+
+
+def _knots_from(section: Section, key: str, degree: int) -> tuple[FloatArray, int]:
+    knots = section.array(key, 1)
+    if not is_clamped(knots, degree):
+        raise section.refusal(key, f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
+    return knots, degree
+
+
+def tensor_to(tensor: CoenergyTensor) -> dict[str, Any]:
+    """The co-energy of several circuits that saturate as JSON-ready data."""
+    along = zip(tensor.names, tensor.current_knots_A, tensor.current_degrees, strict=True)
+    return {
+        "kind": TENSOR_KIND,
+        **_coordinate_to(tensor.coordinate),
+        "u_knots": tensor.u_knots.tolist(),
+        "u_degree": tensor.u_degree,
+        "circuits": [{"name": name, "knots_A": knots.tolist(), "degree": degree} for name, knots, degree in along],
+        "coefficients": tensor.coefficients.tolist(),
+    }
+
+
+def _tensor_from(section: Section) -> CoenergyTensor:
+    place = ("coordinate", "reference_distance_m", "distance_shift_m")
+    section.refuse_others(("kind", "circuits", *place, "u_knots", "u_degree", "coefficients"))
+    along = section.sections("circuits")
+    for one in along:
+        one.refuse_others(("name", "knots_A", "degree"))
+    if len(along) < 2:
+        raise section.refusal("circuits", "a list of two or more, each with name, knots_A and degree")
+    knots, degree = _knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
+    each = [_knots_from(one, "knots_A", one.integer("degree", 2, 9)) for one in along]
+    needed = tuple(len(inner) - power - 1 for inner, power in ((knots, degree), *each))
+    coefficients = section.array("coefficients", len(needed))
+    if coefficients.shape != needed:
+        raise section.refusal("coefficients", f"nested lists of {needed} numbers, as the knots ask for")
+    return CoenergyTensor(
+        tuple(one.text("name") for one in along),
+        _coordinate_from(section),
+        knots,
+        degree,
+        tuple(inner for inner, _ in each),
+        tuple(power for _, power in each),
+        coefficients,
+    )
 
 
 def _coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:

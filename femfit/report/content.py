@@ -11,8 +11,8 @@ from femfit.core.constants import GRAVITY
 from femfit.core.errors import DomainError
 from femfit.device.parts import Actuator
 from femfit.filters.holding import holding_current
+from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_build import circuit_rows
-from femfit.fit.circuits_fit import CircuitRows
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.model.actuator_model import ActuatorModel

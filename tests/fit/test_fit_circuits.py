@@ -126,14 +126,6 @@ def test_several_bodies_at_once_move_as_each_alone(model):
         np.testing.assert_allclose(together[k], state_derivative(model, states[k], volts[k]), rtol=1e-12)
 
 
-class Saturating(Bearing):
-    def force(self, d, i):
-        return super().force(d, i / np.sqrt(1.0 + i**2))
-
-    def flux_linkage(self, d, i):
-        return super().flux_linkage(d, i / np.sqrt(1.0 + i**2))
-
-
 class Active(Bearing):
     """Circuits that would give energy away: the mutual inductance is larger than their own."""
 
@@ -153,7 +145,6 @@ class Contradicting(Bearing):
 @pytest.mark.parametrize(
     ("table", "error", "message"),
     [
-        (lambda: table_of(Saturating(), currents=(-2.0, -1.0, 0.0, 1.0, 2.0)), FitError, "quadratic form in their"),
         (lambda: table_of(Contradicting()), FitError, "a sign or a unit"),
         (lambda: table_of(Active()), FitError, "must be positive definite"),
         (lambda: table_of(distances=DISTANCES[:4]), FitError, "at least 5 distances"),

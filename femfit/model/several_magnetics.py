@@ -1,0 +1,32 @@
+"""What the magnetics of several circuits have in common."""
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import MissingPartError
+from femfit.model.magnetics import Magnetics, MagneticState
+
+
+class SeveralMagnetics(Magnetics):
+    """A co-energy W'(d, i_1..i_n); distances have the shape (...), currents (..., n) in the order of ``names``."""
+
+    names: tuple[str, ...]
+
+    def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
+        """As ``state``, whose currents have an axis of circuits already."""
+        return self.state(distance, currents)
+
+    def coenergy_derivatives(
+        self,
+        distance: FloatArray,  # noqa: ARG002  the base class's
+        current: FloatArray,  # noqa: ARG002
+        orders: tuple[tuple[int, int], ...],  # noqa: ARG002
+    ) -> list[FloatArray]:
+        """Refuse what is written for one current."""
+        raise MissingPartError(
+            f"This needs a model with one circuit; instead the model has the circuits {', '.join(self.names)}. Take a "
+            "drawing with one circuit, for example both coils in series."
+        )
+
+    def _derivatives(
+        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
+    ) -> list[FloatArray]:
+        return self.coenergy_derivatives(distance, current, orders)
