@@ -74,10 +74,10 @@ class _Basis:
     def penalty(self) -> FloatArray:
         """Mixed second differences of the coefficients along each two currents, as rows beside the equations'."""
         along = [np.eye(count) for count in self.shape]
-        blocks = []
+        blocks: list[FloatArray] = []
         for pair in combinations(range(1, len(self.shape)), 2):
             parts = [np.diff(one, 2, axis=0) if k in pair else one for k, one in enumerate(along)]
-            blocks.append(reduce(np.kron, parts))
+            blocks.append(reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
         return np.concatenate(blocks)
 
 
