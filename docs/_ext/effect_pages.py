@@ -37,6 +37,7 @@ CHANNELS = {
     "flux_linkage_Wb": ("flux linkage", "µWb", 1e6),
     "hall_V": ("Hall voltage", "mV", 1e3),
     "voltage_V": ("voltage", "mV", 1e3),
+    "rest_distance_m": ("distance at rest", "µm", 1e6),
     "acceleration_m_s2": ("acceleration", "m/s²", 1.0),
     "current_rate_A_s": ("rate of the current", "A/s", 1.0),
 }

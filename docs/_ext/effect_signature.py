@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.device.mechanics import Spring
+from femfit.device.mechanics import Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect, Effect, Memory, Parameters
+from femfit.effects.stages import recorded
+from femfit.effects.stop_position import REST
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
@@ -80,9 +82,12 @@ def effect_signature(
     distance = np.linspace(box.distance_min_m, box.distance_max_m, distances)
     current = np.linspace(box.current_min_A, box.current_max_A, currents)
     d, i = (x.ravel() for x in np.meshgrid(distance, current, indexing="ij"))
-    moving = "time_s" in effect.needs
+    resting = "stop" in effect.needs
+    moving = "time_s" in effect.needs and not resting
+    if resting:
+        base = _with_stops(base)
     conditions = _conditions(base, moving)
-    read = _moving_readings if moving else _resting_readings
+    read = _moving_readings if moving else _readings_on_stops if resting else _resting_readings
     plain, changed = (read(base, d, i, conditions, one) for one in (AddedEffect(effect, effect.null()), added))
     shape = (distances, currents)
     return Signature(
@@ -95,6 +100,8 @@ def effect_signature(
         conditions=(
             f"The body falls away at {_SPEED_M_S:g} m/s and the current rises by {np.ptp(current) / _SWING_S:.3g} A/s."
             if moving
+            else "The body rests on stops at both ends of its travel."
+            if resting
             else f"At rest, the current rising, the winding {_WARMER_C['coil_temperature_C']:.0f} K and a magnet "
             f"{_WARMER_C['magnet_temperature_C']:.0f} K warm, after {_READINGS:.0f} readings of a run."
         )
@@ -109,6 +116,21 @@ def _with_spring(base: ActuatorModel) -> ActuatorModel:
     stroke = base.validity.distance_max_m - base.validity.distance_min_m
     spring = Spring(weight / stroke, weight, base.validity.distance_max_m)
     return replace(base, motion=replace(motion, springs=(spring,)))
+
+
+def _with_stops(base: ActuatorModel) -> ActuatorModel:
+    """The model with stops at both ends of its range, for effects of a stop that is drawn."""
+    box = base.validity
+    near, far = Stop(box.distance_min_m), Stop(box.distance_max_m)
+    return replace(base, motion=replace(base.require_motion(), near_stop=near, far_stop=far))
+
+
+def _readings_on_stops(
+    base: ActuatorModel, d: FloatArray, i: FloatArray, conditions: Conditions, added: AddedEffect
+) -> dict[str, FloatArray]:
+    """The distance that is recorded on the stop that is nearer to each point."""
+    near, far = base.require_motion().ends
+    return recorded([added], {REST: np.where(d - near < far - d, near, far)}, d, i, conditions)
 
 
 def typical_parameters(effect: Effect) -> dict[str, float]:

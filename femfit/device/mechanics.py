@@ -3,7 +3,7 @@
 Forces here are positive along growing distance, as gravity is on a body that hangs: m d'' = sum of them - F(d, i).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -104,6 +104,12 @@ class Mechanics:
         """Distances of the stops in m; infinite where there is none."""
         near, far = self.near_stop, self.far_stop
         return -np.inf if near is None else near.distance_m, np.inf if far is None else far.distance_m
+
+    def with_ends(self, near_m: float, far_m: float) -> "Mechanics":
+        """The same with its stops elsewhere; one that is not there stays away."""
+        near = None if self.near_stop is None else replace(self.near_stop, distance_m=near_m)
+        far = None if self.far_stop is None else replace(self.far_stop, distance_m=far_m)
+        return replace(self, near_stop=near, far_stop=far)
 
     @property
     def linear_terms(self) -> tuple[float, float, float] | None:

@@ -25,6 +25,7 @@ from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDU
 from femfit.effects.position_sensor import POSITION_DELAY, POSITION_NONLINEARITY
 from femfit.effects.sensor_delay import SENSOR_DELAY
 from femfit.effects.spring import SPRING
+from femfit.effects.stop_position import STOP_POSITION
 from femfit.effects.supply_sag import SUPPLY_SAG
 from femfit.effects.tolerances import REMANENCE, RESISTANCE, TURNS
 from femfit.effects.zeros_and_scales import (
@@ -63,6 +64,7 @@ BUILT_IN: tuple[Effect, ...] = (
     EDDY_CURRENT_LAG,
     LATERAL_MISALIGNMENT,
     COULOMB_FRICTION,
+    STOP_POSITION,
     END_STOP_CONTACT,
     CONSTANT_FORCE,
     VISCOUS_FRICTION,

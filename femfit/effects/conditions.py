@@ -45,6 +45,7 @@ class Nominal:
     sample_time_s: float
     # Push of all drawn springs away from the electromagnet in N at distances in m of any shape; None without springs
     springs: Callable[[FloatArray], FloatArray] | None = None
+    stops_m: tuple[float, float] = (-np.inf, np.inf)  # Of the drawing, near and far; infinite where there is none
     has_iron: bool = True  # Whether a part may keep a remanent flux; true where there is no drawing
 
     @property

@@ -8,6 +8,7 @@ An effect acts at the stages that it gives a function for, in this order:
 ``force``      further force on the moving part, along ``force_N`` (positive towards the electromagnet)
 ``circuit``    resistance of the winding and voltage that the driver really applies
 ``mass``       the moving mass
+``ends``       the distances of the stops
 ``hall_point`` the Hall element's delay: distance and current now -> those that its reading belongs to
 ``memory``     states with their own equation (lag, hysteresis): in plant and filters; on a bench, their value at rest
 ``readings``   the sensors: true channels -> what is recorded
@@ -147,6 +148,8 @@ class Effect:
         V) at a current in A.
     mass : callable or None
         (mass in kg, p) -> mass in kg.
+    ends : callable or None
+        ((near, far) in m, nominal, p) -> (near, far) in m: where the body is stopped.
     hall_point : callable or None
         Maps (distance, current) as ``setting`` does.
     calibrations : tuple of Calibration
@@ -165,6 +168,7 @@ class Effect:
     force: Force | None = None
     circuit: CircuitChange | None = None
     mass: Callable[[float, Parameters], float] | None = None
+    ends: Callable[[tuple[float, float], Nominal, Parameters], tuple[float, float]] | None = None
     readings: Readings | None = None
     memory: Memory | None = None
     hall_point: Setting | None = None

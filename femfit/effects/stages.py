@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
@@ -79,6 +79,13 @@ def moving_mass(effects: Iterable[AddedEffect], mass: float) -> float:
     for added in effects:
         mass = added.effect.mass(mass, added.parameters) if added.effect.mass else mass
     return mass
+
+
+def stops_of(effects: Iterable[AddedEffect], ends: tuple[float, float], nominal: Nominal) -> tuple[float, float]:
+    """Where the body is really stopped."""
+    for added in effects:
+        ends = added.effect.ends(ends, nominal, added.parameters) if added.effect.ends else ends
+    return ends
 
 
 def hall_point(

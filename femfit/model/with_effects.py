@@ -9,7 +9,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect
-from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass
+from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, stops_of
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_series import ModelCoenergy
@@ -55,6 +55,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         hall_swing_V=swing,
         voltage_V=max(abs(v) for v in clamp),
         sample_time_s=base.sample_time_s,
+        stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
         springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
         has_iron=base.kind is None or base.kind.fixed_iron or base.kind.moving_iron,
     )
@@ -161,7 +162,11 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         ohms = circuit_of(effects, np.array([circuit.resistance_ohm]), np.zeros(1), np.zeros(1), at)[0]
         circuit = replace(circuit, resistance_ohm=float(ohms[0]))
     if motion is not None:
-        motion = replace(motion, mass_kg=moving_mass(effects, motion.mass_kg))
+        near, far = stops_of(effects, motion.ends, at.nominal)
+        motion = replace(
+            motion.with_ends(near, far),
+            mass_kg=moving_mass(effects, motion.mass_kg),
+        )
     return replace(
         base,
         magnetics=EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))

@@ -172,9 +172,12 @@ def _unbalanced(
 def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noise: float) -> BoolArray:
     """Samples from which the body may have touched a stop before the next one, and their neighbours.
 
-    An end of the path at which the body was held counts as a stop. A rebound lasts less than a sample.
+    An end of the path at which the body was held counts as a stop. A rebound lasts less than a sample; a stop gives way
+    under an impact, so that samples a little beyond it touch it too.
     """
-    ends = [stop for stop in model.require_motion().ends if np.isfinite(stop)]
+    box = model.validity
+    stops = model.require_motion().ends
+    ends = [stop for stop in stops if np.isfinite(stop)]
     means = np.convolve(distance, np.full(BLOCK, 1.0 / BLOCK), mode="valid")
     means = means[np.isfinite(means)]
     if len(means):
@@ -186,6 +189,10 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
         reach = np.fmax(np.r_[moved, 0.0], np.r_[0.0, moved]) + STILL * noise
         for end in ends:
             near[np.abs(distance - end) <= reach] = 1.0
+        give = AT_STOP * (box.distance_max_m - box.distance_min_m)
+        for stop, side in zip(stops, (1.0, -1.0), strict=True):
+            depth = side * (stop - distance)
+            near[(depth >= 0.0) & (depth <= give)] = 1.0
     return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
 
 

@@ -9,6 +9,7 @@ are compared by what they leave of it beside the sensors' noise. With a freewhee
 the driver is off and a current flows, and nothing once it has stopped.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ class Given:
     """The voltage that the driver gave, and what is said of it."""
 
     voltage_V: FloatArray
+    unsure: BoolArray  # Where a diode stops conducting in the noise of the current, at a moment that is estimated
     findings: tuple[Finding, ...]
 
 
@@ -54,14 +56,14 @@ def given_voltage(
     with np.errstate(invalid="ignore"):
         beyond = clamped != voltage
     beyond &= np.isfinite(voltage)
-    diode = fed.drive.diode_V
+    diode, unsure = fed.drive.diode_V, np.zeros(len(voltage), dtype=bool)
     if diode is not None:
         off = voltage <= 0.0
-        flows = _conducts(own, segment, off, OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
+        flows, unsure = _conducts(own, segment, off, OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
         voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), one) for one in (voltage, clamped))
         beyond &= ~off
     if not beyond.any():
-        return Given(voltage, ())
+        return Given(voltage, unsure, ())
     limits = amount_range(fed.voltage_min_V, fed.voltage_max_V, "V")
     reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
     if int(beyond.sum()) == 1:
@@ -71,30 +73,34 @@ def given_voltage(
     favour = _favour(model, time_s, segment, (voltage, clamped), current, distance, beyond, noise, circuit)
     if favour > NEARER:
         text = f"{head}, and the current follows them: the driver gave them, and they were believed."
-        return Given(voltage, (Finding("beyond-supply", "warning", text, "Change [supply] in the drawing."),))
+        return Given(voltage, unsure, (Finding("beyond-supply", "warning", text, "Change [supply] in the drawing."),))
     why = "the current follows the clamp" if favour < -NEARER else "the record cannot tell whether the driver gave them"
     text = f"{head}; {why}, and they were taken as clamped."
     remedy = "" if favour < -NEARER else "If the driver can do more, change [supply] in the drawing."
-    return Given(clamped, (Finding("clamped", "warning", text, remedy),))
+    return Given(clamped, unsure, (Finding("clamped", "warning", text, remedy),))
 
 
-def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: float) -> BoolArray:
-    """Where the freewheel diode carries a current: where it is clear of the noise, and on to its end at its last slope.
+def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: float) -> tuple[BoolArray, BoolArray]:
+    """Where the freewheel diode carries a current, and about when it stops.
+
+    It does where the current is clear of the noise, and on to the end to which the last slope leads.
 
     Without the last part the drop of the diode would be missing over the time that the current takes from the noise's
     size to nothing.
     """
-    flows = current > clear
+    flows, unsure = current > clear, np.zeros(len(current), dtype=bool)
     ends = np.flatnonzero(flows[:-1] & ~flows[1:] & off[1:] & (np.diff(segment) == 0))
     for last in ends.tolist():
         first = max(last + 1 - FALLING, int(np.searchsorted(segment, segment[last])))
         if last + 1 - first < FALLING or not flows[first : last + 1].all():
             continue
-        slope, level = np.polyfit(np.arange(first - last, 1), current[first : last + 1], 1)
-        more = round(-level / slope) if slope < 0.0 else 0
-        reach = slice(last + 1, last + 1 + min(more, FALLING))
+        fitted = np.polyfit(np.arange(first - last, 1), current[first : last + 1], 1)
+        slope, level = float(fitted[0]), float(fitted[1])
+        more = min(math.ceil(-level / slope), FALLING) if slope < 0.0 < level else 0
+        reach = slice(last + 1, last + 1 + more)
         flows[reach] = off[reach] & (segment[reach] == segment[last])
-    return np.asarray(flows)
+        unsure[last + 1 : last + 1 + 2 * more] = True
+    return np.asarray(flows), unsure
 
 
 def _favour(

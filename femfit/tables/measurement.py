@@ -36,6 +36,7 @@ CHANNEL_WORDS = _ChannelWords(
         "resistance_ohm": "resistance",
         "force_balance_N": "force that the motion shows",
         "voltage_balance_V": "commanded voltage",
+        "rest_distance_m": "distance at rest",
     }
 )
 """Channels, and the balances that a time series is turned into, as they are called in sentences."""

@@ -35,6 +35,7 @@ from femfit.effects.stages import (
     true_setting,
     with_further_force,
 )
+from femfit.effects.stop_position import REST
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.identify.series.constants import SLOWEST
 from femfit.identify.series.weights import Weights
@@ -42,7 +43,7 @@ from femfit.model.actuator_model import ActuatorModel
 
 FORCE_BALANCE, VOLTAGE_BALANCE = "force_balance_N", "voltage_balance_V"
 
-SERIES_ROWS = (FORCE_BALANCE, VOLTAGE_BALANCE, "hall_V", "force_N")
+SERIES_ROWS = (FORCE_BALANCE, VOLTAGE_BALANCE, "hall_V", "force_N", REST)
 """Channels that a time series may be compared in."""
 
 
@@ -86,12 +87,20 @@ def model_balances(
 def model_readings(
     base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
-    """What the sensors read, each of shape (w,): ``force_N``, and ``hall_V`` where the model has a sensor."""
+    """What the sensors read, each of shape (w,): ``force_N``, a sensor's ``hall_V``, a motion's ``rest_distance_m``.
+
+    Where a body rests, the recorded distance is that of the stop less the error of the recorded distance.
+    """
     point = _excited(coenergy, motion, effects)
     readings = {"force_N": point.force}
     if base.sensor is not None:
         field = hall_field(point.series, coenergy, tuple(effects), point.distance, point.current, point.at)
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
+    if base.motion is not None:
+        near, far = base.motion.ends
+        d = motion.distance_m
+        stop = np.where(np.abs(d - near) < np.abs(d - far), near, far)
+        readings[REST] = np.where(np.isfinite(stop), stop, 0.0) - (point.distance - d)
     readings = recorded(effects, readings, point.distance, point.current, point.at)
     return {name: weights.mean @ reading for name, reading in readings.items()}
 

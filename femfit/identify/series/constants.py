@@ -38,6 +38,9 @@ MIDDLE = 1.0 / 3.0
 PLAY = 0.05
 """Assumed: part of the validity domain's currents; a current that turns by less has not changed its branch."""
 
+ON_STOP = 0.05
+"""Assumed: part of the range of distances by which a stop may stand elsewhere than drawn and still be that stop."""
+
 SLOWEST = 1e-12
 """Numerical: decay over a step below which a state only adds up."""
 

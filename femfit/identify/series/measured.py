@@ -8,6 +8,7 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
+from femfit.effects.stop_position import REST
 from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE
 from femfit.identify.series.constants import EVEN, METHOD_ACCURACY
 from femfit.identify.series.noise import SensorNoise, carried, propagated
@@ -144,7 +145,21 @@ def measure_sensors(
                 name, measured, weights.mean @ model, np.hypot(sigma, METHOD_ACCURACY * scale), weights.valid
             )
         )
-    return [channel for channel in result if channel.valid.any()]
+    return [channel for channel in (*result, _rest(nominal, samples, noise, windows)) if channel.valid.any()]
+
+
+def _rest(nominal: Nominal, samples: Samples, noise: Noise, windows: Windows) -> MeasuredChannel:
+    """The recorded distance while the body rests on a stop, and where that is drawn."""
+    at_rest = samples.usable & np.isfinite(samples.stop_m)
+    weights = window_weights(windows, samples.time, samples.segment, at_rest)
+    sigma = propagated(weights.mean, (weights.mean, noise["distance_m"]))
+    return MeasuredChannel(
+        REST,
+        weights.mean @ np.nan_to_num(samples.columns["distance_m"]),
+        weights.mean @ np.nan_to_num(samples.stop_m),
+        np.hypot(sigma, METHOD_ACCURACY * nominal.travel_m),
+        weights.valid,
+    )
 
 
 def _force_balance(

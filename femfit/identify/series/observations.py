@@ -21,6 +21,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
+from femfit.effects.stop_position import REST
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.bench import model_tolerance
@@ -167,6 +168,8 @@ class _SeriesPrediction:
         for view, coenergy, side in zip(self.views, self._coenergies, (model_balances, model_readings), strict=True):
             motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
             values |= side(base, coenergy, motion, view.weights, effects)
+        if shift and REST in values:
+            values[REST] = values[REST] - shift  # what is recorded there is the distance itself
         return self.stacked(values)
 
     @cached_property

@@ -1,6 +1,6 @@
 """The samples of a time series at which a model can be evaluated."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +10,10 @@ from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.identify.readings.plausible import at_ends_of_range, suspect_settings, within_domain
+from femfit.identify.series.constants import ON_STOP
 from femfit.model.actuator_model import ActuatorModel
 from femfit.records.noise import white_noise
-from femfit.records.rests import find_rests
+from femfit.records.rests import Rest, find_rests
 from femfit.records.supply import given_voltage
 from femfit.tables.measurement import TimeSeries
 
@@ -30,6 +31,7 @@ class Samples:
     columns: Mapping[str, FloatArray]
     usable: BoolArray
     free: BoolArray
+    stop_m: FloatArray  # Drawn distance of the stop that the body rests on; NaN elsewhere
     findings: tuple[Finding, ...]
 
     @property
@@ -74,7 +76,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     if model.circuit is not None:
         given = given_voltage(model, time, segment, columns["voltage_V"], current, distance, (noise_A, noise_m))
         findings += given.findings
-        columns["voltage_V"] = given.voltage_V
+        columns["voltage_V"] = np.where(given.unsure, np.nan, given.voltage_V)
     if model.sensor is not None:
         ended = at_ends_of_range(model.sensor, columns["hall_V"])
         if ended.any():
@@ -88,8 +90,23 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         columns=columns,
         usable=usable,
         free=~rests.contact,
+        stop_m=_stops(model, rests.rests, len(time)),
         findings=tuple(findings),
     )
+
+
+def _stops(model: ActuatorModel, rests: Sequence[Rest], samples: int) -> FloatArray:
+    """Where the drawing has the stop that the body rests on, in the middle half of each rest.
+
+    A body bounces when it comes and creeps when it goes, by less than the noise shows.
+    """
+    result, box = np.full(samples, np.nan), model.validity
+    for rest in rests:
+        stop = min(model.without_effects.require_motion().ends, key=lambda end: abs(end - rest.distance_m))
+        if abs(stop - rest.distance_m) <= ON_STOP * (box.distance_max_m - box.distance_min_m):
+            margin = (rest.last - rest.first) // 4
+            result[rest.first + margin : rest.last + 1 - margin] = stop
+    return result
 
 
 def _nowhere(model: ActuatorModel, series: TimeSeries, distance: FloatArray, current: FloatArray) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
+from femfit.effects.stop_position import REST
 from femfit.identify.constants import COLUMN_STEP
 from femfit.identify.readings.observations import Observations
 
@@ -21,11 +22,13 @@ _MAGNET_UNKNOWN = (
 _PARTS: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
     "iron": (lambda nominal: nominal.has_iron, "the drawing has no iron"),
     "spring": (lambda nominal: nominal.springs is not None, "the drawing has no spring"),
+    "stop": (lambda nominal: math.isfinite(min(map(abs, nominal.stops_m))), "the drawing has no stop"),
     "no spring": (lambda nominal: nominal.springs is None, "the drawing has a spring, whose own errors are looked at"),
 }
 """Of what an effect may need in the device: whether it is there, and what is said where it is not."""
 
 _CIRCUIT = "current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm"
+_CALLED = {REST: "a rest on a stop"}
 _MEASURED_ON: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
     **dict.fromkeys(_CIRCUIT, (lambda nominal: nominal.peak_current_A > 0.0, "the drawing has no coil")),
     "hall_V": (lambda nominal: not math.isnan(nominal.hall_quiescent_V), "the model has no Hall element"),
@@ -94,7 +97,7 @@ def _given(name: str, observations: Observations) -> bool:
 
 
 def _in_words(need: str) -> str:
-    names = [name.lstrip("~") for name in need.split("|")]
+    names = [_CALLED.get(name, name) for name in need.replace("~", "").split("|")]
     return ("a varying " if need.startswith("~") else "") + " or ".join(names)
 
 
