@@ -53,7 +53,7 @@ def observe(
     from femfit.core.errors import TableError, UsageError
     from femfit.core.outputs import MODEL, PICTURE, REPLAYED, RESULT, require_outputs
     from femfit.model.json_file import write_model
-    from femfit.replay.find_noise import with_noise
+    from femfit.replay.found_noise import with_noise
     from femfit.replay.observe import NO_NOISE_FOUND
     from femfit.replay.observe import observe as observed
     from femfit.tables.measurement_file import read_measurement

@@ -62,5 +62,14 @@ FORGOTTEN_SHARE = 1.0 / 6.0
 LEAST_JUDGED = 60
 """Conventional: readings from which innovations are judged and a noise is sought; 60 tell a deviation to 9 %."""
 
+COVARIANCE_LAGS, COVARIANCE_BLOCK = 15, 50
+"""Conventional: lags of the autocovariances that noises are fitted to, and samples of a block whose means scatter."""
+
+MOVING, SHOWN = 3.0, 4.0
+"""Conventional: deviations of its velocity from which a body moves one way, and of a friction from which it is said."""
+
+LEAST_BLOCKS = 10
+"""Conventional: such blocks that give a scatter; ten tell it to a quarter."""
+
 UNKNOWN = 2.0
 """Conventional: a noise whose logarithm is uncertain by more than this is said to be at most its upper limit."""

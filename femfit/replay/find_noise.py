@@ -13,21 +13,29 @@ Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Trackin
 section 5.4 (likelihood of the innovations).
 """
 
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import motion_rate, operating_distance
 from femfit.filters.process import FilterProcess
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.process_noise import ProcessNoise
-from femfit.model.sensors import HALL
-from femfit.replay.constants import FORGOTTEN, FORGOTTEN_SHARE, LEAST_JUDGED, NOISE_PIECE, NOISE_SAMPLES, UNKNOWN
+from femfit.replay.autocovariance import Stretches, variance_factors
+from femfit.replay.constants import (
+    COVARIANCE_BLOCK,
+    COVARIANCE_LAGS,
+    FORGOTTEN,
+    FORGOTTEN_SHARE,
+    LEAST_BLOCKS,
+    LEAST_JUDGED,
+    NOISE_PIECE,
+    NOISE_SAMPLES,
+    UNKNOWN,
+)
+from femfit.replay.found_noise import FoundNoise, NoiseEstimate
+from femfit.replay.friction import dry_friction
 from femfit.replay.prepare import Prepared
 from femfit.replay.run_filter import Replayed
 
@@ -36,72 +44,6 @@ NEWTON_STEPS = 30
 
 STEP = 0.1
 """Conventional: difference of a logarithm by which slopes and curvatures are taken."""
-
-
-@dataclass(frozen=True)
-class NoiseEstimate:
-    """A standard deviation or density from a record."""
-
-    name: str  # acceleration, voltage, or a sensor's
-    unit: str
-    value: float
-    assumed: float  # What the filter was given
-    low: float  # 95 % interval
-    high: float
-    known: bool  # False where the record only says that it is no larger than ``high``
-
-
-@dataclass(frozen=True, eq=False)
-class FoundNoise:
-    """All noises of a record."""
-
-    estimates: tuple[NoiseEstimate, ...]
-    samples: int
-    force_N: float | None  # Force error that the acceleration noise amounts to
-    shares: dict[str, dict[str, float]]  # Of each sensor's innovations' variance, by what makes it
-
-    def lines(self) -> list[str]:
-        """In plain words."""
-        lines = [f"noise that the record shows ({self.samples} samples):"]
-        for one in self.estimates:
-            was = f"the filter was given {amount(one.assumed, one.unit)}"
-            if one.name == "acceleration":
-                what = "force that the model does not know"
-                was += f"; it amounts to {amount(self.force_N, 'N')}" if self.force_N is not None and one.known else ""
-            else:
-                what = (
-                    "voltage that the driver does not tell" if one.name == "voltage" else f"noise of sensor {one.name}"
-                )
-            if one.known:
-                low, high = amount(one.low, one.unit, 3), amount(one.high, one.unit, 3)
-                lines.append(f"  {what}: {amount(one.value, one.unit, 3)} ({low} to {high}); {was}")
-            else:
-                lines.append(f"  {what}: at most {amount(one.high, one.unit)}; {was}")
-        for sensor, parts in self.shares.items():
-            told = ", ".join(f"{100.0 * share:.0f} % {name}" for name, share in parts.items() if share >= 0.005)
-            lines.append(f"  the innovations of {sensor} are {told}")
-        return lines
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
-        return {"estimates": [vars(one) for one in self.estimates], "samples": self.samples, "shares": self.shares}
-
-
-def with_noise(model: ActuatorModel, found: FoundNoise) -> ActuatorModel:
-    """The model with the noises that a record showed; what the record could not tell stays."""
-    known = {one.name: one.value for one in found.estimates if one.known}
-    process = ProcessNoise(known["acceleration"] ** 2 if "acceleration" in known else None, known.get("voltage"))
-
-    def changed(one: ActuatorModel) -> ActuatorModel:
-        sensors = tuple(replace(s, noise=known.get(s.name, s.noise)) for s in one.other_sensors)
-        hall = one.sensor
-        if hall is not None and HALL in known:
-            rounding = hall.quantisation_step / 12.0**0.5
-            hall = replace(hall, noise_V=float(np.sqrt(max(known[HALL] ** 2 - rounding**2, 0.0))))
-        return replace(one, other_sensors=sensors, sensor=hall, process_noise=process)
-
-    held = changed(model)
-    return held if model.base is None else replace(held, base=changed(model.base))
 
 
 class _Windows(NamedTuple):
@@ -143,7 +85,30 @@ def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> Found
     rate = motion_rate(model, operating_distance(model))
     force = motion.mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate))
     used = (windows.innovation.shape[0] - windows.forgotten) * windows.innovation.shape[1]
-    return FoundNoise(tuple(estimates), used, force, _shares(process, windows, parts, found, names))
+    beside = _by_autocovariance(process, windows, parts, list(zip(names, units, first, strict=True)))
+    shares = _shares(process, windows, parts, found, names)
+    friction = dry_friction(prepared, replayed)
+    return FoundNoise(tuple(estimates), used, force, shares, beside, friction)
+
+
+def _by_autocovariance(
+    process: FilterProcess, windows: _Windows, parts: list[FloatArray], noises: list[tuple[str, str, float]]
+) -> tuple[NoiseEstimate, ...]:
+    """The noises of the same pieces once more; none where these are too few for their scatter."""
+    steps, pieces, _ = windows.innovation.shape
+    if (steps - windows.forgotten - COVARIANCE_LAGS) * pieces < LEAST_BLOCKS * COVARIANCE_BLOCK:
+        return ()
+    seen = Stretches(windows.innovation, windows.slope, windows.outputs, windows.forgotten)
+    readings = np.array([output.variance for output in process.outputs])
+    factors = variance_factors(seen, parts[:2], parts[2], readings)
+    found = []
+    for (name, unit, given), value, deviation in zip(noises, factors.value, factors.deviation, strict=True):
+        if not given:
+            continue
+        low, high = value - 1.96 * deviation, value + 1.96 * deviation
+        sizes = given * np.sqrt([value, max(low, 0.0), high])
+        found.append(NoiseEstimate(name, unit, float(sizes[0]), given, float(sizes[1]), float(sizes[2]), bool(low > 0)))
+    return tuple(found)
 
 
 def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> _Windows | None:
@@ -169,9 +134,12 @@ def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> 
     slope = process.state_jacobian(replayed.mean[flat], prepared.log.inputs[following])
     outputs = np.stack([process.output_jacobian(replayed.predicted[flat], one) for one in process.outputs], axis=1)
     shift = replayed.mean[flat] - replayed.predicted[flat]
+    # Of all sensors against the prediction; the filter takes one after the other, each about what the last improved
+    expected = np.stack([one.measure(replayed.predicted[flat]) for one in process.outputs], axis=1)
+    innovation = np.where(np.isfinite(replayed.innovation[flat]), prepared.log.readings[flat] - expected, np.nan)
     size = chosen.shape
     return _Windows(
-        replayed.innovation[flat].reshape(*size, -1),
+        innovation.reshape(*size, -1),
         slope.reshape(*size, order, order),
         outputs.reshape(*size, -1, order),
         shift.reshape(*size, order),

@@ -16,7 +16,7 @@ from femfit.filters.filter_state import FilterOutcome
 from femfit.model.actuator_model import ActuatorModel
 from femfit.replay.consistency import Beside, Innovations
 from femfit.replay.constants import LEAST_JUDGED, MOST_SEATINGS
-from femfit.replay.find_noise import FoundNoise
+from femfit.replay.found_noise import FoundNoise
 from femfit.replay.run_filter import Replayed
 from femfit.replay.seating import Seating
 

@@ -12,7 +12,7 @@ from femfit.filters.holding import holding_currents
 from femfit.fit.build import fit_model
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.dynamics import runge_kutta_step
-from femfit.replay.find_noise import with_noise
+from femfit.replay.found_noise import with_noise
 from femfit.replay.observe import observe
 from femfit.report.replay_figure import replay_figure
 from support.bearing import ENTRY, table_of

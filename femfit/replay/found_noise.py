@@ -1,0 +1,97 @@
+"""The noises that a record shows, in plain words, and a model that has them."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from femfit.core.amount import amount
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.process_noise import ProcessNoise
+from femfit.model.sensors import HALL
+from femfit.replay.friction import DryFriction
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """A standard deviation or density from a record."""
+
+    name: str  # acceleration, voltage, or a sensor's
+    unit: str
+    value: float
+    assumed: float  # What the filter was given
+    low: float  # 95 % interval
+    high: float
+    known: bool  # False where the record only says that it is no larger than ``high``
+
+    @property
+    def interval(self) -> str:
+        """Value and interval, or the largest that it may be."""
+        if not self.known:
+            return f"at most {amount(self.high, self.unit)}"
+        low, high = amount(self.low, self.unit, 3), amount(self.high, self.unit, 3)
+        return f"{amount(self.value, self.unit, 3)} ({low} to {high})"
+
+
+@dataclass(frozen=True, eq=False)
+class FoundNoise:
+    """All noises of a record."""
+
+    estimates: tuple[NoiseEstimate, ...]
+    samples: int
+    force_N: float | None  # Force error that the acceleration noise amounts to
+    shares: dict[str, dict[str, float]]  # Of each sensor's innovations' variance, by what makes it
+    # The same noises by least squares on the autocovariances of the innovations
+    by_autocovariance: tuple[NoiseEstimate, ...] = ()
+    friction: DryFriction | None = None  # That the model does not know, where the record shows one
+
+    def lines(self) -> list[str]:
+        """In plain words."""
+        lines = [f"noise that the record shows ({self.samples} samples):"]
+        for one in self.estimates:
+            was = f"the filter was given {amount(one.assumed, one.unit)}"
+            if one.name == "acceleration":
+                what = "force that the model does not know"
+                was += f"; it amounts to {amount(self.force_N, 'N')}" if self.force_N is not None and one.known else ""
+            else:
+                what = (
+                    "voltage that the driver does not tell" if one.name == "voltage" else f"noise of sensor {one.name}"
+                )
+            lines.append(f"  {what}: {one.interval}; {was}")
+            lines += [
+                f"    by autocovariance: {other.interval}" for other in self.by_autocovariance if other.name == one.name
+            ]
+        if self.friction is not None:
+            share = min(1.0, (self.friction.force_N / self.force_N) ** 2) if self.force_N else 1.0
+            lines.append(f"  {100.0 * share:.0f} % of that force is friction: {self.friction}")
+        for sensor, parts in self.shares.items():
+            told = ", ".join(f"{100.0 * share:.0f} % {name}" for name, share in parts.items() if share >= 0.005)
+            lines.append(f"  the innovations of {sensor} are {told}")
+        return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return {
+            "estimates": [vars(one) for one in self.estimates],
+            "by_autocovariance": [vars(one) for one in self.by_autocovariance],
+            "friction": self.friction and vars(self.friction),
+            "samples": self.samples,
+            "shares": self.shares,
+        }
+
+
+def with_noise(model: ActuatorModel, found: FoundNoise) -> ActuatorModel:
+    """The model with the noises that a record showed; what the record could not tell stays."""
+    known = {one.name: one.value for one in found.estimates if one.known}
+    process = ProcessNoise(known["acceleration"] ** 2 if "acceleration" in known else None, known.get("voltage"))
+
+    def changed(one: ActuatorModel) -> ActuatorModel:
+        sensors = tuple(replace(s, noise=known.get(s.name, s.noise)) for s in one.other_sensors)
+        hall = one.sensor
+        if hall is not None and HALL in known:
+            rounding = hall.quantisation_step / 12.0**0.5
+            hall = replace(hall, noise_V=float(np.sqrt(max(known[HALL] ** 2 - rounding**2, 0.0))))
+        return replace(one, other_sensors=sensors, sensor=hall, process_noise=process)
+
+    held = changed(model)
+    return held if model.base is None else replace(held, base=changed(model.base))
