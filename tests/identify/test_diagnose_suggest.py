@@ -243,6 +243,13 @@ def test_the_advice_holds_over_the_whole_catalogue(levitation_model, solenoid, c
     assert len({(text, truth) for text, truth, _ in broken}) <= 0.05 * tried + 2.33 * np.sqrt(0.05 * tried), broken
 
 
+def test_an_lcr_meter_is_advised_where_it_tells_turns_from_a_gain_of_the_current(levitation_model):
+    table, diagnosis = measured(levitation_model, 3, {"turns": {"turns_error": 0.05}}, **SMALL)
+    assert {"turns", "current_gain"} <= set(diagnosis.missing[0].members)
+    by_meter = [one for one in advice_of(levitation_model, table, diagnosis) if "LCR meter" in one.text]
+    assert {"turns", "current_gain"} in [set(pair[:2]) for one in by_meter for pair in one.separates]
+
+
 def test_what_advice_separates_a_plan_of_the_same_settings_separates(levitation_model):
     table, diagnosis = measured(levitation_model, 12, {"distance_offset": {"offset_m": 4e-4}}, **SMALL)
     runs = [one for one in advice_of(levitation_model, table, diagnosis) if one.experiment.rows is not None]

@@ -25,6 +25,10 @@ from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS, CHANNELS, SETTINGS
 
 
+_BY = {"inductance_H": "by an LCR meter ", "resistance_ohm": "by an LCR meter "}
+"""What a channel is read by, where that is no part of the bench itself."""
+
+
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """A measurement that could be added."""
@@ -64,7 +68,7 @@ def possible_experiments(
     ]
     result += [
         _run(
-            f"Read the {CHANNEL_WORDS[name]} too, to {amount(assumed_noise(name, nominal), name)} rms, "
+            f"Read the {CHANNEL_WORDS[name]} {_BY.get(name, '')}too, to {amount(assumed_noise(name, nominal), name)} rms, "
             f"at {counted(len(near), 'point')} at {_range(near)}",
             near,
             (*measured, name),

@@ -210,7 +210,7 @@ def suggest_measurements(
     """Rank measurements by how cheaply they separate explanations whose sums of squares must differ by some least."""
     observations = bench_observations(model, table)
     d, i = (observations.covariates[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
-    available = tuple(predict_readings(model, d, i, Conditions(observations.nominal)))
+    available = tuple(predict_readings(model, d, i, Conditions(observations.nominal), channels=CHANNELS))
     named = {added.effect.name: added.effect for fit in explanations for added in fit.effects}
     direct = [named[name] for name in catalogue_order(named)]
     result = []
@@ -286,4 +286,5 @@ def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
     varied = tuple(
         n for n in ("coil_temperature_C", "magnet_temperature_C") if more[n].notna().any() and n not in given
     )
-    return replace(table, rows=rows[table.rows.columns], given=(*given, *varied))
+    columns = list(dict.fromkeys((*table.rows.columns, *experiment.channels)))
+    return replace(table, rows=rows[columns], given=(*given, *varied))
