@@ -2,9 +2,10 @@ r"""Newton's iteration as energy minimisation.
 
 The state w minimises E(w) = stored energy - currents x flux linkages, which is convex because every H(B) is monotone. A
 correction solves K c = -dE/dw. K, the second derivative, is kept while it serves, and corrected by what the last steps
-changed of dE/dw (limited-memory BFGS); it is renewed after a step that was shortened, or where the steps that are left
-would cost more than a renewal. Any such K is positive definite, so c always goes downhill, and halving the step until
-the energy falls enough leads to the one minimum from any start.
+changed of dE/dw (limited-memory BFGS); it is renewed where a start is far from the state that it was made at, where its
+full step does not lower the energy, after a step that was shortened, and where the steps that are left would cost more
+than a renewal. Any such K is positive definite, so c always goes downhill, and halving the step until the energy falls
+enough leads to the one minimum from any start.
 
 The residual is measured where it means energy: sqrt(c . K c / w . K w), the correction relative to the solution.
 
@@ -33,6 +34,10 @@ RENEWAL_COST = 8.0
 """Steps that a renewal costs: 60 ms against 8 ms at 30,000 unknowns of order 5 (push solenoid, relay, voice coil)."""
 
 MEMORY = 8  # steps by which a kept derivative is corrected
+
+NEAR = 3e-3
+"""A start whose first correction is larger is too far for the derivative at another current: to renew it at once halves
+the work (push solenoid, relay). From 1e-4 to 1e-2 the number does not matter."""
 
 SUFFICIENT = 1e-4
 SHORTEST_STEP = 2.0**-30
@@ -81,8 +86,9 @@ def minimise(
     """Find the state of least energy."""
     state, here, history = start, problem.evaluate(start, currents), list[float]()
     stale, steps = not problem.ready, deque[_Step](maxlen=MEMORY)
-    for _ in range(limit):
-        if stale:
+    while len(history) < limit:
+        fresh = stale
+        if fresh:
             problem.renew(state)
             steps.clear()
         correction = _correction(problem, here.gradient, steps)
@@ -90,13 +96,21 @@ def minimise(
         residual = _relative(decrease, here.square)
         if not math.isfinite(residual):
             return NewtonResult(state, len(history), residual, False, tuple(history))
-        slow = bool(history) and _steps_left(history[-1], residual, tolerance) > renewal_cost
+        stale = not fresh and not history and residual > NEAR
+        if stale:
+            continue
+        slow = not fresh and bool(history) and _steps_left(history[-1], residual, tolerance) > renewal_cost
         history.append(residual)
         if residual <= tolerance:
             return NewtonResult(state + correction, len(history), residual, True, tuple(history))
-        least = 1.0 if residual < RESOLVED else SHORTEST_STEP
+        shortest = 1.0 if residual < RESOLVED or not fresh else SHORTEST_STEP
         before = here.gradient
-        step, state, here = _search(problem, currents, state, here, correction, least, SUFFICIENT * decrease)
+        step, trial, there = _search(problem, currents, state, here, correction, shortest, SUFFICIENT * decrease)
+        stale = residual >= RESOLVED and there.energy > here.energy - SUFFICIENT * step * decrease
+        if stale and not fresh:
+            history.pop()  # a renewed derivative from here is better than a short step by one that misleads
+            continue
+        state, here = trial, there
         _remember(steps, step * correction, here.gradient - before)
         stale = renewal_cost == 0.0 or step < 1.0 or slow
     return NewtonResult(state, limit, history[-1], False, tuple(history))
