@@ -24,7 +24,6 @@ from femfit.identify.experiments.noise import assumed_noise
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS, CHANNELS, SETTINGS
 
-
 _BY = {"inductance_H": "by an LCR meter ", "resistance_ohm": "by an LCR meter "}
 """What a channel is read by, where that is no part of the bench itself."""
 
@@ -68,8 +67,8 @@ def possible_experiments(
     ]
     result += [
         _run(
-            f"Read the {CHANNEL_WORDS[name]} {_BY.get(name, '')}too, to {amount(assumed_noise(name, nominal), name)} rms, "
-            f"at {counted(len(near), 'point')} at {_range(near)}",
+            f"Read the {CHANNEL_WORDS[name]} {_BY.get(name, '')}too, to "
+            f"{amount(assumed_noise(name, nominal), name)} rms, at {counted(len(near), 'point')} at {_range(near)}",
             near,
             (*measured, name),
             CHANNEL_COST,
