@@ -1,6 +1,7 @@
 """The catalogue of effects: one tuple; third parties add theirs by the entry point ``femfit.effects``."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import cache
 from importlib.metadata import entry_points
 
 from femfit.core.entry_catalogue import EntryCatalogue
@@ -21,6 +22,7 @@ from femfit.effects.lateral_misalignment import LATERAL_MISALIGNMENT
 from femfit.effects.magnet import MAGNET_DEMAGNETISATION, MAGNET_TEMPERATURE
 from femfit.effects.mechanical_force import CONSTANT_FORCE, END_STOP_CONTACT
 from femfit.effects.motional_emf import MOTIONAL_EMF
+from femfit.effects.of_circuits import OF_EACH, SEPARATOR, effects_of, of_circuit
 from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
 from femfit.effects.position_sensor import POSITION_DELAY, POSITION_NONLINEARITY
 from femfit.effects.sensor_delay import SENSOR_DELAY
@@ -120,11 +122,32 @@ def all_effects() -> dict[str, Effect]:
 
 
 def effect_by_name(name: str) -> Effect:
-    """Look up an effect; only the package that gives it is loaded."""
+    """Look up an effect, or that of a circuit as ``turns:lower``; only the package that gives it is loaded."""
+    kind, _, circuit = name.partition(SEPARATOR)
+    if circuit and kind in OF_EACH:
+        return _of_circuit(kind, circuit)
     return _CATALOGUE.find(_EARLIER_NAMES.get(name, name), lambda: entry_points(group=GROUP))
+
+
+@cache
+def _of_circuit(kind: str, circuit: str) -> Effect:
+    return of_circuit(effect_by_name(kind), circuit)
+
+
+def known_effect(name: str) -> Effect | None:
+    """The effect of a name, of one circuit or of the device; None where there is none."""
+    kind, _, circuit = name.partition(SEPARATOR)
+    return _of_circuit(kind, circuit) if circuit and kind in OF_EACH else all_effects().get(name)
+
+
+def device_effects(circuits: Sequence[str]) -> dict[str, Effect]:
+    """The catalogue for a device of these circuits; of several, what they can have."""
+    found = effects_of(all_effects(), circuits)
+    return {name: effect_by_name(name) if effect.of else effect for name, effect in found.items()}
 
 
 def catalogue_order(names: Iterable[str]) -> tuple[str, ...]:
     """Names in the catalogue's order, unknown ones last."""
     places = {name: k for k, name in enumerate(all_effects())}
-    return tuple(sorted(dict.fromkeys(names), key=lambda name: places.get(name, len(places))))
+    kinds = {name: name.partition(SEPARATOR)[0] for name in names}
+    return tuple(sorted(kinds, key=lambda name: places.get(kinds[name], len(places))))

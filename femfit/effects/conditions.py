@@ -46,6 +46,8 @@ class Nominal:
     # Push of all drawn springs away from the electromagnet in N at distances in m of any shape; None without springs
     springs: Callable[[FloatArray], FloatArray] | None = None
     stops_m: tuple[float, float] = (-np.inf, np.inf)  # Of the drawing, near and far; infinite where there is none
+    circuits: tuple[str, ...] = ()  # Names of several circuits; numbers of the winding are those of the first
+    magnets_apart: bool = True  # Whether the model's co-energy has a part of the magnets alone
     has_iron: bool = True  # Whether a part may keep a remanent flux; true where there is no drawing
 
     @property

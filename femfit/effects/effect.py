@@ -174,6 +174,7 @@ class Effect:
     hall_point: Setting | None = None
     calibrations: tuple[Calibration, ...] = ()
     words: Callable[[Parameters, Nominal], Sequence[str]] | None = None
+    of: str = ""  # Which of several circuits it is of; see :mod:`femfit.effects.of_circuits`
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
@@ -188,7 +189,7 @@ class Effect:
         """Copy and pickle an effect of the catalogue as its name: functions of its stages may have none."""
         from femfit.effects.catalogue import all_effects, effect_by_name  # noqa: PLC0415  it imports this file
 
-        if all_effects().get(self.name) is self:
+        if self.of or all_effects().get(self.name) is self:
             return effect_by_name, (self.name,)
         return super().__reduce_ex__(protocol)
 

@@ -135,7 +135,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
                 "To be written, magnetics must be a co-energy spline or a law, and the field at the Hall element a "
                 f"spline; it is {type(held).__name__}."
             )
-    base, changed = model.without_effects, ("magnetics", "circuit", "motion", "sensor")
+    base, changed = model.without_effects, ("magnetics", "circuit", "further_circuits", "motion", "sensor")
     names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
     data = {name: _plain(getattr(base if name in changed else model, name)) for name in names}
     for key in ("other_sensors", "process_noise"):  # as files were before there were any

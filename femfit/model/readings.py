@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.sweep_columns import flux_columns, voltage_columns
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import CHANNELS, AddedEffect
 from femfit.effects.stages import (
@@ -16,7 +17,7 @@ from femfit.effects.stages import (
     with_further_force,
 )
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.with_effects import base_coenergy
+from femfit.model.with_effects import base_coenergy, resistance_of, with_sources
 
 
 def predict_readings(
@@ -37,7 +38,7 @@ def predict_readings(
     model : ActuatorModel
         Its base and its effects count; it is evaluated outside of its validity domain as well.
     distance, current : array, shape (n,)
-        As recorded, in m and A.
+        As recorded, in m and A; currents of several circuits have the shape (n, circuits), and channels their names.
     channels : collection of str
         What is wanted beside the usual channels: inductance_H, d(flux linkage)/di at low frequency, and resistance_ohm,
         that of the winding, as an LCR meter reads them.
@@ -49,6 +50,8 @@ def predict_readings(
     """
     base = model.without_effects
     added = tuple(model.effects if effects is None else effects)
+    if base.validity.further_A:
+        return _read_of_circuits(model, distance, current, conditions, added)
     d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
     d, i = true_setting(added, d, i, conditions)
     coenergy = base_coenergy(base)
@@ -70,3 +73,27 @@ def predict_readings(
         if "resistance_ohm" in channels:
             values["resistance_ohm"] = ohms
     return recorded(added, values, d, i, conditions)
+
+
+def _read_of_circuits(
+    model: ActuatorModel,
+    distance: FloatArray,
+    currents: FloatArray,
+    conditions: Conditions,
+    effects: Iterable[AddedEffect],
+) -> dict[str, FloatArray]:
+    """Readings of a body held at rest; currents of shape (rows, n), arguments else as of ``predict_readings``."""
+    base, added = model.without_effects, tuple(effects)
+    names = base.magnetics.names  # type: ignore[attr-defined]
+    d, i = np.asarray(distance, dtype=np.float64), np.array(currents, dtype=np.float64)
+    for one in added:
+        if one.effect.setting is not None:
+            k = names.index(one.effect.of) if one.effect.of else 0
+            d, own = one.effect.setting(d, i[:, k], conditions, one.parameters)
+            i[:, k] = own
+    magnetics = with_sources(base, added)
+    values = {"force_N": magnetics.force(d, i)}
+    values |= dict(zip(flux_columns(names), magnetics.flux_linkage(d, i).T, strict=True))
+    for k, (circuit, column) in enumerate(zip(base.circuits, voltage_columns(base.circuit_names), strict=True)):
+        values[column] = resistance_of(circuit, added, i[:, k], conditions) * i[:, k]
+    return recorded(added, values, d, i[:, 0], conditions)

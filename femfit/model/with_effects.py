@@ -1,35 +1,43 @@
-"""A model with added effects: the base's parts, as the effects change them."""
+"""A model with added effects: the base's parts, as the effects change them.
 
-from collections.abc import Iterable
+Of several circuits a number of turns scales its circuit's current in W' and, as a derivative of the one W', the flux
+linkage with it. Where nothing saturates W' is a quadratic form of (1, i_1 .. i_n), and a remanence scales the 1.
+"""
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, MissingPartError
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect
+from femfit.effects.of_circuits import OF_THE_WHOLE, source_scales
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, stops_of
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.circuit import Circuit
+from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.coenergy_table import CoenergyTable
+from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import Magnetics
+from femfit.model.several_magnetics import SeveralMagnetics
 
 
 def nominal_of(model: ActuatorModel) -> Nominal:
     """Facts of a base model by which effects scale their parameters."""
     base = model.without_effects
     domain, nan = base.validity, float("nan")
-    d, i = np.meshgrid(
-        np.linspace(domain.distance_min_m, domain.distance_max_m, 15),
-        np.linspace(domain.current_min_A, domain.current_max_A, 15),
-    )
-    force, flux = base.magnetics.coenergy_derivatives(d, i, ((1, 0), (0, 1)))
+    d, i = domain.grid(15, 5 if domain.further_A else 15)
+    force, flux = base.magnetics.force(d, i), base.magnetics.flux_linkage(d, i)
     largest = [float(np.abs(values).max()) for values in (force, flux)]
+    limits = domain.current_limits_A
+    at = base.magnetics.state_of_circuits(np.array(0.5 * (d.min() + d.max())), limits.mean(axis=1))
     sensor, swing, per_ampere = base.sensor, nan, nan
     middle = [np.array(0.5 * (low + high)) for low, high in ((d.min(), d.max()), (i.min(), i.max()))]
     if sensor is not None:
@@ -39,8 +47,8 @@ def nominal_of(model: ActuatorModel) -> Nominal:
     return Nominal(
         distance_min_m=domain.distance_min_m,
         distance_max_m=domain.distance_max_m,
-        current_min_A=domain.current_min_A,
-        current_max_A=domain.current_max_A,
+        current_min_A=float(limits[:, 0].min()),
+        current_max_A=float(limits[:, 1].max()),
         force_N=largest[0],
         flux_linkage_Wb=largest[1],
         magnet_share=max(base.share_without_current(), NO_MAGNET) if base.has_magnet else 0.0,
@@ -50,13 +58,15 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         mass_kg=base.motion.mass_kg if base.motion else nan,
         gravity_m_s2=base.motion.gravity_m_s2 if base.motion else nan,
         hall_quiescent_V=sensor.quiescent_V if sensor else nan,
-        inductance_H=float(base.magnetics.inductance(*middle)),
+        inductance_H=float(at.inductance[0, 0]),
         hall_T_per_A=per_ampere,
         hall_swing_V=swing,
         voltage_V=max(abs(v) for v in clamp),
         sample_time_s=base.sample_time_s,
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
         springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
+        circuits=base.circuit_names if domain.further_A else (),
+        magnets_apart=not isinstance(base.magnetics, CoenergyTensor),
         has_iron=base.kind is None or base.kind.fixed_iron or base.kind.moving_iron,
     )
 
@@ -135,6 +145,8 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     effects, base = tuple(effects), model.without_effects
     if not effects:
         return base
+    if base.validity.further_A:
+        return _with_effects_of_circuits(base, effects, nominal_of(base))
     at = Conditions(
         nominal_of(base),
         coil_temperature_C=model.coil_temperature_C,
@@ -185,3 +197,55 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
 
 def _seen_by(sensor: HallSensor, dynamics: EffectDynamics) -> HallSensor:
     return replace(sensor, field=EffectHallField(dynamics, sensor.quiescent_V, sensor.sensitivity_V_per_T))
+
+
+def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, ...], nominal: Nominal) -> ActuatorModel:
+    """A base model of several circuits with effects."""
+    known = [one.effect.name for one in effects if not (one.effect.of or one.effect.name in OF_THE_WHOLE)]
+    if known:
+        raise MissingPartError(
+            f"The effects {', '.join(known)} are of a device with one circuit; model {base.name!r} has "
+            f"{len(base.circuits)}. Take them out of its file."
+        )
+    at = Conditions(nominal, running=True)
+    first, *further = (
+        (replace(one, resistance_ohm=float(resistance_of(one, effects, np.zeros(1), at)[0])) for one in base.circuits)
+        if base.circuits
+        else (None,)
+    )
+    return replace(
+        base,
+        magnetics=with_sources(base, effects),
+        circuit=first,
+        further_circuits=tuple(one for one in further if one is not None),
+        effects=effects,
+        base=base,
+    )
+
+
+def with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> SeveralMagnetics:
+    """The co-energy of a base model as effects scale magnets and turns: W'(d, s_1 i_1 .. s_n i_n)."""
+    magnetics = base.magnetics
+    assert isinstance(magnetics, CoenergyMatrix | CoenergyTensor)  # noqa: S101  there are no others of several circuits
+    scales = np.array(source_scales(effects, magnetics.names))
+    if isinstance(magnetics, CoenergyMatrix):
+        first, second = np.triu_indices(len(scales))
+        return replace(magnetics, coefficients=magnetics.coefficients * (scales[first] * scales[second]))
+    if scales[0] != 1.0:
+        raise MissingPartError(
+            f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
+            "saturates, it does not stand apart. Take remanence out of the model's effects."
+        )
+    knots = tuple(one / scale for one, scale in zip(magnetics.current_knots_A, scales[1:], strict=True))
+    return replace(magnetics, current_knots_A=knots)
+
+
+def resistance_of(
+    circuit: Circuit, effects: Iterable[AddedEffect], current: FloatArray, conditions: Conditions
+) -> FloatArray:
+    """Resistance in ohm of one of several circuits at its currents, as its own effects change it."""
+    own = [one for one in effects if one.effect.of == circuit.name]
+    ohms, _ = circuit_of(
+        own, np.full_like(current, circuit.resistance_ohm), np.zeros_like(current), current, conditions
+    )
+    return ohms

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.catalogue import all_effects
+from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.effect import EffectParameter
 from femfit.effects.words import smallest_visible
 from femfit.identify.comparison.fall import ErrorFall
@@ -69,7 +69,8 @@ def misfit_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]:
     """What the verdict names, how it ranks, and what the data could have shown."""
-    effects, nominal = all_effects(), diagnosis.observations.nominal
+    nominal = diagnosis.observations.nominal
+    effects = device_effects(nominal.circuits)
     facts = {
         "named": [
             (one, effects[one.name].symptom if one.name in effects else "", _parameter_rows(one))
@@ -91,7 +92,7 @@ def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]
 
 
 def _parameter_rows(one: NamedEffect) -> list[tuple[str, ...]]:
-    effect, rows = all_effects().get(one.name), list[tuple[str, ...]]()
+    effect, rows = known_effect(one.name), list[tuple[str, ...]]()
     known = {} if effect is None else {p.name: p for p in effect.parameters}
     for name, value in one.parameters.items():
         p, (low, high) = known.get(name), one.ci95.get(name, (np.nan, np.nan))
@@ -110,7 +111,7 @@ def _no_interval(value: float, parameter: EffectParameter | None) -> str:
 
 def next_facts(diagnosis: Diagnosis, advice: Sequence[Suggestion]) -> dict[str, Any]:
     """The measurement that would decide."""
-    decision, effects = diagnosis.decision, all_effects()
+    decision, effects = diagnosis.decision, device_effects(diagnosis.observations.nominal.circuits)
     nearest = None
     if decision is not None and decision.candidates:
         best = decision.candidates[0]

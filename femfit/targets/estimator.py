@@ -30,7 +30,8 @@ RUN_TIME_DEPENDENCIES = frozenset({"numpy"})
 
 def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     """Write the package, the model, a description and an example."""
-    model.require_circuit()
+    if not model.further_circuits:
+        model.require_circuit()  # there is nothing to control without a winding
     model.require_motion()
     chosen_sensors(model, None)
     _require_built_in_law(model)

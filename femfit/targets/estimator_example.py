@@ -17,8 +17,10 @@ def main() -> None:
     design = design_loop(read_model(Path(__file__).with_name("model.json")))
     model, point = design.model, design.points[0]
     reference = reference_steps([point.distance_m], 2000, model.sample_time_s, rate=10.0)
+    name = "backstepping" if "backstepping" in design.controllers else design.controllers[0]
+    controller = design.controller(name)
     loop = ClosedLoop(
-        Plant(model), design.loop_sensors(), SensorErrors(), design.observer("ukf"), design.backstepping, reference
+        Plant(model), design.loop_sensors(), SensorErrors(), design.observer("ukf"), controller, reference
     )
     start = point.state[None]
     result = run_loop(loop, start, np.random.default_rng(0))

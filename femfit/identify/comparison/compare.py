@@ -39,6 +39,7 @@ class Extreme:
     value: float
     distance_m: float
     current_A: float
+    currents_A: tuple[float, ...] = ()  # Of several circuits
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class ChannelMisfit:
         worst = self.largest
         text += (
             f"; largest {amount(worst.value, self.channel)} at {amount(worst.distance_m, 'distance_m', 3)} and "
-            f"{amount(worst.current_A, 'current_A')}"
+            f"{' and '.join(amount(one, 'current_A') for one in worst.currents_A or (worst.current_A,))}"
         )
         against = {"repeats": "the repeats", "declared": "the declared noise", "guess": "the guessed noise"}.get(
             self.noise_source, "that noise"
@@ -203,7 +204,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     model = model_of(model)
     data = measurement_of(data)
     observations = placed(model, data)
-    campaign = gather(observations, considered_effects())
+    campaign = gather(observations, considered_effects((), observations.nominal.circuits))
     if isinstance(campaign, Finding):
         noise, findings = estimate_noise(observations), [campaign]
         whitening = Whitening(observations, noise or _scatter_as_noise(observations), chains_of(observations))
@@ -247,6 +248,7 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
             float(residual[worst]),
             float(observations.column("distance_m")[here[worst]]),
             float(observations.column("current_A")[here[worst]]),
+            _all_currents(observations, int(here[worst])),
         ),
         noise_floor=float(noise.sigma[c]) if noise and source else None,
         noise_source=source,
@@ -254,6 +256,12 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         model_misfit=float(np.sqrt(np.mean(observations.tolerance[here] ** 2))),
         lack_of_fit=pure_error_test(observations, noise, name) if noise and source else None,
     )
+
+
+def _all_currents(observations: Observations, at: int) -> tuple[float, ...]:
+    """Of several circuits at a reading; none of one."""
+    names = observations.settings[1:]
+    return tuple(float(observations.column(name)[at]) for name in names) if len(names) > 1 else ()
 
 
 def _scatter_as_noise(observations: Observations) -> NoiseModel:

@@ -99,6 +99,10 @@ def _curves(
     """The channel over both settings at the mean of the recorded temperatures, between the branches."""
     grid = dict(zip((over[0], along[0]), np.meshgrid(over[1], along[1], indexing="ij"), strict=True))
     d, i = grid["distance_m"].ravel(), grid["current_A"].ravel()
+    if len(observations.settings) > 2:  # the others at their middle
+        columns = [observations.covariates[name].to_numpy() for name in observations.settings[1:]]
+        leading = observations.covariates["current_A"].to_numpy()
+        i = np.stack([i if np.array_equal(c, leading) else np.full(i.shape, np.median(c)) for c in columns], axis=1)
     conditions = Conditions(
         nominal_of(model),
         coil_temperature_C=_mean(observations, "coil_temperature_C"),

@@ -9,7 +9,7 @@ from scipy import stats
 from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
-from femfit.effects.catalogue import all_effects, effect_by_name
+from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
 from femfit.identify.constants import LEAST_REPEATS_AGAINST_DECLARED, OWN_MISFIT
@@ -128,11 +128,11 @@ TOO_FEW = Finding(
 )
 
 
-def considered_effects(exclude: Sequence[str] = ()) -> list[Effect]:
-    """The catalogue without some effects; a name that it does not have is an error."""
+def considered_effects(exclude: Sequence[str] = (), circuits: Sequence[str] = ()) -> list[Effect]:
+    """The device's catalogue without some effects; a name that the whole one does not have is an error."""
     for name in exclude:
         effect_by_name(name)
-    return [effect for name, effect in all_effects().items() if name not in exclude]
+    return [effect for name, effect in device_effects(circuits).items() if name not in exclude]
 
 
 def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:

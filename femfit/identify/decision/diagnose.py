@@ -96,7 +96,7 @@ def diagnose_observations(
 ) -> Diagnosis:
     """Diagnose readings that stand beside their model."""
     say("Estimating the noise")
-    campaign = gather(observations, considered_effects(exclude))
+    campaign = gather(observations, considered_effects(exclude, observations.nominal.circuits))
     if isinstance(campaign, Finding):
         return _no_verdict(model, observations, campaign, exclude)
     say("Scoring the effects")
@@ -202,7 +202,8 @@ def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, 
         verdict="compare_only",
         missing=(),
         ranking=tuple(
-            ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict") for effect in considered_effects(exclude)
+            ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict")
+            for effect in considered_effects(exclude, observations.nominal.circuits)
         ),
         where=Where("", (), "Without a test no misfit can be called one."),
         error_fall=error_fall(observations, observations.base, observations.base, observations.declared_noise),

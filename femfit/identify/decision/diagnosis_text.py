@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING
 
 from femfit.core.amount import amount, counted, probability
-from femfit.effects.catalogue import all_effects
+from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import BEYOND_NOISE, LEVEL_AFTER
 from femfit.identify.decision.own_misfit import finer_model, own_misfit_sentence
@@ -102,7 +102,7 @@ def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:
 
 
 def _named(one: "NamedEffect") -> list[str]:
-    effect = all_effects().get(one.name)
+    effect = known_effect(one.name)
     symptom = effect.symptom if effect else ""
     lines = [f"  {one.name}: {'; '.join(one.words)}." if one.words else f"  {one.name}: {symptom}"]
     if not one.plausible:
@@ -146,7 +146,8 @@ def _could_show(diagnosis: "Diagnosis") -> list[str]:
     """What the data could have shown, nine times in ten, and why they could not show the others."""
     if not diagnosis.detectable:
         return []
-    effects, nominal = all_effects(), diagnosis.observations.nominal
+    nominal = diagnosis.observations.nominal
+    effects = device_effects(nominal.circuits)
     shown = [
         (name, smallest_visible(effects[name], amplitudes, nominal))
         for name, amplitudes in diagnosis.detectable.items()

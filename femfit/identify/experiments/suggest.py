@@ -17,7 +17,7 @@ from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.printed import Printed
-from femfit.effects.catalogue import all_effects, catalogue_order
+from femfit.effects.catalogue import catalogue_order, known_effect
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration
 from femfit.identify.constants import TIE
@@ -159,7 +159,7 @@ def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: 
     if found.campaign is None or len(explanations) < 2:
         unsure = [] if _certain(found) else [one.name for one in found.missing]
         return Advice(names, isolating=_isolating(unsure), note=_nothing_to_separate(found))
-    if not isinstance(measured, BenchTable):
+    if not isinstance(measured, BenchTable) or found.observations.nominal.circuits:  # trials are of one current
         used = [name for fit in every for name in fit.names]
         return Advice(tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used))
     say("Trying measurements")
@@ -180,8 +180,8 @@ def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
 
 
 def _isolating(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    effects = all_effects()
-    return tuple((name, effects[name].experiment) for name in dict.fromkeys(names) if name in effects)
+    effects = {name: known_effect(name) for name in names}
+    return tuple((name, effect.experiment) for name, effect in effects.items() if effect is not None)
 
 
 def _certain(found: Diagnosis) -> bool:

@@ -21,6 +21,7 @@ def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> Flo
         )
     columns, deviations = random_columns(observations, noise.mount_m, noise.run)
     random = columns @ (deviations * generator.standard_normal(len(deviations)))
-    errors = generator.standard_normal((len(observations.covariates), 2))[observations.row]
+    settings = observations.setting_columns.shape[1]
+    errors = generator.standard_normal((len(observations.covariates), settings))[observations.row]
     uncertain = np.sum(observations.setting_columns * errors, axis=1)
     return np.asarray(value * noise.sigma[observations.channel] + random + uncertain)

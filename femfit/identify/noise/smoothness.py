@@ -24,12 +24,12 @@ def guessed_noise(observations: Observations, channel: str) -> tuple[float, floa
     """A standard deviation of one reading, on the wide side, and its degrees of freedom; 0 where there is no guess."""
     here = observations.of(channel)
     residual = observations.residual[here]
-    at = {name: observations.column(name)[here] for name in ("distance_m", "current_A")}
+    at = {name: observations.column(name)[here] for name in observations.settings}
     beside = (observations.column("run")[here], observations.column("branch")[here])
     guesses = []
-    for along, fixed in (("distance_m", "current_A"), ("current_A", "distance_m")):
-        lines = np.stack([*beside, levels(at[fixed], SAME_LINE)])
-        differences = _pseudo_residuals(residual, at[along], lines)
+    for along, values in at.items():
+        lines = np.stack([*beside, *(levels(at[fixed], SAME_LINE) for fixed in at if fixed != along)])
+        differences = _pseudo_residuals(residual, values, lines)
         if len(differences) >= LEAST_NEIGHBOURS:
             sigma = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
             guesses.append((GUESS_WIDER * sigma, INDEPENDENT_DIFFERENCES * len(differences)))

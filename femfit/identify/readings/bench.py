@@ -14,11 +14,13 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER
+from femfit.identify.readings.currents import current_directions, current_names, currents_in, with_leading_current
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
+from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import STILL_CURRENT
 
@@ -26,9 +28,10 @@ from femfit.tables.measurement_checks import STILL_CURRENT
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts."""
     _require_current(model, table)
+    table = with_leading_current(model, table)
     findings: list[Finding] = []
-    d, i = table.rows["distance_m"].to_numpy(), table.rows["current_A"].to_numpy()
-    known = np.isfinite(d) & np.isfinite(i)
+    d, i = table.rows["distance_m"].to_numpy(), currents_in(model, table.rows)
+    known = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
     inside = known & within_domain(model, d, i)
     if not known.all():
         findings.append(Finding("no-setting", "info", f"{_rows(~known, 'without distance or current')} left out."))
@@ -39,7 +42,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         findings.append(Finding("outside-domain", "info", text, "Sweep and fit a wider range to use them."))
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
-    if beyond.any():
+    if beyond.any() and i.ndim == 1:
         drawn = model.without_effects.kind is not None
         why = "the drawn iron is linear" if drawn else "the model's co-energy is quadratic in the current"
         text = (
@@ -51,9 +54,9 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     if not inside.any():
         raise TableError(nothing_in_domain(model, table))
     measured = table.rows[inside].reset_index(drop=True)
-    covariates, nominal = _covariates(measured), nominal_of(model)
+    covariates, nominal = _covariates(measured, current_names(model)), nominal_of(model)
     conditions = conditions_of(covariates, nominal)
-    d, i = covariates["distance_m"].to_numpy(), covariates["current_A"].to_numpy()
+    d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
     reading = predict_readings(model, d, i, conditions, channels=table.channels)
     channels = tuple(name for name in table.channels if name in reading and measured[name].notna().any())
     pieces = [np.flatnonzero(np.isfinite(measured[name].to_numpy())) for name in channels]
@@ -72,9 +75,12 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     )
     ahead, behind = moved(steps[0], 0.0), moved(-steps[0], 0.0)
     slope = (ahead - behind) / (2.0 * steps[0])
-    along_current = (moved(0.0, steps[1]) - moved(0.0, -steps[1])) / (2.0 * steps[1])
     tolerance, declared = model_tolerance(model), table.declared_noise
-    uncertain = (slope * declared.get("distance_m", 0.0), along_current * declared.get("current_A", 0.0))
+    uncertain = [slope * declared.get("distance_m", 0.0)]
+    for direction, name in zip(current_directions(model), current_names(model) or ("current_A",), strict=True):
+        step = steps[1] * direction
+        along = (moved(0.0, step) - moved(0.0, -step)) / (2.0 * steps[1])
+        uncertain.append(along * declared.get(name, 0.0))
     return Observations(
         channels=channels,
         channel=channel,
@@ -87,7 +93,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         distance_curvature=(ahead - 2.0 * stacked(reading) + behind) / steps[0] ** 2,
         nominal=nominal,
         declared_noise={name: sd for name, sd in declared.items() if name in channels},
-        tolerance=np.array([tolerance.get(name, 0.0) for name in channels])[channel],
+        tolerance=np.array([tolerance.get(parts_of(name)[0], 0.0) for name in channels])[channel],
         setting_columns=np.stack(uncertain, axis=1),
         findings=(*table.findings, *findings, *_declared_settings(declared), *_drawn_spring(nominal, channels)),
         present=tuple(added.effect.name for added in model.effects),
@@ -101,14 +107,14 @@ class _BenchPrediction:
     model: ActuatorModel
     # Of the table's rows; shape (N,)
     distance_m: FloatArray
-    current_A: FloatArray
+    current_A: FloatArray  # (N, n) of several circuits
     conditions: Conditions
     rows: Mapping[str, IntArray]  # Of each channel
 
     def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
         return self._predicted(self.distance_m, self.current_A, (*self.model.effects, *effects))
 
-    def moved(self, distance_m: float, current_A: float) -> FloatArray:
+    def moved(self, distance_m: float, current_A: float | FloatArray) -> FloatArray:
         """The readings at other distances and currents."""
         return self._predicted(self.distance_m + distance_m, self.current_A + current_A, self.model.effects)
 
@@ -122,6 +128,16 @@ class _BenchPrediction:
 
 def _require_current(model: ActuatorModel, table: BenchTable) -> None:
     """Refuse a table without currents beside a model with a circuit."""
+    several = current_names(model)
+    if several:
+        lacking = [name for name in several if name not in table.given]
+        if lacking:
+            raise TableError(
+                f"A bench table beside model {model.name!r} must have a current of each circuit; {table.source} lacks "
+                f"{', '.join(lacking)} (it has {', '.join(table.given)}). Add a column of zeros for one that carries "
+                "none."
+            )
+        return
     if "current_A" in table.given or not model.circuits:
         return
     unused = " ".join(str(one) for one in table.findings if one.code == "unused-column")
@@ -161,7 +177,7 @@ def _rows(which: BoolArray, words: str) -> str:
     return f"{counted(count, 'row')} {words} {'were' if count > 1 else 'was'}"
 
 
-def _covariates(rows: pd.DataFrame) -> pd.DataFrame:
+def _covariates(rows: pd.DataFrame, of_circuits: tuple[str, ...] = ()) -> pd.DataFrame:
     """Settings with runs and mounts numbered from 0, and both clocks."""
     run = pd.factorize(rows["run"])[0]
     mount_label = rows["mount"].where(rows["mount"].notna(), rows["run"])
@@ -176,7 +192,7 @@ def _covariates(rows: pd.DataFrame) -> pd.DataFrame:
     restarts = len(np.unique(run)) > 1 and bool(np.any(np.diff(pd.Series(order).groupby(run).min().to_numpy()) <= 0.0))
     start = np.concatenate([[0.0], np.cumsum(longest + 1.0)[:-1]])
     elapsed = start[run] + within if restarts else order - order.min()
-    names = ("distance_m", "current_A", "branch", "coil_temperature_C", "magnet_temperature_C")
+    names = ("distance_m", "current_A", *of_circuits, "branch", "coil_temperature_C", "magnet_temperature_C")
     return pd.DataFrame(
         {
             "run": run,

@@ -13,6 +13,7 @@ import pandas as pd
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.finding import Finding
+from femfit.core.sweep_columns import is_current
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 
@@ -29,7 +30,8 @@ class Observations:
     row: IntArray
     value: FloatArray  # Readings as recorded, in the channel's unit; shape (M,)
     # N rows: ``run``, ``mount`` (numbered from 0), ``distance_m``, ``current_A``, ``branch``, ``coil_temperature_C``,
-    # ``magnet_temperature_C``, ``order`` (within its run), ``elapsed`` (within the campaign)
+    # ``magnet_temperature_C``, ``order`` (within its run), ``elapsed`` (within the campaign); of several circuits each
+    # ``current_NAME_A``, and ``current_A`` is that of the circuit whose current was varied most
     covariates: pd.DataFrame
     given: tuple[str, ...]  # Columns of the file that hold numbers
     predict: Predict  # Further effects -> what the model with them predicts, shape (M,)
@@ -52,6 +54,12 @@ class Observations:
     def base(self) -> FloatArray:
         """What the model predicts, shape (M,)."""
         return self.predict(())
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The covariates that somebody sets: the distance and the current, or each of several."""
+        of_circuits = tuple(name for name in self.covariates.columns if is_current(name) and name != "current_A")
+        return ("distance_m", *(of_circuits or ("current_A",)))
 
     @property
     def residual(self) -> FloatArray:

@@ -10,6 +10,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.conditions import Conditions
 from femfit.identify.constants import CLEARLY, DOMAIN_SLACK, WELL
+from femfit.identify.readings.currents import current_names, currents_in, with_leading_current
 from femfit.identify.readings.suspected_scales import (
     Predict,
     ratio,
@@ -18,6 +19,7 @@ from femfit.identify.readings.suspected_scales import (
     suspected_zero,
 )
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
@@ -45,6 +47,8 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
     table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
     if suspected or known:
         return table
+    if current_names(model):  # neighbours are sought over distance and one current
+        return table
     placed = (rows["distance_m"].notna() & rows["current_A"].notna()).to_numpy()
     predicted = _predictor(model, table.channels)(
         rows["distance_m"].to_numpy()[placed], rows["current_A"].to_numpy()[placed]
@@ -61,8 +65,8 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     There is one finding a column, and each names what would be wrong by how much.
     """
     rows = table.rows
-    d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
-    placed = np.isfinite(d) & np.isfinite(i)
+    d, i = rows["distance_m"].to_numpy(), currents_in(model, rows)
+    placed = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
     d, i, rows = d[placed], i[placed], rows[placed]
     if len(d) < LEAST_READINGS:
         return []
@@ -100,10 +104,10 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
 def suspect_settings(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> list[Finding]:
     """Find units and signs that would bring the distances, or the currents, into the model's validity domain."""
     box = model.without_effects.validity
-    found = (
-        suspected_by_range("distance_m", distance, box.distance_min_m, box.distance_max_m),
-        suspected_by_range("current_A", current, box.current_min_A, box.current_max_A),
-    )
+    columns = current.reshape(len(current), -1).T
+    limits = zip(current_names(model) or ("current_A",), columns, box.current_limits_A.tolist(), strict=True)
+    found = [suspected_by_range("distance_m", distance, box.distance_min_m, box.distance_max_m)]
+    found += [suspected_by_range(name, values, low, high) for name, values, (low, high) in limits]
     return [one for one in found if one is not None]
 
 
@@ -191,24 +195,26 @@ def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArra
     box, magnetics = base.validity, base.magnetics
     slack = DOMAIN_SLACK * (box.distance_max_m - box.distance_min_m)
     inside = (distance >= box.distance_min_m - slack) & (distance <= box.distance_max_m + slack)
-    quadratic = isinstance(magnetics, CoenergySpline) and (
-        magnetics.spline.y_degree <= 2 and len(np.unique(magnetics.spline.y_knots)) == 2
+    quadratic = isinstance(magnetics, CoenergyMatrix) or (
+        isinstance(magnetics, CoenergySpline)
+        and (magnetics.spline.y_degree <= 2 and len(np.unique(magnetics.spline.y_knots)) == 2)
     )
     if quadratic and not (base.kind and base.kind.saturates):
-        return np.asarray(inside & np.isfinite(current))
+        return np.asarray(inside & np.isfinite(current).reshape(len(inside), -1).all(axis=1))
     return np.asarray(inside & within_currents(box, current))
 
 
 def within_currents(box: ValidityBox, current: FloatArray) -> BoolArray:
     """Which currents a model was fitted to, with a little beyond."""
-    slack = DOMAIN_SLACK * (box.current_max_A - box.current_min_A)
-    return np.asarray((current >= box.current_min_A - slack) & (current <= box.current_max_A + slack))
+    columns, limits = current.reshape(len(current), -1), box.current_limits_A
+    slack = DOMAIN_SLACK * np.ptp(limits, axis=1)
+    return np.asarray(((columns >= limits[:, 0] - slack) & (columns <= limits[:, 1] + slack)).all(axis=1))
 
 
 def nothing_in_domain(model: ActuatorModel, table: BenchTable) -> str:
     """Say where the model holds, where the rows of a table outside of it are, and what their units may be."""
     box = model.without_effects.validity
-    d, i = table.rows["distance_m"], table.rows["current_A"]
+    d, i = table.rows["distance_m"], with_leading_current(model, table).rows["current_A"]
     where = (
         f"{table.source} must have rows within the model's validity domain, {box.distance_min_m:g} to "
         f"{box.distance_max_m:g} m and {box.current_min_A:g} to {box.current_max_A:g} A; its distances are "

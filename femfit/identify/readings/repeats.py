@@ -18,7 +18,7 @@ def repeat_cells(observations: Observations) -> IntArray:
 
     Readings of one channel with the same number are repeats.
     """
-    keys = {name: levels(observations.column(name), SAME_SETTING) for name in ("distance_m", "current_A")}
+    keys = {name: levels(observations.column(name), SAME_SETTING) for name in observations.settings}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
 

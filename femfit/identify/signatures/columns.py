@@ -75,6 +75,8 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
 
 def _not_in_device(need: str, nominal: Nominal) -> str:
     """Why the device cannot have what an effect needs, whatever is measured; empty where it can."""
+    if need == "magnet" and not nominal.magnets_apart:
+        return "the co-energy of iron that several circuits saturate does not set the magnets' part apart"
     if need == "magnet":
         if not nominal.magnet_known:
             return _MAGNET_UNKNOWN

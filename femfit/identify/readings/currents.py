@@ -1,0 +1,42 @@
+"""The currents of a bench table as a model takes them: one, or one of each circuit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.arrays import FloatArray
+from femfit.core.sweep_columns import circuit_currents
+from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.measurement import BenchTable
+
+
+def current_names(model: ActuatorModel) -> tuple[str, ...]:
+    """Columns of the currents of several circuits; none of one, whose column is ``current_A``."""
+    if not model.validity.further_A:
+        return ()
+    return tuple(circuit_currents(getattr(model.without_effects.magnetics, "names", model.circuit_names)))
+
+
+def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:
+    """Currents of the rows in A, in the shape that the model takes; NaN where a column is missing."""
+    names = current_names(model)
+    if not names:
+        return rows["current_A"].to_numpy(dtype=np.float64)
+    return np.stack([rows.get(name, pd.Series(np.nan, rows.index)).to_numpy(np.float64) for name in names], axis=1)
+
+
+def current_directions(model: ActuatorModel) -> list[FloatArray]:
+    """A unit change of each current, that broadcasts with :func:`currents_in`."""
+    names = current_names(model)
+    return list(np.eye(len(names))) if names else [np.ones(())]
+
+
+def with_leading_current(model: ActuatorModel, table: BenchTable) -> BenchTable:
+    """The table with ``current_A`` as that circuit's whose current was varied most, counted in widths of its range."""
+    names = current_names(model)
+    if not names:
+        return table
+    widths = np.ptp(model.validity.current_limits_A, axis=1)
+    spread = np.nan_to_num(np.nanstd(currents_in(model, table.rows), axis=0)) / np.maximum(widths, 1e-300)
+    return replace(table, rows=table.rows.assign(current_A=table.rows[names[int(np.argmax(spread))]]))
