@@ -23,10 +23,11 @@ def compare(
     ----------
     model : Path
         Model file (co-energy or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
-        fitted on the fly.
+        fitted on the fly. For a probe scan the actuator file (.toml), whose field is solved at the places of the probe.
     data : Path
         Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV. A .toml
-        beside it may declare the noise.
+        beside it may declare the noise. A probe scan has the columns distance, current, r, z and field: distance_mm,
+        current_A, r_mm, z_mm, field_mT.
     pictures : Path
         Directory for pictures of the misfit over distance and current, and over what else it changes with.
     json : Path
@@ -38,6 +39,9 @@ def compare(
     from femfit.tables.measurement_file import read_measurement
 
     require_outputs([model, data], (json, RESULT))
+    if model.suffix == ".toml":
+        _field_scan(model, data, pictures, table_options, json)
+        return
     with status("Comparing"):
         measured = read_measurement(data, **table_options.keywords)
         comparison = compared(_model(model), measured)
@@ -50,6 +54,25 @@ def compare(
     print(comparison)
     for file in written:
         print(f"written: {file}")
+
+
+def _field_scan(
+    drawing: Path, data: Path, pictures: Path | None, table_options: MeasurementOptions, json: Path | None
+) -> None:
+    """Compare a probe scan with the field of a drawing."""
+    from femfit.cli.output import status, write_json
+    from femfit.core.errors import UsageError
+    from femfit.device.load import read_actuator
+    from femfit.identify.comparison.field_scan import compare_field_scan
+    from femfit.tables.field_scan import read_field_scan
+
+    if pictures is not None or table_options.noise:
+        raise UsageError("A probe scan is compared in words: leave --pictures and --noise out.")
+    scan = read_field_scan(data, columns=table_options.columns, units=table_options.units, table=table_options.table)
+    with status("Solving the field at the places of the probe"):
+        comparison = compare_field_scan(read_actuator(drawing), scan)
+    write_json(json, comparison.to_dict())
+    print(comparison)
 
 
 def _model(path: Path) -> "ActuatorModel":

@@ -234,3 +234,11 @@ OTHER_SIGN = 0.25
 
 WRONG_SHAPE = 1.0
 """Conventional: a law that misses its table by more standard deviations of a reading (rms) has the wrong shape."""
+
+# A probe scan
+
+SCAN_STEP_M = 1e-4
+"""Numerical: distance over which the field's slopes are taken, small beside any probe's place and above rounding."""
+
+LEAST_SCAN = 8
+"""Conventional: twice as many readings as numbers that are fitted to a probe scan."""

@@ -15,6 +15,10 @@ branch                en branch direction
 branch                de richtung ast zweig
 time_s                en t time timestamp clock datetime
 time_s                de zeit uhrzeit zeitstempel
+r_m                   en radius prober
+z_m                   en height probez
+field_T               en b bz field fluxdensity
+field_T               de feld flussdichte
 current_A             en i current currents curr amp amps ampere amperes coilcurrent icoil
 current_A             de strom stromstarke spulenstrom
 current_A             nl stroom stroomsterkte spoelstroom
