@@ -68,6 +68,7 @@ def run(
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", model_file)
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
+    _print_lines(reference.notes)
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
         with steps.timed("open loop"):

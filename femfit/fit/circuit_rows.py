@@ -21,6 +21,15 @@ class CircuitRows:
     force_error: FloatArray  # Estimated error of the force; zero where the table gives none
 
     @property
+    def flux_scale(self) -> FloatArray:
+        """Rms of each flux linkage in Wb, so that a winding with few turns counts as much as one with many; (n,)."""
+        return np.asarray(np.sqrt(np.mean(self.flux_linkage**2, axis=0)))
+
+    def worst_flux_share(self, missed: FloatArray) -> float:
+        """The largest of the circuits' rms errors of shape (rows, n), each over its flux linkage's own rms."""
+        return float(np.max(np.sqrt(np.mean(missed**2, axis=0)) / self.flux_scale))
+
+    @property
     def distances(self) -> FloatArray:
         """Distinct distances, ascending."""
         return np.unique(self.distance)

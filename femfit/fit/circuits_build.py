@@ -116,19 +116,19 @@ def _numbers(rows: pd.DataFrame, columns: list[str]) -> FloatArray:
 def misfit_of_circuits(model: ActuatorModel, rows: CircuitRows) -> Misfit:
     """Model minus table, of the force and of all flux linkages together."""
     force = model.magnetics.force(rows.distance, rows.currents) - rows.force
-    flux = rms(model.magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage)
+    missed = model.magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
     scale = np.maximum(np.abs(rows.force), 0.01 * float(np.max(np.abs(rows.force))))
     return Misfit(
         force_rms_N=rms(force),
         force_max_N=float(np.max(np.abs(force))),
         force_rms_relative=rms(force / scale),
         force_rms_of_weight=None,
-        flux_linkage_rms_Wb=flux,
+        flux_linkage_rms_Wb=rms(missed),
         hall_rms_T=None,
         rows=len(force),
         against="sweep",
         force_share=rms(force) / rms(rows.force),
-        flux_linkage_share=flux / rms(rows.flux_linkage),
+        flux_linkage_share=rows.worst_flux_share(missed),
     )
 
 

@@ -73,8 +73,8 @@ class _Basis:
         for k in range(1, n + 1):
             # flux linkage_k = sum_b M_kb v_b
             factor = np.where(a == k, v[:, b], np.where(b == k, v[:, a], 0.0))
-            blocks.append(value[:, :, None] * factor[:, None, :] / rms(rows.flux_linkage))
-            data.append(rows.flux_linkage[:, k - 1] / rms(rows.flux_linkage))
+            blocks.append(value[:, :, None] * factor[:, None, :] / rows.flux_scale[k - 1])
+            data.append(rows.flux_linkage[:, k - 1] / rows.flux_scale[k - 1])
         matrix = np.concatenate(blocks).reshape(len(blocks) * len(u), -1)
         return matrix, np.concatenate(data)
 
@@ -110,7 +110,7 @@ def fit_circuits(rows: CircuitRows) -> CircuitsFit:
 def _judged(magnetics: CoenergyMatrix | CoenergyTensor, held_out: float, rows: CircuitRows) -> CircuitsFit:
     force = rms(magnetics.force(rows.distance, rows.currents) - rows.force) / rms(rows.force)
     flux = magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
-    fit = CircuitsFit(magnetics, held_out, force, rms(flux) / rms(rows.flux_linkage))
+    fit = CircuitsFit(magnetics, held_out, force, rows.worst_flux_share(flux))
     _require_agreement(fit)
     return fit
 
@@ -145,7 +145,7 @@ def _held_out(basis: _Basis, rows: CircuitRows) -> float:
         which = np.tile(out, 1 + rows.currents.shape[1])
         errors.append((matrix[which] @ found.ravel() - data[which]).reshape(-1, int(out.sum())))
     joined = np.concatenate(errors, axis=1)
-    return max(rms(joined[0]), rms(joined[1:]))
+    return max(map(rms, joined))
 
 
 def _solve(basis: _Basis, rows: CircuitRows, kept: BoolArray) -> FloatArray | None:
@@ -177,13 +177,18 @@ def _not_quadratic(rows: CircuitRows) -> float:
         for d in rows.distances:
             at = rows.distance == d
             left[at] = columns[at] @ np.linalg.lstsq(columns[at], values[at], rcond=None)[0] - values[at]
-        shares.append(rms(left) / rms(values))
-    return max(shares)
+        shares.append(np.sqrt(np.mean(left**2, axis=0) / np.mean(values**2, axis=0)))
+    return float(np.max(np.concatenate(shares)))
 
 
 def _require_agreement(fit: CircuitsFit) -> None:
     """Refuse a force and flux linkages that no one co-energy has."""
     worst = max(fit.force_share, fit.flux_linkage_share)
+    if worst > POOR_CIRCUIT and isinstance(fit.magnetics, CoenergyTensor):
+        raise FitError(
+            f"The iron saturates, and the co-energy misses force or flux linkages by {amount(worst, '')} of their rms: "
+            "the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances."
+        )
     if worst > POOR_CIRCUIT:
         raise FitError(
             f"No co-energy meets force and flux linkages together: the best one misses them by {amount(worst, '')} of "

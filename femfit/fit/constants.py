@@ -103,6 +103,10 @@ MOST_UNKNOWNS = 4000
 LEFT_OUT_EVERY = 7
 """Conventional: every seventh inner point of a grid of several currents is left out once, to be told by the others."""
 
+FEWER_FUNCTIONS = 3
+"""Conventional: bases in the currents that are tried, each with one function less; few currents far apart over a knee
+make a spline through all of them swing."""
+
 LEAST_OF_GRID = 0.75
 """Conventional: part of a grid of several currents that must be there; points that failed are few."""
 

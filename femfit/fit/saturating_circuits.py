@@ -13,7 +13,7 @@ P. H. C. Eilers and B. D. Marx, Statistical Science 11 (1996) 89: difference pen
 
 from dataclasses import dataclass
 from functools import reduce
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -26,6 +26,7 @@ from femfit.fit.coenergy_choice import distance_coordinates
 from femfit.fit.constants import (
     CIRCUIT_CELLS,
     DISTANCE_FOLDS,
+    FEWER_FUNCTIONS,
     HELD_OUT_TARGET,
     LEAST_OF_GRID,
     LEFT_OUT_EVERY,
@@ -66,10 +67,10 @@ class _Basis:
             parts = [basis_matrix(rows.currents[:, k], *axis, int(k == risen)) for k, axis in axes]
             return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts, first)
 
-        force, flux = rms(rows.force), rms(rows.flux_linkage)
+        force, flux = rms(rows.force), rows.flux_scale
         blocks = [columns(-slope[:, None] * along[1], None) / force]
-        blocks += [columns(along[0], k) / flux for k, _ in axes]
-        return np.concatenate(blocks), np.concatenate([rows.force / force, rows.flux_linkage.T.ravel() / flux])
+        blocks += [columns(along[0], k) / flux[k] for k, _ in axes]
+        return np.concatenate(blocks), np.concatenate([rows.force / force, (rows.flux_linkage / flux).T.ravel()])
 
     def penalty(self) -> FloatArray:
         """Mixed second differences of the coefficients along each two currents, as rows beside the equations'."""
@@ -103,26 +104,42 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, float]:
             f"The iron saturates, and the rows are {len(rows.distance)} of the {points} points of their grid. Sweep "
             "every combination of the currents at every distance."
         )
-    currents = [_current_knots(axis) for axis in axes]
     coordinate, knots = _along_distance(rows)
-    basis = _Basis(coordinate, knots, tuple(knots for knots, _ in currents), tuple(degree for _, degree in currents))
-    unknowns = int(np.prod(basis.shape))
+    bases = []
+    for fewer in range(FEWER_FUNCTIONS):
+        currents = [_current_knots(axis, fewer) for axis in axes]
+        bases.append(_Basis(coordinate, knots, tuple(k for k, _ in currents), tuple(degree for _, degree in currents)))
+    unknowns = int(np.prod(bases[0].shape))
     if unknowns > MOST_UNKNOWNS:
         raise FitError(
             f"The spline over the distance and {len(axes)} currents would have {unknowns} coefficients; femfit fits at "
             f"most {MOST_UNKNOWNS}. Sweep fewer currents or distances."
         )
     out = _inner(rows, axes)
-    magnetics = _tensor(basis, _solve(basis, rows, np.ones(len(out), dtype=np.bool_)), rows)
-    error = _error(_tensor(basis, _solve(basis, rows, ~out), rows), rows, out) if out.any() else np.inf
-    _require_definite(magnetics, rows, axes)
-    return magnetics, error
+    tried = [(_left_out(basis, rows, out), basis) for basis in bases]
+    indefinite: list[str] = []
+    for error, basis in sorted(tried, key=lambda pair: pair[0]):
+        magnetics = _tensor(basis, _solve(basis, rows, np.ones(len(out), dtype=np.bool_)), rows)
+        indefinite.append(_indefinite(magnetics, rows, axes))
+        if not indefinite[-1]:
+            return magnetics, error
+    raise FitError(
+        f"The inductances of {', '.join(rows.names)} must be positive definite; {indefinite[0]}. Sweep more currents, "
+        "where the iron begins to saturate above all."
+    )
 
 
-def _current_knots(currents: FloatArray) -> tuple[FloatArray, int]:
-    """Knots and degree with one function more than there are currents, for the derivative loses one."""
-    degree = min(U_DEGREE, len(currents))
-    inner = currents[2:-2] if len(currents) > U_DEGREE else currents[:0]
+def _left_out(basis: _Basis, rows: CircuitRows, out: BoolArray) -> float:
+    return _error(_tensor(basis, _solve(basis, rows, ~out), rows), rows, out) if out.any() else np.inf
+
+
+def _current_knots(currents: FloatArray, fewer: int) -> tuple[FloatArray, int]:
+    """Knots and degree of one function more than there are currents, for the derivative loses one, less ``fewer``."""
+    functions = max(len(currents) + 1 - fewer, _FEWEST)
+    degree = min(U_DEGREE, functions - 1)
+    inner = np.quantile(currents[1:-1], np.linspace(0.0, 1.0, functions - degree + 1)[1:-1])
+    if not fewer and len(currents) > U_DEGREE:
+        inner = currents[2:-2]
     return np.concatenate([np.repeat(currents[0], degree + 1), inner, np.repeat(currents[-1], degree + 1)]), degree
 
 
@@ -133,7 +150,7 @@ def _along_distance(rows: CircuitRows) -> tuple[DistanceCoordinate, FloatArray]:
             f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received "
             f"{len(rows.distances)}. Sweep more distances."
         )
-    values = np.column_stack([rows.force / rms(rows.force), rows.flux_linkage / rms(rows.flux_linkage)])
+    values = np.column_stack([rows.force / rms(rows.force), rows.flux_linkage / rows.flux_scale])
     order = np.lexsort((rows.distance, *rows.currents.T))
     _, starts, counts = np.unique(rows.currents[order], axis=0, return_index=True, return_counts=True)
     whole = [order[s : s + c] for s, c in zip(starts, counts, strict=True) if c == len(rows.distances)]
@@ -208,20 +225,18 @@ def _tensor(basis: _Basis, coefficients: FloatArray, rows: CircuitRows) -> Coene
 def _error(magnetics: CoenergyTensor, rows: CircuitRows, which: BoolArray) -> float:
     at = rows.distance[which], rows.currents[which]
     force = rms(magnetics.force(*at) - rows.force[which]) / rms(rows.force)
-    return max(force, rms(magnetics.flux_linkage(*at) - rows.flux_linkage[which]) / rms(rows.flux_linkage))
+    return max(force, rows.worst_flux_share(magnetics.flux_linkage(*at) - rows.flux_linkage[which]))
 
 
-def _require_definite(magnetics: CoenergyTensor, rows: CircuitRows, axes: list[FloatArray]) -> None:
-    """Refuse inductances that are not positive definite at some point between the rows."""
-    middles = [np.unique(np.concatenate([[0.5 * (a + b), b] for a, b in pairwise(axis)])) for axis in axes]
-    grids = np.meshgrid(rows.distances, *middles, indexing="ij")
-    currents = np.stack([grid.ravel() for grid in grids[1:]], axis=-1)
-    least = np.linalg.eigvalsh(magnetics.inductance(grids[0].ravel(), currents))[:, 0]
+def _indefinite(magnetics: CoenergyTensor, rows: CircuitRows, axes: list[FloatArray]) -> str:
+    """Where between the rows the inductances are not positive definite; empty where they are everywhere."""
+    fine = [np.unique(np.concatenate([axis, 0.5 * (axis[1:] + axis[:-1])])) for axis in (rows.distances, *axes)]
+    distance, *along = (grid.ravel() for grid in np.meshgrid(*fine, indexing="ij"))
+    currents = np.stack(along, axis=-1)
+    least = np.linalg.eigvalsh(magnetics.inductance(distance, currents))[:, 0]
     worst = int(np.argmin(least))
-    if not least[worst] > 0.0:
-        where = ", ".join(f"{i:.4g} A" for i in currents[worst])
-        raise FitError(
-            f"The inductances of {', '.join(rows.names)} must be positive definite; at "
-            f"{1e3 * grids[0].ravel()[worst]:.4g} mm and {where} their least eigenvalue is "
-            f"{amount(float(least[worst]), 'H', 3)}. Sweep more currents, where the iron begins to saturate above all."
-        )
+    if least[worst] > 0.0:
+        return ""
+    where = ", ".join(f"{i:.4g} A" for i in currents[worst])
+    value = amount(float(least[worst]), "H", 3)
+    return f"at {1e3 * distance[worst]:.4g} mm and {where} their least eigenvalue is {value}"

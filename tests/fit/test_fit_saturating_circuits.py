@@ -163,6 +163,22 @@ def test_a_point_that_failed_is_left_out(missing):
     assert np.sqrt(np.mean((found.model.force(d, i) - true) ** 2) / np.mean(true**2)) < 5e-3
 
 
+def test_a_winding_of_few_turns_is_judged_by_its_own_flux_linkage():
+    drawn = table()
+    column = f"flux_linkage_{NAMES[1]}_Wb"
+    few = {f"current_{NAMES[1]}_A": drawn.rows[f"current_{NAMES[1]}_A"] * 50.0, column: drawn.rows[column] / 50.0}
+    fair = fit_model(replace(drawn, rows=drawn.rows.assign(**few))).circuits
+    assert fair.flux_linkage_share == pytest.approx(fit_model(drawn).circuits.flux_linkage_share, rel=0.2)
+    few[column] = 1.2 * few[column]
+    with pytest.raises(FitError):  # reciprocity does not hold between the force and this winding
+        fit_model(replace(drawn, rows=drawn.rows.assign(**few)))
+
+
+def test_four_currents_over_a_sharp_knee_are_said_to_be_too_few():
+    with pytest.raises(FitError, match="Sweep more currents"):
+        fit_model(table(currents=np.array([-40.0, -13.0, 13.0, 40.0])))
+
+
 def test_too_few_currents_or_no_grid_is_refused_with_what_is_needed():
     whole = table().rows
     ends = whole[whole[f"current_{NAMES[0]}_A"].abs() == 2.0]
