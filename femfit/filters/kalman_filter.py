@@ -31,6 +31,7 @@ def kalman_filter(
     distance: float | None = None,
     first_deviation_m: float = FIRST_DEVIATION_M,
     commanded: bool = False,
+    explicit: bool = True,
 ) -> Filter:
     """A filter of a model, its noise derived from the model and its first covariance chosen.
 
@@ -54,6 +55,8 @@ def kalman_filter(
     commanded : bool
         Whether it is stepped with what the drivers are told, in V or A for a current amplifier, instead of the voltages
         across the circuits.
+    explicit : bool
+        Whether its prediction stays one explicit step a sample, which a coil with L/R below half a sample refuses.
 
     Returns
     -------
@@ -90,6 +93,7 @@ def kalman_filter(
         sensors=sensors,
         biases=biases,
         commanded=commanded,
+        explicit=explicit,
     )
     covariance = process.require_start_covariance().copy()
     covariance[0, 0] = first_deviation_m**2

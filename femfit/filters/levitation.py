@@ -48,6 +48,7 @@ def levitation_process(
     sensors: Sequence[str] | None = None,
     biases: Sequence[str] | None = None,
     commanded: bool = False,
+    explicit: bool = True,
 ) -> FilterProcess:
     """Process and measurement of a moving part with any circuits and sensors.
 
@@ -68,13 +69,17 @@ def levitation_process(
     commanded : bool
         Whether the inputs are what the drivers are told, in V or A, instead of the voltages across the circuits: a
         freewheel diode and a current amplifier then have their say.
+    explicit : bool
+        Whether the one explicit step a sample is used; a caller that predicts in finer steps needs no slow coil.
     """
     model.require_dynamics()
     driven = commanded and not is_plain(model.circuits)
     sensors = chosen_sensors(model, sensors)
     biases = chosen_biases(sensors, biases, hall_bias)
     distance = operating_distance(model) if distance is None else distance
-    if not (driven and commands_currents(model).all()):  # an amplifier's current follows without a coil's decay
+    if explicit and not (
+        driven and commands_currents(model).all()
+    ):  # an amplifier's current follows without a coil's decay
         require_slow_coil(model, distance)
     noise = default_noise(model, distance) if noise is None else noise
     names = (*model.state_names, *bias_names(model, biases))

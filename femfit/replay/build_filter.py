@@ -40,14 +40,16 @@ def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise
     if biased:
         chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
     model = prepared.model
-    built = kalman_filter(model, kind, sensors=prepared.sensors, biases=chosen, noise=noise)
+    built = kalman_filter(model, kind, sensors=prepared.sensors, biases=chosen, noise=noise, explicit=False)
     return in_fine_steps(model, built)
 
 
 def in_fine_steps(model: ActuatorModel, built: Filter) -> Filter:
     """A filter of this model whose prediction takes steps of Runge and Kutta."""
     transition = partial(_advance, model, _substeps(model))
-    return replace(built, process=replace(built.process, transition=transition, transition_columns=None))
+    # Euler's Jacobian is another step's; that of this one by differences, with as many evaluations as a formula takes
+    process = replace(built.process, transition=transition, transition_jacobian=None, transition_columns=None)
+    return replace(built, process=process)
 
 
 def _substeps(model: ActuatorModel) -> int:
