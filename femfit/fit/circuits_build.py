@@ -44,6 +44,14 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
     others, not_held = other_sensors_of(entry)
     notes = (*notes, *not_held)
+    if entry.get("hall"):
+        notes = (
+            *notes,
+            (
+                "The Hall element is not in the model: its field is fitted for one current alone. Read the distance "
+                "by another sensor, or connect the coils as one circuit."
+            ),
+        )
     if fit.force_share > COARSE:
         notes = (
             *notes,

@@ -208,3 +208,9 @@ def test_one_circuit_keeps_its_name_and_what_is_in_series():
     assert (model.circuit.name, model.circuit.inductance_H, model.circuit.drive.diode_V) == ("pair", 1e-3, 0.7)
     again = model_from_dict(json.loads(json.dumps(model_to_dict(model))))
     assert again.circuit == model.circuit
+
+
+def test_a_hall_element_that_is_left_out_is_said():
+    fit = fit_model(table_of(entry={**ENTRY, "hall": {"sensitivity_V_per_T": 50.0}}))
+    assert fit.model.sensor is None
+    assert any("Hall element" in note for note in fit.notes)

@@ -6,11 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import FitError, ModelFileError
+from femfit.core.errors import FitError, MissingPartError, ModelFileError
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.json_file import model_from_dict, model_to_dict
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of, with_effects
 from support.bearing import NAMES, grid, table_of
 
 ENERGY, REACH, LEAK = 0.02, 0.6e-3, 0.15
@@ -187,3 +192,17 @@ def test_too_few_currents_or_no_grid_is_refused_with_what_is_needed():
     alone = whole[(whole[f"current_{NAMES[0]}_A"] == 0.0) | (whole[f"current_{NAMES[1]}_A"] == 0.0)]
     with pytest.raises(FitError, match="every combination"):
         fit_model(replace(table(), rows=alone.reset_index(drop=True)))
+
+
+def test_more_turns_of_one_circuit_are_more_of_its_current_in_the_one_coenergy(model):
+    """W'(d, 1.1 i_1, i_2): force of the scaled current, 1.1 times its flux; a remanence has no part."""
+    turns = AddedEffect(effect_by_name("turns:lower"), {"turns_error": 0.1})
+    changed, d, i = with_effects(model, [turns]), np.linspace(0.3e-3, 0.7e-3, 5), np.tile([0.8, -0.4], (5, 1))
+    scaled = i * [1.1, 1.0]
+    np.testing.assert_allclose(changed.magnetics.force(d, i), model.magnetics.force(d, scaled), rtol=1e-9)
+    linked = model.magnetics.flux_linkage(d, scaled) * [1.1, 1.0]
+    np.testing.assert_allclose(changed.magnetics.flux_linkage(d, i), linked, rtol=1e-9)
+    read = predict_readings(changed, d, i, Conditions(nominal_of(model)))
+    np.testing.assert_allclose(read["flux_linkage_lower_Wb"], linked[:, 0], rtol=1e-9)
+    with pytest.raises(MissingPartError, match="remanence"):
+        with_effects(model, [AddedEffect(effect_by_name("remanence"), {"remanence_error": 0.1})])
