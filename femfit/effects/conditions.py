@@ -48,6 +48,7 @@ class Nominal:
     stops_m: tuple[float, float] = (-np.inf, np.inf)  # Of the drawing, near and far; infinite where there is none
     circuits: tuple[str, ...] = ()  # Names of several circuits; numbers of the winding are those of the first
     magnets_apart: bool = True  # Whether the model's co-energy has a part of the magnets alone
+    voltage_driver: bool = True  # False where a current amplifier feeds the winding, whatever voltage that takes
     has_iron: bool = True  # Whether a part may keep a remanent flux; true where there is no drawing
 
     @property

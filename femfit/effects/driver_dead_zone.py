@@ -44,7 +44,7 @@ DRIVER_DEAD_ZONE = Effect(
             scale="voltage_V",
         ),
     ),
-    needs=("time_s", "voltage_V", "current_A"),
+    needs=("time_s", "voltage_V", "current_A", "voltage driver"),
     experiment="Raise the commanded voltage slowly from zero, in both directions, and read the current.",
     reference="Mohan, Undeland and Robbins, Power Electronics (2003), section 8.5 (blanking time)",
     circuit=_circuit,

@@ -136,8 +136,8 @@ class Effect:
         Amplitudes of the family's shapes, then shape constants.
     needs : tuple of str
         Columns without which data cannot show it: each entry is a column, or several joined by ``|`` of which one
-        is enough. Columns that are constant count as missing where the entry starts with ``~``; ``magnet``, ``iron``
-        and ``spring`` stand for one in the model, ``no spring`` for none.
+        is enough. Columns that are constant count as missing where the entry starts with ``~``; ``magnet``, ``iron``,
+        ``spring``, ``stop`` and ``voltage driver`` stand for one in the model, ``no spring`` for none.
     experiment : str
         The measurement that isolates it, as an instruction.
     words : callable or None

@@ -22,7 +22,7 @@ SUPPLY_SAG = Effect(
             words="supply and driver have an inner resistance of {size} of the winding's",
         ),
     ),
-    needs=("time_s", "voltage_V", "~current_A"),
+    needs=("time_s", "voltage_V", "~current_A", "voltage driver"),
     experiment=_READ,
     reference="Horowitz and Hill, The Art of Electronics (2015), section 1.2 (Thevenin's equivalent of a source)",
     circuit=lambda resistance, voltage, i, conditions, p: (

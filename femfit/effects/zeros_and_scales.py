@@ -211,7 +211,7 @@ DRIVER_GAIN = Effect(
             words="the driver gives {size} {more|less} voltage than commanded",
         ),
     ),
-    needs=("time_s", "voltage_V", "current_A"),
+    needs=("time_s", "voltage_V", "current_A", "voltage driver"),
     experiment=_READ,
     reference="JCGM 100:2008 (GUM), section 4.3",
     circuit=lambda resistance, voltage, i, conditions, p: (resistance, (1.0 + p["gain_error"]) * voltage),

@@ -63,6 +63,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         hall_swing_V=swing,
         voltage_V=max(abs(v) for v in clamp),
         sample_time_s=base.sample_time_s,
+        voltage_driver=base.circuit is None or base.circuit.drive.kind == "voltage",
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
         springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
         circuits=base.circuit_names if domain.further_A else (),

@@ -9,8 +9,10 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.readings.bench import bench_observations
+from femfit.identify.readings.place import placed
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_kind import ActuatorKind
+from femfit.model.circuit import Drive
 from support.campaign import campaign
 from support.closed_loop import closed_loop, recorded
 from support.solenoids import solenoid
@@ -52,3 +54,12 @@ def test_a_flux_that_the_core_keeps_is_told_from_an_ammeters_zero_by_the_voltage
     assert (found.verdict, [one.members for one in found.missing]) == ("named", [("core_remanence",)])
     bare = replace(steel, kind=replace(steel.kind, fixed_iron=False, moving_iron=False))
     assert "no iron" in why_untestable(effect.effect, bench_observations(bare, campaign(bare, 44, noise=noise, **size)))
+
+
+def test_a_current_amplifier_has_no_voltage_that_it_could_miss(model, samples):
+    amplifier = replace(model, circuit=replace(model.circuit, drive=Drive("current")))
+    record = recorded(samples)
+    for name in ("driver_gain", "driver_dead_zone", "supply_sag"):
+        effect = effect_by_name(name)
+        assert why_untestable(effect, placed(model, record)) == ""
+        assert "current amplifier" in why_untestable(effect, placed(amplifier, record))

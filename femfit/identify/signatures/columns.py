@@ -22,6 +22,7 @@ _MAGNET_UNKNOWN = (
 _PARTS: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
     "iron": (lambda nominal: nominal.has_iron, "the drawing has no iron"),
     "spring": (lambda nominal: nominal.springs is not None, "the drawing has no spring"),
+    "voltage driver": (lambda nominal: nominal.voltage_driver, "a current amplifier feeds the winding"),
     "stop": (lambda nominal: math.isfinite(min(map(abs, nominal.stops_m))), "the drawing has no stop"),
     "no spring": (lambda nominal: nominal.springs is None, "the drawing has a spring, whose own errors are looked at"),
 }
