@@ -24,6 +24,10 @@ from femfit.simulation.linear_loop import LinearController, LinearPlant, closed_
 FREQUENCIES, LOWEST = 600, 1e-4
 """Conventional: points of the frequency response, and the lowest over the Nyquist frequency."""
 
+ON_AXIS = 0.1
+"""Derived: at an angle of less than this to the real axis an end of the response lies within 0.5 % of its value on the
+axis. A loop with an integral leaves the axis towards low frequencies instead and does not cross it there."""
+
 
 @dataclass(frozen=True)
 class Margins:
@@ -93,7 +97,9 @@ def gain_margins(L: ComplexArray) -> tuple[float, float]:
     real, imaginary = L.real, L.imag
     turns = np.flatnonzero(imaginary[:-1] * imaginary[1:] < 0.0)
     part = imaginary[turns] / (imaginary[turns] - imaginary[turns + 1])
-    crossings = np.append(real[turns] + part * (real[turns + 1] - real[turns]), [real[0], real[-1]])
+    ends = L[[0, -1]]
+    ends = ends[np.abs(ends.imag) < ON_AXIS * np.abs(ends.real)]
+    crossings = np.append(real[turns] + part * (real[turns + 1] - real[turns]), ends.real)
     factors = -1.0 / crossings[crossings < 0.0]
     return float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors > 1.0].min(initial=np.inf))
 

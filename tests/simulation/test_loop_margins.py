@@ -1,0 +1,93 @@
+"""Margins of a linear loop against the roots of its characteristic polynomial, for stable and unstable plants."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_lyapunov
+from scipy.signal import ss2tf
+
+from femfit.simulation.linear_loop import LinearController, LinearPlant
+from femfit.simulation.margins import margins
+
+STEP = 1e-3
+
+
+def sampled(A, B):
+    """A continuous plant whose first state is read, held over the samples."""
+    n = len(A)
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n], block[:n, n] = A, B
+    whole = expm(STEP * block)
+    c, none = np.eye(n)[:1], np.zeros((1, n))
+    return LinearPlant(whole[:n, :n], whole[:n, n:], c, none, (0,), np.array([1e-6]))
+
+
+def pid(kp, ki, kd, rate):
+    """u = -(kp + ki / s + kd s / (1 + s / rate)) y, the last entry of s being the last command."""
+    pole = np.exp(-rate * STEP)
+    A = np.array([[1.0, 0.0, 0.0], [0.0, pole, 0.0], [-ki * STEP, kd * rate * (1.0 - pole), 0.0]])
+    B = np.array([[1.0], [1.0], [-(kp + kd * rate)]])
+    used = [0, 1, 2] if ki else [1, 2]
+    A, B = A[np.ix_(used, used)], B[used]
+    return LinearController(A, B, A[-1:], B[-1:], 0, 2)
+
+
+def largest_root(plant, controller, factor):
+    """Of the loop's characteristic polynomial with the commands times a factor."""
+    above, below = ss2tf(plant.A, plant.B, plant.newer, np.zeros((1, 1)))
+    own_above, own_below = ss2tf(controller.A, controller.B, controller.C, controller.D)
+    closed = np.polysub(np.polymul(below, own_below), factor * np.polymul(above[0], own_above[0]))
+    return np.abs(np.roots(closed)).max()
+
+
+def swept(plant, controller):
+    """The factors next to one at which the loop turns unstable, by bisection; 0 and infinity where there are none."""
+    found = []
+    for direction, none in ((-1.0, 0.0), (1.0, np.inf)):
+        factors = np.exp(direction * np.linspace(0.0, np.log(1e3), 400))
+        lost = [f for f in factors if largest_root(plant, controller, f) >= 1.0 + 1e-12]
+        if not lost:
+            found.append(none)
+            continue
+        outer, inner = lost[0], lost[0] * np.exp(-direction * np.log(1e3) / 399)
+        for _ in range(40):
+            middle = np.sqrt(outer * inner)
+            outer, inner = (middle, inner) if largest_root(plant, controller, middle) >= 1.0 else (outer, middle)
+        found.append(outer)
+    return found
+
+
+DAMPED = sampled(np.array([[0.0, 1.0], [-400.0, -30.0]]), np.array([0.0, 1.0]))
+UNSTABLE = sampled(np.array([[0.0, 1.0], [2500.0, 0.0]]), np.array([0.0, 1.0]))
+SLOW = sampled(np.array([[0.0, 1.0], [-100.0, -4.0]]), np.array([0.0, 1.0]))
+LOOPS = {
+    "lightly damped body, an integral alone": (SLOW, pid(0.0, 22.0, 0.0, 400.0)),
+    "damped body, with an integral": (DAMPED, pid(200.0, 4000.0, 8.0, 400.0)),
+    "damped body, integral that leads": (DAMPED, pid(-300.0, 2000.0, 20.0, 400.0)),
+    "damped body, pushed away": (DAMPED, pid(-300.0, 0.0, 20.0, 400.0)),
+    "unstable body, with an integral": (UNSTABLE, pid(9000.0, 60000.0, 120.0, 1500.0)),
+    "unstable body, without an integral": (UNSTABLE, pid(9000.0, 0.0, 120.0, 1500.0)),
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_gain_margins_are_where_the_swept_loop_turns_unstable(name):
+    plant, controller = LOOPS[name]
+    assert largest_root(plant, controller, 1.0) < 1.0
+    found = margins(plant, controller, STEP, np.array([1.0]))
+    assert found.stable
+    # 600 frequencies over four decades are 1.5 % apart; between them the response is taken as a straight line
+    assert (found.gain_below, found.gain_above) == pytest.approx(swept(plant, controller), rel=5e-3)
+
+
+@pytest.mark.parametrize("name", ["damped body, with an integral", "unstable body, without an integral"])
+def test_the_share_of_noise_is_that_of_lyapunovs_equation(name):
+    plant, own = LOOPS[name]
+    c, room = plant.newer, 0.02
+    whole = np.block([[plant.A + plant.B @ own.D @ c, plant.B @ own.C], [own.B @ c, own.A]])
+    enters = np.concatenate([plant.B @ own.D, own.B])
+    states = solve_discrete_lyapunov(whole, plant.noise[0] ** 2 * enters @ enters.T, method="bilinear")
+    told = np.concatenate([own.D @ c, own.C], axis=1)
+    variance = (told @ states @ told.T + plant.noise[0] ** 2 * own.D @ own.D.T).item()
+    found = margins(plant, own, STEP, np.array([room])).noise_share
+    # The sum over frequencies that are 1.5 % apart
+    assert found == pytest.approx(np.sqrt(variance) / room, rel=5e-3)
