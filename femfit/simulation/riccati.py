@@ -39,6 +39,7 @@ def solve_riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) ->
     a, h = A * scale / scale[:, None], Q * scale * scale[:, None]
     b = B / scale[:, None]
     g = b @ np.linalg.solve(R, b.T)
+    first, weight = a, g
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(_DOUBLINGS):
             try:
@@ -51,6 +52,10 @@ def solve_riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) ->
             if not np.all(np.isfinite(h)):
                 break
             if float(np.abs(more).max()) <= 1e-13 * float(np.abs(h).max()):
+                # What is not weighed is left as it is, so that the doubling converges on a loop that still grows
+                closed = np.linalg.solve(np.eye(n) + weight @ h, first)
+                if np.abs(np.linalg.eigvals(closed)).max() >= 1.0:
+                    break
                 return np.asarray(h / scale / scale[:, None])
     raise DomainError(
         "The Riccati equation must have a stabilising solution; a state that grows cannot be moved by the drivers or "
