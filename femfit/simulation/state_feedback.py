@@ -30,6 +30,9 @@ from femfit.simulation.riccati import feedback_gain
 INTEGRAL_PART = 0.25
 """Conventional: rate at which the integral acts over the bandwidth; at a quarter it costs some 15 degrees of phase."""
 
+_NO_CONJUGATE = 1e-9
+"""Derived: imaginary part of a polynomial's coefficients, over the largest, that rounding does not make."""
+
 
 @dataclass(frozen=True, eq=False)
 class StateFeedback(Controller):
@@ -117,7 +120,7 @@ def placed(
     Raises
     ------
     DomainError
-        If there are several commands, or not as many poles as states.
+        If there are several commands, not as many poles as states, or a complex pole without its conjugate.
     """
     A, B = augmented(model, point, plant, latency)
     size, n = B.shape
@@ -128,10 +131,15 @@ def placed(
             f"current, integral); instead received {len(wanted)} poles for {n} commands: "
             f"{', '.join(f'{pole:g}' for pole in poles_rad_s)}. Give a bandwidth for the regulator."
         )
-    wanted = np.concatenate([wanted, np.zeros(latency)])
+    coefficients = np.poly(np.concatenate([wanted, np.zeros(latency)]))
+    if np.abs(coefficients.imag).max() > _NO_CONJUGATE * np.abs(coefficients).max():
+        raise DomainError(
+            "Complex poles must be given with their conjugates, since a motion that swings has both; instead received "
+            f"{', '.join(f'{pole:g}' for pole in poles_rad_s)} rad/s. Give -100-50j beside -100+50j, say."
+        )
     reach = np.stack([np.linalg.matrix_power(A, k) @ B[:, 0] for k in range(size)], axis=1)
     polynomial = np.zeros_like(A)
-    for coefficient in np.poly(wanted).real:
+    for coefficient in coefficients.real:
         polynomial = polynomial @ A + coefficient * np.eye(size)
     gain = np.linalg.solve(reach.T, np.eye(size)[-1]) @ polynomial
     return _of_gain(model, point, gain[None], latency)
