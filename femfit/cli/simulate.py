@@ -49,9 +49,9 @@ def simulate(
 
     With --voltage, --current or --drive: pull-in and drop-out, switching times, seating velocity, bounces, energies.
 
-    Otherwise the loop is closed: controller, filter, sensor, steps, noise, faults. Without --controller, --filter,
-    --runs, --seconds, --plant, --csv or a fault: which controllers hold the body, how well the filters measure, and
-    what a sensor offset, a force error, a wrong start and no filter do.
+    Otherwise the loop is closed: controller, filter, sensors, steps, noise, faults. Without --controller, --filter,
+    --runs, --seconds, --plant, --csv, --picture, gains or a fault: which controllers hold the body, how well the
+    filters measure, and what a sensor offset, a force error, a wrong start and no filter do.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def simulate(
     extrapolate : bool
         Go on in open loop where distance or current leave the validity domain.
     picture : Path
-        File for a picture of the open loop (.png, .svg, .pdf).
+        File for a picture of the open loop, or of one run of the closed one (.png, .svg, .pdf).
     controller : str
         pid (default), state-feedback or backstepping.
     observer : str
@@ -118,14 +118,15 @@ def simulate(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.core.outputs import LOOP, RESULT, require_outputs
+    from femfit.core.outputs import LOOP, PICTURE, RESULT, require_outputs
     from femfit.model.json_file import read_model
 
-    chosen = (controller, observer, runs, seconds, plant, gain, bandwidth_rad_s, pole_rad_s, faulty, stuck_after_s, csv)
+    loop = (controller, observer, runs, seconds, plant, gain, bandwidth_rad_s, pole_rad_s, faulty, stuck_after_s)
+    chosen = (*loop, csv, picture)
     faults = (offset, drift_per_s, force_scale - 1.0, dropout, latency)
-    open_loop = (voltage, current, drive, duration_ms, start_mm, picture)
+    open_loop = (voltage, current, drive, duration_ms, start_mm)
     if any(choice is not None for choice in open_loop) or extrapolate:
-        if any(choice is not None for choice in (*chosen[:-1], noise, sensor)) or any(faults):
+        if any(choice is not None for choice in (*loop, noise, sensor)) or any(faults):
             raise UsageError(
                 "--voltage, --current and --drive simulate in open loop, without controller, filter, noise and faults. "
                 "Leave out the options of one of the two."
@@ -144,7 +145,7 @@ def simulate(
             files=(csv, json, picture),
         )
         return
-    require_outputs([model, plant], (csv, LOOP), (json, RESULT))
+    require_outputs([model, plant], (csv, LOOP), (json, RESULT), (picture, PICTURE))
     actuator = read_model(model)
     white = noise_of(noise)
     if all(choice is None for choice in chosen) and not any(faults):
@@ -176,13 +177,18 @@ def simulate(
         force_scale=force_scale,
         stuck_after_s=stuck_after_s,
         dropout=dropout,
-        recorded=0 if csv is None else 10,
+        recorded=10 if csv is not None else 0 if picture is None else 1,
     )
     print(summary)
     write_json(json, {"seed": seed, **summary.data()})
     if csv is not None:
         summary.write_csv(csv)
         print(f"written: {csv}")
+    if picture is not None:
+        from femfit.report.closed_loop_figure import write_closed_loop_picture
+
+        write_closed_loop_picture(summary, picture)
+        print(f"written: {picture}")
 
 
 def _constant(option: str, text: str | None) -> float | dict[str, float] | None:

@@ -19,8 +19,9 @@ from femfit.simulation.adjust import adjusted
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
+from femfit.simulation.lost_loop import LostLoop
 from femfit.simulation.summary import LoopSummary, Spread
-from femfit.simulation.why_lost import LostLoop, why_lost
+from femfit.simulation.why_lost import why_lost
 
 _MOST_STEPS = 2**48
 """Numbers in more than which no machine's addresses reach."""
@@ -203,7 +204,7 @@ def run_loops(
         innovation_band=consistency_band(max(1, int(held.sum())) * steps),
         advice=""
         if held.all()
-        else why_lost(LostLoop(design, experiment, before, runs, steps, supported, plant), result),
+        else why_lost(LostLoop(design, experiment, before, runs, steps, steps, supported, plant), result),
         result=result,
     )
 

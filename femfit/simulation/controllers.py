@@ -8,8 +8,9 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import command_limits, commands_currents
+from femfit.model.drive import commands_currents
 from femfit.simulation.allocation import currents_for_acceleration
+from femfit.simulation.limits import limited
 from femfit.simulation.operating_point import OperatingPoint, usable_coil_pole
 from femfit.simulation.reference import Reference
 
@@ -57,11 +58,6 @@ class SplitController(Controller):
             command[rows], words = controller.command(memory[rows, : controller.words], estimate[rows], part)
             updated[rows, : controller.words] = words
         return command, updated
-
-
-def limits_of(model: ActuatorModel) -> FloatArray:
-    """Least and largest command of each circuit, of shape (2, n)."""
-    return np.array([command_limits(circuit) for circuit in model.circuits]).T
 
 
 def resting_command(model: ActuatorModel, currents: FloatArray) -> FloatArray:
@@ -113,7 +109,7 @@ class Backstepping(Controller):
         wanted = currents_for_acceleration(model, distance, acceleration, velocity, near=currents)
         volts = model.resistances_ohm * wanted + self.current_gain_ohm * (wanted - currents)
         command = np.where(commands_currents(model), wanted, volts)
-        return np.clip(command, *limits_of(model)), memory
+        return limited(model, estimate, command), memory
 
 
 def design_backstepping(

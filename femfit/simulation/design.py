@@ -25,7 +25,7 @@ from femfit.simulation.pid import Pid
 from femfit.simulation.reference import reference_rate
 from femfit.simulation.sensor import LoopSensor, loop_sensors, sensor_noise
 from femfit.simulation.targets import covered, derived_targets, require_sensed
-from femfit.simulation.tune import Bench, make_bench, settled_errors, tuned_pid, tuned_regulator
+from femfit.simulation.tune import Bench, make_bench, settled_errors, tuned_pid, tuned_regulator, unstable
 
 ControllerName = Literal["backstepping", "pid", "state-feedback"]
 ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -82,25 +82,28 @@ class LoopDesign:
 
     @property
     def pid(self) -> Pid | None:
-        """The PID controller; None where there is none for this model."""
-        return cast("Pid | None", self._made("pid"))
+        """The PID controller; None where none was found that is stable."""
+        return None if self.why_no("pid") else cast("Pid", self.controller("pid"))
 
     def controller(self, name: ControllerName) -> Controller:
-        """The controller of this name, or :class:`DomainError` with the reason why there is none."""
+        """The controller of this name, or what comes nearest to a stable one."""
         made = self._made(name)
         if made is None:
-            raise DomainError(self.why_no(name))
+            raise DomainError(self._reasons[name])
         return made
 
     def why_no(self, name: ControllerName) -> str:
-        """Why there is no controller of this name; empty where there is one."""
-        self._made(name)
-        return self._reasons.get(name, "")
+        """Why no stable controller of this name was found; empty where there is one, or where gains are given."""
+        if self._made(name) is not None and name not in self.given and name not in self._reasons:
+            bench = self._filtered
+            stable = name == "backstepping" or bench.score(self._designed[name]) > 0.0
+            self._reasons[name] = "" if stable else unstable(name, bench)
+        return self._reasons.get(name, "") if name not in self.given else ""
 
     @property
     def controllers(self) -> tuple[ControllerName, ...]:
-        """The names of the controllers that there are."""
-        return tuple(name for name in CONTROLLERS if self._made(name) is not None)
+        """The names of the controllers that keep the body at rest, as far as the linear loop tells."""
+        return tuple(name for name in CONTROLLERS if not self.why_no(name))
 
     def _made(self, name: ControllerName) -> Controller | None:
         if name in self.given:

@@ -69,6 +69,7 @@ def run_experiments(
     noise_blocks: int = 1,
     recorded: int | None = None,
     plant: ActuatorModel | None = None,
+    path_steps: int | None = None,
 ) -> tuple[LoopResult, ...]:
     """Run experiments side by side.
 
@@ -81,6 +82,8 @@ def run_experiments(
         Runs of the whole batch whose series are kept; None: all.
     plant : ActuatorModel or None
         What truly moves and is truly sensed, where that is another model than the design's.
+    path_steps : int or None
+        Samples that the reference is laid out for, where the runs end before its end.
     """
     model = design.model
     truth = model if plant is None else replace(plant, sample_time_s=model.sample_time_s)
@@ -88,7 +91,7 @@ def run_experiments(
     def each(values: Sequence[float]) -> FloatArray:
         return np.repeat(np.asarray(values, dtype=np.float64), runs)
 
-    paths = _paths(design, experiments, steps)
+    paths = [path.at(slice(0, steps)) for path in _paths(design, experiments, path_steps or steps)]
     scale = each([e.force_scale for e in experiments])
     loop = ClosedLoop(
         plant=Plant(with_force_scale(truth, scale) if np.any(scale != 1.0) else truth),

@@ -14,7 +14,8 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.controllers import Controller, limits_of, resting_command
+from femfit.simulation.controllers import Controller, resting_command
+from femfit.simulation.limits import limits_of
 from femfit.simulation.observers import Observer
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference

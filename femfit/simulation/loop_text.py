@@ -67,7 +67,7 @@ def design_lines(design: LoopDesign, loops: Sequence[tuple[ControllerName, str]]
     return [
         "Design from the model",
         *_point_lines(design),
-        *(f"  {line}" for name in chosen for line in _controller_lines(design, name)),
+        *(f"  {line}" for name in chosen for line in _controller_lines(design, name, bool(loops))),
         *(f"  {line}" for name, observer in loops for line in _margin_lines(design, name, observer)),
         f"  reference filters {design.reference_rate_rad_s:.4g} rad/s, sample time {sample:g} ms{late}",
         f"  {sensor_line(design)}",
@@ -93,8 +93,8 @@ def _poles(point: OperatingPoint) -> str:
     return f"{currents}  {unstable}   {point.coil_pole_rad_s:6.1f} rad/s"
 
 
-def _controller_lines(design: LoopDesign, name: ControllerName) -> list[str]:
-    if reason := design.why_no(name):
+def _controller_lines(design: LoopDesign, name: ControllerName, used: bool) -> list[str]:
+    if (reason := design.why_no(name)) and not used:
         return [f"no {name}: {reason}"]
     return [f"{name}: {gains_text(design, design.controller(name))}"]
 
@@ -113,6 +113,7 @@ def gains_text(design: LoopDesign, controller: Controller) -> str:
         return (
             f"kp {parts['kp']:.4g} {unit}/m, ki {parts['ki']:.4g} {unit}/(m s), kd {parts['kd']:.4g} {unit} s/m, "
             f"derivative filter {parts['filter_rad_s']:.4g} rad/s"
+            + (f", inner loop of the current {parts['current']:.4g} ohm" if parts["current"] else "")
         )
     if isinstance(controller, StateFeedback):
         rows = [
@@ -151,8 +152,8 @@ def margins_text(margins: Margins) -> str:
     """The margins of a loop at its worst point of rest, in a line."""
     if not margins.stable:
         return f"unstable about its rest: a deviation grows by {-margins.slowest_pole_rad_s:.3g} 1/s"
-    above = f"{margins.gain_above:.3g}" if isfinite(margins.gain_above) else "any factor"
-    below = f"{margins.gain_below:.2g}" if margins.gain_below else "none"
+    above = f"{margins.gain_above:.3g}" if isfinite(margins.gain_above) else "any number of"
+    below = f"{margins.gain_below:.2g}" if margins.gain_below else "0"
     delay = amount(margins.delay_s, "s") if margins.delay_s < inf else "any"
     return (
         f"stable with gains from {below} to {above} times these, phase margin {degrees(margins.phase_rad):.3g} "

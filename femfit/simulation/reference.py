@@ -36,7 +36,7 @@ class Reference:
     # Currents that hold a body which moves so, A, one more axis of n; worked out by the controller where None
     currents: FloatArray | None = None
 
-    def at(self, k: int | IntArray) -> "Reference":
+    def at(self, k: int | slice | IntArray) -> "Reference":
         """The reference at sample k, or of some runs at one sample."""
         currents = None if self.currents is None else self.currents[k]
         return Reference(self.distance[k], self.velocity[k], self.acceleration[k], currents)

@@ -21,7 +21,8 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
-from femfit.simulation.controllers import Controller, limits_of, reference_currents, resting_command
+from femfit.simulation.controllers import Controller, reference_currents, resting_command
+from femfit.simulation.limits import limited, limits_of
 from femfit.simulation.linear_loop import LinearPlant
 from femfit.simulation.operating_point import OperatingPoint
 from femfit.simulation.reference import Reference
@@ -58,7 +59,7 @@ class StateFeedback(Controller):
         moving[:, 0], moving[:, 1] = error, estimate[:, 1] - reference.velocity
         moving[:, 2:] = estimate[:, 2:] - currents
         wanted = needed - moving @ self.gains.T - given @ self.pending.T - q[:, None] * self.integral
-        command = np.clip(wanted, *limits_of(self.model))
+        command = limited(self.model, estimate, wanted)
         held_back = np.any((command - wanted) * (self.integral * error[:, None]) > 0.0, axis=1)
         grown = np.where(held_back, q, q + self.model.sample_time_s * error)
         later = np.concatenate([command - needed, given], axis=1)[:, : self.pending.shape[1]]

@@ -12,34 +12,26 @@ from femfit.core.errors import DomainError
 from femfit.device.sensors import PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.circuit import Circuit
-from femfit.model.drive import circuit_terms
+from femfit.model.drive import circuit_terms, command_limits
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
 from femfit.simulation.allocation import current_ranges, currents_for_force
-from femfit.simulation.constants import COVERED_PART
+from femfit.simulation.limits import covered_currents
 
 
 def covered(model: ActuatorModel) -> ActuatorModel:
-    """The model with drivers whose currents it covers: a stronger one would leave the swept currents at once."""
-    widths = model.validity.current_limits_A.tolist()
-    first, *others = (_covered(circuit, *width) for circuit, width in zip(model.circuits, widths, strict=True))
-    return replace(model, circuit=first, further_circuits=tuple(others))
+    """The model with current amplifiers whose commands it covers; voltages are kept in by the controllers."""
+    circuits = [
+        _covered(circuit, *pair) if circuit.drive.kind == "current" else circuit
+        for circuit, pair in zip(model.circuits, covered_currents(model).T.tolist(), strict=True)
+    ]
+    return replace(model, circuit=circuits[0], further_circuits=tuple(circuits[1:]))
 
 
 def _covered(circuit: Circuit, least_A: float, most_A: float) -> Circuit:
-    # A driver that cannot give negative currents is not limited by a sweep that begins at zero.
-    low = COVERED_PART * least_A if least_A < 0.0 else -np.inf
-    high = COVERED_PART * most_A if most_A > 0.0 else np.inf
-    if circuit.drive.kind == "current":  # whose voltage may be far above R i while the current changes
-        given_low, given_high = circuit.drive.current_min_A, circuit.drive.current_max_A
-        low = max(low if np.isfinite(low) else least_A, -np.inf if given_low is None else given_low)
-        high = min(high if np.isfinite(high) else most_A, np.inf if given_high is None else given_high)
-        return replace(circuit, drive=replace(circuit.drive, current_min_A=low, current_max_A=high))
-    return replace(
-        circuit,
-        voltage_min_V=max(circuit.voltage_min_V, circuit.resistance_ohm * low),
-        voltage_max_V=min(circuit.voltage_max_V, circuit.resistance_ohm * high),
-    )
+    low, high = command_limits(circuit)
+    drive = replace(circuit.drive, current_min_A=max(low, least_A), current_max_A=min(high, most_A))
+    return replace(circuit, drive=drive)
 
 
 def derived_targets(model: ActuatorModel, sensors: Sequence[str]) -> tuple[float, ...]:

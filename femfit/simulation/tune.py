@@ -25,10 +25,13 @@ from femfit.simulation.constants import (
     DERIVATIVE_FILTER_RATIO,
     NOISE_ROOM,
     SETTLING_PART,
+    SLOW_COIL,
     USABLE_PART,
+    WANTED_COIL,
     WANTED_MODULUS,
 )
-from femfit.simulation.controllers import Controller, limits_of
+from femfit.simulation.controllers import Controller
+from femfit.simulation.limits import limits_of
 from femfit.simulation.linear_loop import (
     LinearPlant,
     exact_readings,
@@ -120,7 +123,7 @@ def settled_errors(bench: Bench) -> tuple[float, float] | None:
 
 
 def tuned_regulator(bench: Bench) -> StateFeedback:
-    """The fastest regulator that keeps the wanted margin, or the one that comes nearest to it."""
+    """The fastest regulator that keeps the wanted margin, or the one that comes nearest to it, be it unstable."""
     model, at = bench.model, bench.middle
     point, plant = bench.points[at], bench.plants[at]
     highest = USABLE_PART / model.sample_time_s
@@ -136,13 +139,15 @@ def tuned_regulator(bench: Bench) -> StateFeedback:
             return found
         if best is None or score > best[0]:
             best = score, found
-    if best is None or best[0] <= 0.0:
-        raise DomainError(_unstable("state feedback", bench))
+    if best is None:
+        raise DomainError(unstable("state feedback", bench))
     return best[1]
 
 
 def tuned_pid(bench: Bench, exact: Bench) -> Pid:
     """Poles placed at the middle point; where that keeps too little margin, a search from there.
+
+    What comes nearest to a stable loop is returned where none was found.
 
     Parameters
     ----------
@@ -151,21 +156,21 @@ def tuned_pid(bench: Bench, exact: Bench) -> Pid:
         that no gains bring back, so that the placed poles are judged without it.
     """
     first = _start(bench)
-    if bench.score(first) > 0.0 and exact.score(first) >= WANTED_MODULUS:
+    with_filter = bench.judge(first, SEARCH_FREQUENCIES)
+    sound = all(one.stable and one.noise_share <= NOISE_ROOM for one in with_filter)
+    if sound and exact.score(first) >= WANTED_MODULUS:
         return first
-    direction = first.direction
-    values = np.log(np.maximum(np.array(list(first.parts.values())), 1e-9))
+    direction, current, parts = first.direction, first.current_gain_ohm, first.parts
+    values = np.log(np.maximum([parts[name] for name in ("kp", "ki", "kd", "filter_rad_s")], 1e-9))
 
     def made(logs: FloatArray) -> Pid:
         kp, ki, kd, rate = np.exp(logs)
-        return pid_of_parts(bench.model, float(kp), float(ki), float(kd), float(rate), direction)
+        return pid_of_parts(bench.model, float(kp), float(ki), float(kd), float(rate), current, direction)
 
     # The filter's pole cannot be faster than the samples
     highest = np.array([np.inf, np.inf, np.inf, np.log(3.0 / bench.model.sample_time_s)])
     values = np.minimum(values, highest)
-    found, score = pattern_search(lambda logs: bench.score(made(logs)), values, highest, WANTED_MODULUS)
-    if score <= 0.0:
-        raise DomainError(_unstable("PID", bench))
+    found, _ = pattern_search(lambda logs: bench.score(made(logs)), values, highest, WANTED_MODULUS)
     return made(found)
 
 
@@ -198,18 +203,31 @@ def _start(bench: Bench) -> Pid:
         return design_pid(model, point)
     except DomainError:
         pass
-    # A coil slower than the body: twice the force that the unstable pole asks for, damped at the body's own rate
-    A, B = reduced(model, point)
+    # No room for four equal poles: twice the force that the unstable pole asks for, damped at the body's own rate
+    current = inner_current_gain(model, point)
+    A, B = reduced(model, point, current)
     coil, rate = -A[2, 2], max(point.natural_rad_s, 0.01 * usable_coil_pole(model, point))
     per_command = abs(A[1, 2] * B[2]) / coil
     kp = 2.0 * (rate**2 + coil * rate) / per_command
-    return pid_of_parts(model, kp, 0.1 * rate * kp, 2.0 * kp / rate, 10.0 * rate, tuple(point.direction.tolist()))
+    along = tuple(point.direction.tolist())
+    return pid_of_parts(model, kp, 0.1 * rate * kp, 2.0 * kp / rate, 10.0 * rate, current, along)
 
 
-def reduced(model: ActuatorModel, point: OperatingPoint) -> tuple[FloatArray, FloatArray]:
+def inner_current_gain(model: ActuatorModel, point: OperatingPoint) -> float:
+    """Gain in ohm of a loop of the current that makes a coil fast enough for the body; zero where it is so itself."""
+    if point.coil_pole_rad_s >= SLOW_COIL * point.unstable_pole_rad_s:
+        return 0.0
+    wanted = min(WANTED_COIL * point.unstable_pole_rad_s, USABLE_PART / model.sample_time_s)
+    return max(0.0, float(model.resistances_ohm.max()) * (wanted / point.coil_pole_rad_s - 1.0))
+
+
+def reduced(
+    model: ActuatorModel, point: OperatingPoint, current_gain_ohm: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """Distance, velocity and the current along the controller's direction: A (3, 3) and B (3,).
 
-    Of one circuit it is the point's own model; of several that of a current shared so; of an amplifier its bandwidth.
+    Of one circuit it is the point's own model; of several that of a current shared so; of an amplifier its bandwidth. A
+    loop of the current makes the coil faster.
     """
     amplified = [circuit.drive.kind == "current" for circuit in model.circuits]
     along = point.direction
@@ -222,8 +240,10 @@ def reduced(model: ActuatorModel, point: OperatingPoint) -> tuple[FloatArray, Fl
         pole = usable_coil_pole(model, point)
         A[2, 2] = -pole
         return A, np.array([0.0, 0.0, pole])
-    A[2, 1], A[2, 2] = unit @ point.A[2:, 1], unit @ point.A[2:, 2:] @ share
-    return A, np.array([0.0, 0.0, float(unit @ point.B[2:] @ along)])
+    inner = current_gain_ohm / model.resistances_ohm
+    A[2, 1] = unit @ point.A[2:, 1]
+    A[2, 2] = unit @ (point.A[2:, 2:] - current_gain_ohm * point.B[2:]) @ share
+    return A, np.array([0.0, 0.0, float(unit @ point.B[2:] @ ((1.0 + inner) * along))])
 
 
 def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: float | None = None) -> Pid:
@@ -242,8 +262,10 @@ def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: flo
     ----------
     K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), chapter 5.
     """
-    step = model.sample_time_s
-    coil, unstable = usable_coil_pole(model, point), point.unstable_pole_rad_s
+    step, current = model.sample_time_s, inner_current_gain(model, point)
+    A, B = reduced(model, point, current)
+    coil = min(-float(A[2, 2]), USABLE_PART / step) if current else usable_coil_pole(model, point)
+    unstable = point.unstable_pole_rad_s
     derivative = DERIVATIVE_FILTER_RATIO * coil
     half = 4.0 * (coil + derivative)
     w = (half - np.sqrt(half**2 - 40.0 * (derivative * coil - unstable**2))) / 20.0
@@ -254,7 +276,7 @@ def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: flo
             f"{coil:.4g} rad/s, the body's unstable pole {unstable:.4g} rad/s. Use backstepping or state feedback, "
             "which feed back the current, or a coil with less inductance."
         )
-    phi, gamma = zero_order_hold(*reduced(model, point), step)
+    phi, gamma = zero_order_hold(A, B, step)
     a = np.poly(phi).real
     c = np.poly(phi - np.outer(gamma, [1.0, 0.0, 0.0])).real - a  # c(z) of distance/command, order 2
     integrated = np.polymul(a, [1.0, -1.0])
@@ -267,15 +289,16 @@ def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: flo
     columns[:, 4] = wanted
     right = np.polymul(wanted, [1.0, 0.0])[1:] - np.polymul(integrated, [1.0, 0.0])[1:]
     p, b0, b1, b2, _ = np.linalg.solve(columns, right)
-    return Pid(model, float(p), (float(b0), float(b1), float(b2)), tuple(point.direction.tolist()))
+    return Pid(model, float(p), (float(b0), float(b1), float(b2)), tuple(point.direction.tolist()), current)
 
 
-def _unstable(kind: str, bench: Bench) -> str:
-    unstable = max(point.unstable_pole_rad_s for point in bench.points)
+def unstable(kind: str, bench: Bench) -> str:
+    """Why no controller of a kind was found."""
+    fastest = max(point.unstable_pole_rad_s for point in bench.points)
     slowest = min(point.coil_pole_rad_s for point in bench.points)
     return (
         f"No {kind} was found that keeps this body at rest from the nearest to the farthest distance of the reference: "
-        f"its unstable pole is {unstable:.4g} rad/s, the coil's R/L {slowest:.4g} rad/s, the sample time "
+        f"its unstable pole is {fastest:.4g} rad/s, the coil's R/L {slowest:.4g} rad/s, the sample time "
         f"{1e3 * bench.model.sample_time_s:g} ms. Use a controller that feeds back the current (backstepping, state "
         "feedback), a faster coil, sensors with less delay, or reference distances that are nearer to each other."
     )

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from femfit.core.errors import DomainError
 from femfit.model.json_file import read_model
 from femfit.simulation.design import design_loop
 from femfit.simulation.loop import ClosedLoop, run_loop
@@ -14,7 +15,11 @@ from femfit.simulation.sensor import SensorErrors
 
 def main() -> None:
     """Run the loop and print where the body hangs."""
-    design = design_loop(read_model(Path(__file__).with_name("model.json")))
+    try:
+        design = design_loop(read_model(Path(__file__).with_name("model.json")))
+    except DomainError as error:  # an actuator that switches between its stops is not held in between
+        print(error)
+        return
     model, point = design.model, design.points[0]
     reference = reference_steps([point.distance_m], 2000, model.sample_time_s, rate=10.0)
     name = "backstepping" if "backstepping" in design.controllers else design.controllers[0]

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import DomainError
 from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.operating_point import operating_point
@@ -122,10 +121,3 @@ def test_a_split_controller_gives_each_run_its_own(design):
         alone, words = controller.command(np.zeros((1, controller.words)), own, reference)
         assert voltage[run] == alone[0]
         np.testing.assert_array_equal(memory[run, : words.shape[1]], words[0])
-
-
-def test_a_coil_slower_than_the_body_gets_no_pid(levitation_model):
-    slow = replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=0.15))
-    slow = replace(slow, circuit=replace(slow.circuit, voltage_min_V=0.0))
-    with pytest.raises(DomainError, match="Use backstepping"):
-        design_pid(slow, operating_point(slow, 0.022))

@@ -82,10 +82,10 @@ def test_a_diverging_filter_is_named_and_says_what_to_do(design):
 
 
 def test_a_current_beyond_the_model_is_named(levitation_model):
-    # The controller asks for 0.2..1.12 A, but the plant is known up to 0.36 A alone.
-    narrow = replace(levitation_model, validity=ValidityBox(0.015, 0.045, 0.0, 0.36), reference_distances_m=(0.022,))
-    design = replace(design_loop(levitation_model), model=narrow, targets_m=(0.022,))
-    (result,) = run(design, Experiment("pid", "direct", (0.022,)), supported_steps=0)
+    # The controller asks for 0.2..1.12 A, but the plant is known up to 0.37 A alone.
+    narrow = replace(levitation_model, validity=ValidityBox(0.015, 0.045, 0.0, 0.37))
+    design = design_loop(levitation_model)
+    (result,) = run(design, Experiment("pid", "direct", (0.022,)), supported_steps=0, plant=narrow)
     assert LoopOutcome.CURRENT_OUT_OF_RANGE in set(result.outcomes())
 
 
@@ -148,7 +148,7 @@ def test_a_loop_lost_for_want_of_a_filter_is_advised_to_take_one(levitation_mode
 def test_the_advice_never_names_what_is_done_already(levitation_model):
     """Noise of a volt on 0.9 V of signal: a filter is in the loop, and the model is the plant's."""
     words = advice(levitation_model, noise=1.0)
-    assert "the sensors' noise" in words
+    assert "sensors' noise" in words
     assert "Use a filter" not in words
 
 
@@ -160,7 +160,7 @@ def test_a_fault_is_no_cause_alone_where_the_loop_is_lost_without_it(levitation_
     """Without a filter the body falls, sensor stuck or not: neither of them alone is to blame."""
     words = advice(levitation_model, estimator="direct", stuck_after_s=0.05)
     assert not words.startswith("Without the fault")
-    assert "the sensors' noise" in words
+    assert "sensors' noise" in words
     assert "sensor stuck" in words
 
 
@@ -186,8 +186,7 @@ def test_gains_that_do_not_fit_are_named_as_the_cause(levitation_model):
     lame = adjusted(design, "pid", gains={name: 0.05 * design.pid.parts[name] for name in ("kp", "ki", "kd")})
     lost = run_loops(lame, Experiment("pid", "ukf4", (0.022,)), np.random.default_rng(1), runs=4, duration_s=1.0)
     assert lost.held == 0
-    assert "pid loses the body with the exact state" in lost.advice
-    assert "Use backstepping" in lost.advice
+    assert lost.advice.startswith("The gains: pid loses the body with these")
 
 
 def test_a_name_from_a_model_file_does_not_steer_the_terminal(levitation_model):

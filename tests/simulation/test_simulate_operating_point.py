@@ -13,6 +13,7 @@ from femfit.model.validity import ValidityBox
 from femfit.simulation.allocation import current_for_force
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
+from femfit.simulation.limits import limited
 from femfit.simulation.operating_point import operating_point, zero_order_hold
 from femfit.simulation.reference import reference_rate, reference_steps
 
@@ -169,12 +170,18 @@ def test_a_hall_element_that_is_saturated_throughout_is_refused_with_the_remedy(
         design_loop(replace(blind, reference_distances_m=targets))
 
 
-def test_the_driver_asks_for_no_current_that_the_model_does_not_cover(levitation_model):
+def test_the_controllers_ask_for_no_current_that_the_model_does_not_cover(levitation_model):
+    """A driver of 30 V could hold 11 A: the voltage may be as high while the current changes, and no longer."""
     strong = replace(levitation_model, circuit=replace(levitation_model.circuit, voltage_max_V=30.0))
-    circuit = design_loop(strong).model.circuit
-    assert circuit.voltage_max_V == pytest.approx(0.95 * 1.4 * 2.69)
-    assert circuit.voltage_min_V == 0.5
-    assert design_loop(levitation_model).model.circuit == levitation_model.circuit  # 1.12 A at most
+    assert design_loop(strong).model.circuit.voltage_max_V == 30.0
+    model = levitation_model
+    at_end = np.array([[0.022, 0.0, 0.95 * 1.4]])
+    assert limited(strong, at_end, np.array([[30.0]]))[0, 0] == pytest.approx(
+        0.95 * 1.4 * 2.69, abs=1e-9
+    )  # what holds the last covered current
+    halfway = limited(strong, np.array([[0.022, 0.0, 0.7]]), np.array([[30.0]]))[0, 0]
+    assert halfway == pytest.approx(0.7 * 2.69 + model.inductance(0.022, 0.7) * 0.63 / 0.5e-3, rel=1e-6)
+    assert limited(model, at_end, np.array([[30.0]]))[0, 0] == model.circuit.voltage_max_V
 
 
 def test_a_coil_that_is_faster_than_the_samples_is_designed_for_as_slow_as_they_can_follow(levitation_model):

@@ -1,0 +1,139 @@
+"""Loops beyond one winding behind a bridge and a Hall element: drivers, springs, stops, several circuits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import DomainError
+from femfit.device.mechanics import Spring, Stop
+from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.model.circuit import Drive
+from femfit.model.drive import current_targets, winding_voltage
+from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.simulation.close_loop import close_loop
+from femfit.simulation.design import design_loop
+from femfit.simulation.operating_point import operating_point
+from femfit.simulation.plant import Plant
+
+LASER = PositionSensor(
+    name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
+)
+
+
+@pytest.fixture(scope="module")
+def ball(levitation_model):
+    """A steel ball, attracted with 2e-5 N m^2/A^2 i^2/d^2, under a laser: lambda = sqrt(2 g/d)."""
+    return replace(
+        levitation_model,
+        magnetics=LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03),
+        sensor=None,
+        other_sensors=(LASER,),
+        reference_distances_m=(0.016, 0.020, 0.016),
+    )
+
+
+def driven(model, **drive):
+    return replace(model, circuit=replace(model.circuit, drive=Drive(**drive), voltage_min_V=0.0))
+
+
+def test_the_balls_unstable_pole_is_that_of_an_inverse_square(ball):
+    point = operating_point(ball, 0.018)
+    assert point.unstable_pole_rad_s == pytest.approx(np.sqrt(2.0 * 9.80665 / 0.018), rel=1e-6)
+
+
+DRIVES = {
+    "bridge": {},
+    "diode": {"diode_V": 0.7},
+    "amplifier": {"kind": "current", "current_min_A": 0.0, "current_max_A": 1.2, "bandwidth_Hz": 200.0},
+    "amplifier without a bandwidth": {"kind": "current"},
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_steel_ball_is_held_by_the_default_pid_behind_every_driver(ball, drive):
+    loop = close_loop(driven(ball, **DRIVES[drive]), runs=2, seconds=0.9, recorded=1)
+    assert loop.held == 2, loop
+    assert loop.tracking_rms_m.median < 4e-4
+    currents = loop.result.series.currents_A
+    assert np.nanmin(currents) >= 0.0
+
+
+def test_a_diode_keeps_the_current_from_turning_and_takes_it_down_with_its_voltage(ball):
+    model = driven(ball, diode_V=1.0)
+    plant, n = Plant(model), 400
+    state, currents = np.array([[0.018, 0.0, 0.5]]), []
+    far = replace(model, motion=replace(model.motion, mass_kg=1e6))  # it hardly moves meanwhile
+    plant = Plant(replace(far, motion=replace(far.motion, gravity_m_s2=0.0)))
+    for _ in range(n):
+        state = plant.step(state, np.zeros(1))
+        currents.append(state[0, 2])
+    time = model.sample_time_s * np.arange(1, n + 1)
+    inductance = model.magnetics.inductance(np.array([0.018]), np.array([0.5]))[0]
+    tau = inductance / 2.69
+    exact = np.maximum((0.5 + 1.0 / 2.69) * np.exp(-time / tau) - 1.0 / 2.69, 0.0)
+    np.testing.assert_allclose(currents, exact, atol=2e-3)
+    assert currents[-1] == 0.0
+
+
+def test_an_amplifier_follows_its_command_as_its_bandwidth_and_voltage_allow(ball):
+    model = driven(ball, kind="current", bandwidth_Hz=50.0)
+    plant, state = Plant(model), np.array([[0.018, 0.0, 0.50]])
+    moved = plant.step(state, np.array([0.52]))
+    kept = np.exp(-2.0 * np.pi * 50.0 * model.sample_time_s)
+    assert moved[0, 2] == pytest.approx(0.52 - 0.02 * kept, abs=5e-6)  # the secant leaves the square of the step
+    assert current_targets(model, state[:, 2:], np.array([[0.52]]), model.sample_time_s)[0, 0] == pytest.approx(
+        0.52 - 0.02 * kept
+    )
+    far = winding_voltage(model, state, np.array([[50.0]]), model.sample_time_s)
+    assert far[0, 0] == model.circuit.voltage_max_V  # as far as the voltage goes
+    slow = plant.step(state, np.array([50.0]))[0, 2]
+    at_full = Plant(replace(model, circuit=replace(model.circuit, drive=Drive()))).step(state, np.array([3.0]))[0, 2]
+    assert slow == pytest.approx(at_full, rel=1e-12)
+
+
+def test_a_body_that_springs_hold_has_a_position_loop(levitation_model):
+    """A stiff spring makes every rest stable; the reference still asks for other places."""
+    motion = replace(
+        levitation_model.motion, springs=(Spring(stiffness_N_per_m=20.0, preload_N=0.0, distance_m=0.024),)
+    )
+    stable = replace(
+        levitation_model, motion=motion, sensor=None, other_sensors=(LASER,), reference_distances_m=(0.024, 0.0245)
+    )
+    design = design_loop(stable)
+    assert all(point.unstable_pole_rad_s == 0.0 for point in design.points)
+    assert "stable" in str(close_loop(stable, runs=1, seconds=0.05))
+    for name in ("pid", "state-feedback", "backstepping"):
+        loop = close_loop(stable, controller=name, estimator="ukf", runs=2, seconds=1.2)
+        assert loop.held == 2
+        assert loop.tracking_rms_m.median < 1e-4
+
+
+def test_a_body_on_a_stop_at_the_end_was_not_held(ball):
+    """Without gain it falls to its far stop, stays there and is named; the stop is within the model's distances."""
+    motion = replace(ball.motion, far_stop=Stop(0.024), near_stop=Stop(0.0155))
+    stopped = replace(ball, motion=motion)
+    loop = close_loop(
+        stopped, gains={"kp": 0.0, "ki": 0.0, "kd": 0.0}, runs=2, seconds=1.0, recorded=2, estimator="ukf"
+    )
+    assert loop.held == 0
+    assert set(loop.outcomes) <= {"FELL", "PULLED_IN"}
+    ends = loop.result.series.distance_m[-1]
+    assert np.all((ends == 0.024) | (ends == 0.0155))
+
+
+def test_a_current_sensor_alone_is_said_not_to_tell_a_body_at_rest(ball):
+    blind = replace(ball, other_sensors=(CurrentSensor(name="shunt", circuit="coil", noise=0.2),))
+    assert design_loop(blind).told is None or design_loop(blind).told[0] > 1e-5
+    both = replace(ball, other_sensors=(LASER, CurrentSensor(name="shunt", circuit="coil", noise=1e-3)))
+    design = design_loop(both)
+    assert design.sensors == ("laser", "shunt")
+    assert design.told[0] <= design_loop(ball).told[0]
+    assert close_loop(both, runs=2, seconds=0.3).held == 2
+
+
+def test_a_sensor_that_the_model_does_not_have_is_refused_by_name(ball):
+    with pytest.raises(Exception, match="laser"):
+        design_loop(ball, sensors=("lidar",))
+    with pytest.raises(DomainError, match=r"its range of 0\.\.1 V"):
+        design_loop(replace(ball, other_sensors=(replace(LASER, maximum=1.0),)))

@@ -1,0 +1,229 @@
+"""The linear loop: margins against brute force, decay against the simulation, the regulator, the levitation's bound."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from femfit.core.errors import DomainError
+from femfit.device.sensors import PositionSensor
+from femfit.simulation.adjust import adjusted
+from femfit.simulation.controllers import Backstepping
+from femfit.simulation.design import design_loop
+from femfit.simulation.experiment import Experiment, run_experiments
+from femfit.simulation.linear_loop import closed_loop_matrix, linear_controller
+from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin
+from femfit.simulation.pid import pid_of_parts
+from femfit.simulation.riccati import feedback_gain, solve_riccati
+from femfit.simulation.state_feedback import augmented, placed
+from femfit.simulation.tune import make_bench
+
+
+@pytest.fixture(scope="module")
+def design(levitation_model):
+    return design_loop(replace(levitation_model, reference_distances_m=(0.026,)))
+
+
+@pytest.fixture(scope="module")
+def late(levitation_model):
+    """A position sensor that is 2.4 samples late, and a command a sample later."""
+    laser = PositionSensor(
+        name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, delay_s=1.2e-3, bits=0
+    )
+    model = replace(levitation_model, sensor=None, other_sensors=(laser,), reference_distances_m=(0.026,))
+    return design_loop(model, latency=1)
+
+
+def parts(design, name="backstepping", observer="ekf"):
+    bench = design.bench(observer)
+    k = bench.middle
+    linear = linear_controller(
+        design.model, bench.points[k], bench.sensors, bench.observer, design.controller(name), design.latency
+    )
+    return bench.points[k], bench.plants[k], linear
+
+
+def test_the_linear_plant_is_the_matrix_exponential_of_the_equations(levitation_model, design):
+    point, plant, _ = parts(design)
+    whole = np.zeros((4, 4))
+    whole[:3, :3], whole[:3, 3:] = point.A, point.B
+    exact = scipy.linalg.expm(whole * levitation_model.sample_time_s)
+    # a Runge-Kutta step of h p = 0.083 is off by (h p)^5/120; the distance after a step of the voltage, (h p)^3 at
+    # first order, by (h p)^2 of itself at most
+    np.testing.assert_allclose(plant.A, exact[:3, :3], rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(plant.B, exact[:3, 3:], rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["backstepping", "pid", "state-feedback"])
+@pytest.mark.parametrize("kind", ["design", "late"])
+def test_poles_and_response_of_the_loop_belong_together(request, kind, name):
+    """det(I - K G) has the loop's poles as zeros: by Cauchy's argument principle it turns as often as it has poles."""
+    loop = request.getfixturevalue(kind)
+    _, plant, linear = parts(loop, name)
+    poles = np.linalg.eigvals(closed_loop_matrix(plant, linear))
+    own = np.concatenate([np.linalg.eigvals(plant.A), np.linalg.eigvals(linear.A)])
+    z = 1.3 * np.exp(2j * np.pi * np.arange(20_000) / 20_000)  # outside of all poles
+    difference = np.linalg.det(np.eye(1) - linear.response(z) @ plant.response(z, linear.latency))
+    rational = np.prod(z[:, None] - poles, axis=1) / np.prod(z[:, None] - own, axis=1)
+    # chains of delays are poles at zero of the loop that the response has as powers of 1/z
+    rational = rational / z ** (len(poles) - len(own))
+    np.testing.assert_allclose(difference, rational, rtol=2e-5)
+
+
+@pytest.mark.parametrize("kind", ["design", "late"])
+def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(request, kind):
+    """Without noise, from a small error, on the exact plant with the filter of the linear loop."""
+    loop = request.getfixturevalue(kind)
+    _, plant, linear = parts(loop)
+    poles = np.linalg.eigvals(closed_loop_matrix(plant, linear))
+    slowest = np.log(np.abs(poles).max()) / loop.model.sample_time_s
+    free = replace(loop.model, sensor=loop.model.sensor and replace(loop.model.sensor, adc_bits=0))
+    quiet = replace(loop, model=free)
+    experiment = Experiment("backstepping", "ekf", (0.026,), noise_scale=0.0, start_error_m=2e-6)
+    (result,) = run_experiments(quiet, [experiment], np.random.default_rng(0), runs=1, steps=4000)
+    size = np.abs(result.series.distance_m[:, 0] - 0.026)
+    window = np.array([size[k : k + 200].max() for k in range(400, 1600, 200)])
+    decay = np.polyfit(loop.model.sample_time_s * np.arange(len(window)) * 200, np.log(window), 1)[0]
+    assert decay == pytest.approx(slowest, rel=0.15)  # the filter's own gain settles meanwhile
+
+
+def test_margins_are_those_at_which_the_poles_reach_the_circle(late):
+    point, plant, linear = parts(late, "pid")
+    found = margins(plant, linear, late.model.sample_time_s, np.ones(1))
+    assert found.stable
+
+    def largest(factor):
+        scaled = replace(plant, B=factor * plant.B)
+        # the observer is told the command, not what the plant makes of it
+        return np.abs(np.linalg.eigvals(closed_loop_matrix(scaled, linear))).max()
+
+    for factor in (found.gain_below, found.gain_above):
+        assert largest(factor) == pytest.approx(1.0, abs=2e-4)
+    assert largest(0.5 * (1.0 + found.gain_above)) < 1.0
+    assert largest(1.02 * found.gain_above) > 1.0
+    assert largest(0.98 * found.gain_below) > 1.0
+    assert point.unstable_pole_rad_s > 0.0
+
+
+def test_the_delay_margin_is_the_delay_that_the_loop_bears(late):
+    """A delay of whole samples put before the plant that neither filter nor controller know of."""
+    _, plant, linear = parts(late, "backstepping")
+    step = late.model.sample_time_s
+    found = margins(plant, linear, step, np.ones(1))
+
+    def stable(samples):
+        size, n = len(plant.A), 1
+        A, B = np.zeros((size + samples, size + samples)), np.zeros((size + samples, n))
+        A[:size, :size] = plant.A
+        if samples == 0:
+            return largest_of(plant, linear) < 1.0
+        A[:size, size + samples - 1 :] = plant.B
+        A[range(size + 1, size + samples), range(size, size + samples - 1)] = 1.0
+        B[size] = 1.0
+        wide = np.hstack([plant.newer, np.zeros((1, samples))])
+        older = np.hstack([plant.older, np.zeros((1, samples))])
+        return largest_of(replace(plant, A=A, B=B, newer=wide, older=older), linear) < 1.0
+
+    bearable = max(k for k in range(40) if all(stable(j) for j in range(k + 1)))
+    assert bearable == int(found.delay_s / step)
+
+
+def largest_of(plant, linear):
+    return np.abs(np.linalg.eigvals(closed_loop_matrix(plant, linear))).max()
+
+
+def test_margins_of_a_closed_form():
+    """L = 4/(s + 1)^3 has a lag of 180 degrees at w = sqrt(3), where its gain is a half."""
+    w = np.geomspace(1e-2, 1e2, 4001)
+    L = 4.0 / (1j * w + 1.0) ** 3
+    below, above = gain_margins(L)
+    assert (below, above) == pytest.approx((0.0, 2.0), rel=1e-4)
+    phase, delay = phase_and_delay_margin(w, L)
+    crossover = np.sqrt(4.0 ** (2.0 / 3.0) - 1.0)
+    assert phase == pytest.approx(np.pi - 3.0 * np.arctan(crossover), rel=1e-4)
+    assert delay == pytest.approx(phase / crossover, rel=1e-4)
+
+
+def test_the_riccati_solution_is_scipys_and_leaves_no_residual(design):
+    point, plant, _ = parts(design)
+    A, B = augmented(design.model, point, plant, 2)
+    Q = np.diag([1e8, 1e2, 1.0, 0.1, 0.1, 1e9])
+    R = np.array([[0.3]])
+    X = solve_riccati(A, B, Q, R)
+    np.testing.assert_allclose(X, scipy.linalg.solve_discrete_are(A, B, Q, R), rtol=1e-6, atol=1e-8 * np.abs(X).max())
+    gain = np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A)
+    residual = A.T @ X @ A - A.T @ X @ B @ gain + Q - X
+    assert np.abs(residual).max() < 1e-9 * np.abs(X).max()
+    assert np.abs(np.linalg.eigvals(A - B @ feedback_gain(A, B, Q, R))).max() < 1.0
+
+
+def test_a_state_that_cannot_be_moved_is_refused():
+    with pytest.raises(DomainError, match="cannot be moved"):
+        solve_riccati(np.diag([1.1, 0.5]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))
+
+
+@pytest.mark.parametrize("latency", [0, 2])
+def test_poles_are_where_they_are_placed(design, latency):
+    point, plant, _ = parts(design)
+    wanted = (-30.0 + 20.0j, -30.0 - 20.0j, -60.0, -90.0)
+    feedback = placed(design.model, point, plant, wanted, latency)
+    A, B = augmented(design.model, point, plant, latency)
+    gain = np.concatenate([feedback.gains, feedback.pending, feedback.integral[:, None]], axis=1)
+    found = np.linalg.eigvals(A - B @ gain)
+    moving = found[np.abs(found) > 0.5]  # those of commands on their way are at zero
+    expected = np.exp(np.array(wanted) * design.model.sample_time_s)
+    np.testing.assert_allclose(np.sort_complex(moving), np.sort_complex(expected), atol=2e-6)
+
+
+def test_a_position_loop_of_a_levitation_needs_more_than_the_unstable_poles_force(levitation_model):
+    """s^3 + p s^2 + (k - lambda^2) s + k z - lambda^2 p = 0 has roots on the left where k > lambda^2 p / z and z < p.
+
+    The bound of Routh for a PD on the distance with a coil of pole p, on a loop that is sampled finely enough.
+    """
+    fine = replace(levitation_model, sample_time_s=2e-5, reference_distances_m=(0.026,))
+    design = design_loop(fine)
+    bench = make_bench(fine, design.points, design.loop_sensors(), None)
+    point = bench.points[0]
+    still = point.A.copy()
+    still[2, 1] = 0.0  # without the back-EMF, which the bound leaves out
+    coil, force = point.coil_pole_rad_s, abs(point.A[1, 2] * point.B[2, 0])
+
+    def stable(k, z):
+        kd = k / force
+        pid = pid_of_parts(fine, kd * z, 0.0, kd, 4e4)
+        poles = np.linalg.eigvals(
+            closed_loop_matrix(
+                replace(bench.plants[0], A=scipy.linalg.expm(still * fine.sample_time_s)),
+                linear_controller(fine, point, bench.sensors, None, pid),
+            )
+        )
+        return np.abs(poles).max() < 1.0 + 1e-6  # the integrator without gain is at 1, to the differences
+
+    unstable = point.unstable_pole_rad_s
+    z = 0.3 * coil
+    bound = unstable**2 * coil / z
+    assert stable(1.05 * bound, z)
+    assert not stable(0.95 * bound, z)
+    assert not stable(3.0 * unstable**2, 1.3 * coil)
+
+
+def test_gains_of_ones_own_take_the_place_of_the_designed(design):
+    other = adjusted(design, "pid", gains={"kp": 400.0})
+    assert other.controller("pid").parts["kp"] == pytest.approx(400.0)
+    assert other.controller("pid").parts["kd"] == pytest.approx(design.pid.parts["kd"])
+    faster = adjusted(design, "backstepping", bandwidth_rad_s=80.0).controller("backstepping")
+    assert isinstance(faster, Backstepping)
+    assert faster.position_gain == pytest.approx(80.0**2 / 3.0)
+    with pytest.raises(DomainError, match="gains of this controller are kp, ki, kd, filter_rad_s, current"):
+        adjusted(design, "pid", gains={"p": 1.0})
+    with pytest.raises(DomainError, match="Poles are given for state feedback"):
+        adjusted(design, "pid", poles_rad_s=(-1.0,))
+    with pytest.raises(DomainError, match="bandwidth must be > 0"):
+        adjusted(design, "pid", bandwidth_rad_s=1e9)
+
+
+def test_pid_gains_are_the_same_in_both_forms(design):
+    again = pid_of_parts(design.model, **design.pid.parts)
+    np.testing.assert_allclose(again.gains, design.pid.gains, rtol=1e-9)
+    assert again.filter_pole == pytest.approx(design.pid.filter_pole, rel=1e-9)

@@ -1,0 +1,74 @@
+"""The cause of a lost loop is named, and it holds where that is improved: authority, sensor, delay, gains, pairs."""
+
+from dataclasses import replace
+
+import pytest
+
+from femfit.device.sensors import PositionSensor
+from femfit.simulation.close_loop import close_loop
+
+
+@pytest.fixture(scope="module")
+def optical(levitation_model):
+    """The rig with a position sensor of 20 um, at 22 mm where its body runs away with 33 1/s."""
+    laser = PositionSensor(
+        name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
+    )
+    return replace(levitation_model, sensor=None, other_sensors=(laser,), reference_distances_m=(0.022,))
+
+
+def run(model, **options):
+    options = {"controller": "backstepping", "estimator": "ukf", "runs": 2, "seconds": 0.4, **options}
+    return close_loop(model, **options)
+
+
+def lost(model, **options):
+    loop = run(model, **options)
+    assert loop.held < loop.runs
+    return loop.advice
+
+
+def with_laser(model, **fields):
+    (laser,) = model.other_sensors
+    return replace(model, other_sensors=(replace(laser, **fields),))
+
+
+def test_the_loop_itself_is_held(optical):
+    assert run(optical).held == 2
+
+
+def test_gains_are_named_where_other_gains_hold(optical):
+    words = lost(optical, controller="pid", gains={"kp": 40.0, "kd": 1.0}, seconds=1.5)
+    assert words.startswith("The gains: pid")
+
+
+@pytest.mark.long
+def test_noise_is_named_with_the_noise_that_would_do(optical):
+    words = lost(with_laser(optical, noise=1.0))
+    assert words.startswith("The sensors' noise: laser 1.00 V")
+    assert "the same runs hold" in words
+
+
+@pytest.mark.long
+def test_a_delay_is_named_with_the_largest_that_would_do(optical):
+    """A delay of 200 ms is six times the time in which the body runs away."""
+    words = lost(with_laser(optical, delay_s=0.2))
+    assert words.startswith("The delay: 200 ms")
+    largest = float(words.partition("; with ")[2].split(" ms")[0])
+    assert 1.0 < largest < 200.0
+    assert run(with_laser(optical, delay_s=0.5e-3 * largest)).held == 2
+
+
+@pytest.mark.long
+def test_authority_is_named_where_the_force_at_the_limits_does_not_reach(optical):
+    """A supply of hardly more than the 0.852 V that hold the body, and noise that asks for more."""
+    weak = replace(optical, circuit=replace(optical.circuit, voltage_max_V=1.02 * 0.852))
+    words = lost(with_laser(weak, noise=60e-3))
+    assert words.startswith("The authority: at 22.0 mm")
+    assert "times as wide" in words
+
+
+@pytest.mark.long
+def test_two_causes_are_named_where_neither_is_enough(optical):
+    words = lost(with_laser(optical, noise=2.0, delay_s=0.2))
+    assert words.startswith("Two things together: without the sensors' noise and the delay")
