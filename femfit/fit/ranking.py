@@ -149,6 +149,8 @@ def _why_of(rows: FitRows) -> str:
         return ""
     if rows.weight is None:
         return "the mass is unknown"
+    if rows.weight <= 0.0:
+        return "the body does not hang by the force"
     low, high = float(np.min(rows.force)), float(np.max(rows.force))
     if low <= rows.weight <= high:
         return f"the forces, {rows.rms_force:.3g} N rms, are far above the weight, {rows.weight:.3g} N"

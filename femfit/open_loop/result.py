@@ -20,7 +20,15 @@ from femfit.open_loop.run import Event
 from femfit.open_loop.step_response import StepResponse, step_response
 from femfit.open_loop.switching import Switching
 
-_WORDS = {"pull_in": "Pull-in", "drop_out": "Drop-out"}
+_WORDS = {
+    "pull_in": "Pull-in",
+    "drop_out": "Drop-out",
+    "to_near": "The near stop is reached",
+    "to_far": "The far stop is reached",
+}
+
+_AT_ONCE = 1e-6
+"""Numerical: part of the simulated time below which a wait is the integrator's first step."""
 
 _LEAST_SHARE = 1e-3
 """Conventional: part of the energy supplied below which a share of it is not printed."""
@@ -144,10 +152,11 @@ class OpenLoop(Printed):
             rest = ""
             if one.rested_s is not None and one.bounces:
                 rest = f", at rest after {amount(one.rested_s - one.command_s, 's', 3)}"
+            waited = one.started_s - one.command_s
+            starts = f"after {amount(waited, 's', 3)}" if waited > _AT_ONCE * self.end_s else "at once"
             lines.append(
-                f"{_WORDS[one.kind]} {amount(one.switching_time_s, 's', 3)} after the command: the body starts after "
-                f"{amount(one.started_s - one.command_s, 's', 3)} and seats with "
-                f"{amount(one.seating_velocity_m_s, 'm', 3)}/s, {bounces}{rest}."
+                f"{_WORDS[one.kind]} {amount(one.switching_time_s, 's', 3)} after the command: the body starts "
+                f"{starts} and seats with {amount(one.seating_velocity_m_s, 'm', 3)}/s, {bounces}{rest}."
             )
         return lines
 

@@ -7,6 +7,8 @@ from typing import Literal
 from femfit.open_loop.run import Event
 from femfit.open_loop.system import Side
 
+Kind = Literal["pull_in", "drop_out", "to_near", "to_far"]
+
 
 @dataclass(frozen=True)
 class Switching:
@@ -15,7 +17,7 @@ class Switching:
     Parameters
     ----------
     kind : str
-        ``pull_in`` to the near stop, ``drop_out`` to the far one.
+        ``pull_in`` from the far stop to the near one, ``drop_out`` back; ``to_near`` or ``to_far`` from between them.
     command_s : float
         The last change of the command before the body started.
     started_s, reached_s : float
@@ -28,7 +30,7 @@ class Switching:
         Touches after the first.
     """
 
-    kind: Literal["pull_in", "drop_out"]
+    kind: Kind
     command_s: float
     started_s: float
     reached_s: float
@@ -57,7 +59,9 @@ def switchings(events: Sequence[Event], begun_at: Side | None, turns_s: Sequence
             found[-1] = replace(found[-1], bounces=found[-1].bounces + 1, rested_s=None)
         elif action == "hits" and side != at:
             before = [turn for turn in (0.0, *turns_s) if turn <= started]
-            kind: Literal["pull_in", "drop_out"] = "pull_in" if side == "near" else "drop_out"
+            kind: Kind = "pull_in" if side == "near" else "drop_out"
+            if at is None:
+                kind = "to_near" if side == "near" else "to_far"
             found.append(Switching(kind, before[-1], started, event.time_s, None, abs(event.velocity_m_s), 0))
             at = side
         if action in {"hits", "leaves"}:  # where it goes on without resting

@@ -207,6 +207,8 @@ def test_errors_are_parts_of_the_rms_force_where_the_part_cannot_hang():
     ranking = rank_laws((F1E, F2E), rows)
     assert ranking.of == "rms force"
     assert ranking.why_of == "the weight, 0.392 N, is not among the sweep's forces, 2 to 43.2 N"
+    standing = rank_laws((F1E, F2E), replace(rows, weight=-0.39))
+    assert "hang" in standing.why_of
     assert ranking.reached
     rms = np.sqrt(np.mean(rows.force**2))
     f2e = next(c for c in ranking.candidates if c.law is F2E)

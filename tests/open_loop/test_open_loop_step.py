@@ -56,3 +56,11 @@ def test_a_motion_onto_a_stop_is_no_step_response():
     stopped = replace(free, motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **springs, near_stop=Stop(2.9e-3)))
     assert simulate(free, current_A=0.4, duration_s=0.3).step is not None
     assert simulate(stopped, current_A=1.0, duration_s=0.3).step is None
+
+
+def test_a_body_that_begins_between_its_stops_is_not_said_to_drop_out():
+    model = replace(solenoid(), motion=Mechanics(mass_kg=0.02, gravity_m_s2=9.81, **STOPS))
+    found = simulate(model, voltage_V=0.0, start_m=2e-3, duration_s=0.1)
+    assert [one.kind for one in found.switchings] == ["to_far"]
+    assert str(found).startswith("The far stop is reached")
+    assert "starts at once" in str(found)
