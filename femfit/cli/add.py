@@ -19,6 +19,7 @@ def add(
     coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
     magnet_temperature_C: Annotated[float | None, Parameter(name="--magnet-temperature-C")] = None,
     report: Path | None = None,
+    picture: Path | None = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
     json: Path | None = None,
 ) -> None:
@@ -46,18 +47,20 @@ def add(
         Of the magnet, likewise.
     report : Path
         HTML file: measured points on the curves before and after, and how far the error fell.
+    picture : Path
+        PNG, SVG or PDF: the distance of a record as filters without it tell it, before and after.
     json : Path
         File for the result as JSON.
     """
     from dataclasses import replace
 
     from femfit.cli.output import status, write_json
-    from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
+    from femfit.core.outputs import MODEL, PAGE, PICTURE, RESULT, require_outputs
     from femfit.identify.refit.add_effects import add_effects
     from femfit.model.json_file import read_model, write_model
     from femfit.tables.measurement_file import read_measurement
 
-    require_outputs([model, data], (output, MODEL), (report, PAGE), (json, RESULT))
+    require_outputs([model, data], (output, MODEL), (report, PAGE), (picture, PICTURE), (json, RESULT))
     with status("Reading") as say:
         actuator, measured = read_model(model), read_measurement(data, **table_options.keywords)
         result = add_effects(
@@ -76,6 +79,15 @@ def add(
     write_model(replace(result.model, provenance=provenance), output)
     write_json(json, record)
     print(f"{result}\nwritten: {output}")
+    if picture is not None:
+        from femfit.core.errors import UsageError
+        from femfit.report.replay_figure import write_before_after
+        from femfit.tables.measurement import TimeSeries
+
+        if not isinstance(measured, TimeSeries):
+            raise UsageError("--picture shows a record over time through a filter; a bench table has --report.")
+        write_before_after((actuator, result.model), measured, picture)
+        print(f"written: {picture}")
     if report is not None:
         from femfit.report.bench_report import render_added
         from femfit.report.page import write_page

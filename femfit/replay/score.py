@@ -17,6 +17,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
+from femfit.filters.constants import OBSERVED_SHARE
 from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import FilterNoise
 from femfit.model.actuator_model import ActuatorModel
@@ -34,7 +35,8 @@ class FilterScore:
     sensors: tuple[str, ...]  # That the filter read
     likelihood: FloatArray  # Logarithm, of each sample that has a reading; NaN elsewhere; (samples,)
     mean_square: float  # Of the normalised innovations, which should be 1
-    unread: Mapping[str, FloatArray]  # Recorded less estimated, of each channel that it did not read; (samples,)
+    # Recorded less estimated, of each channel that it did not read; NaN where it claims to be blind; (samples,)
+    unread: Mapping[str, FloatArray]
     lost_at_s: float | None
 
 
@@ -76,10 +78,16 @@ def filter_score(
     lost = np.flatnonzero(~np.isin(replayed.outcome, (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND)))
     used = {reading.column for reading in prepared.readings}
     beside = estimates_beside(prepared, replayed)
+    first = float(np.sqrt(built.process.require_start_covariance()[0, 0]))
+    sees = replayed.deviation[:, 0] < OBSERVED_SHARE * first
     return FilterScore(
         sensors=prepared.sensors,
         likelihood=np.where(read.any(axis=1), each, np.nan),
         mean_square=float(ratio[read].mean()) if read.any() else float("nan"),
-        unread={name: prepared.recorded[name] - values for name, values in beside.items() if name not in used},
+        unread={
+            name: np.where(sees, prepared.recorded[name] - values, np.nan)
+            for name, values in beside.items()
+            if name not in used
+        },
         lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
     )

@@ -6,10 +6,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from femfit.core.atomic import replacing
+from femfit.core.errors import TableError
 from femfit.core.outputs import PICTURE, require_outputs
 from femfit.core.sweep_columns import circuit_currents
+from femfit.model.actuator_model import ActuatorModel
+from femfit.replay.observe import observe
+from femfit.replay.prepare import recorded_sensors, with_recorded_sensors
 from femfit.replay.result import Observation
 from femfit.report.style import BLUE, DPI, GREEN, INK, MUTED, ORANGE, VERMILION, new_figure, style, styled, words
+from femfit.tables.measurement import TimeSeries
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,6 +55,43 @@ def replay_figure(seen: Observation) -> "Figure":
     panels[2].set(ylabel=words("replay", "innovation"), xlabel=words("replay", "time"), ylim=(-6.0, 6.0))
     figure.align_ylabels()
     return figure
+
+
+@styled
+def before_after_figure(before: Observation, after: Observation) -> "Figure":
+    """Draw the distance as recorded and as two models' filters tell it that do not read it, and their errors."""
+    figure = new_figure(5.0)
+    path, left = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
+    every = slice(None, None, max(1, len(before.time_s) // _POINTS))
+    time, run = before.time_s, np.cumsum(np.r_[0.0, np.maximum(-np.diff(before.time_s), 0.0)])
+    time = (time + run)[every]  # runs one after the other
+    recorded = 1e3 * before.recorded["distance_m"][every]
+    path.plot(time, recorded, color=INK, label=words("replay", "recorded"))
+    for seen, colour, key in ((before, VERMILION, "before"), (after, BLUE, "after")):
+        estimate = 1e3 * seen.filters[0].replayed.mean[every, 0]
+        path.plot(time, estimate, color=colour, linewidth=0.9, label=words("replay", key))
+        left.plot(time, estimate - recorded, color=colour, linewidth=0.9)
+    path.set_ylabel(words("replay", "distance_m"))
+    path.margins(y=0.2)  # room for the legend
+    path.legend(ncols=3, loc="upper right")
+    left.set(ylabel=words("replay", "error"), xlabel=words("replay", "time"))
+    figure.align_ylabels()
+    return figure
+
+
+def write_before_after(models: tuple[ActuatorModel, ActuatorModel], series: TimeSeries, path: Path) -> None:
+    """Run the filters of two models over a record without reading its distance, and write the picture."""
+    if "distance_m" not in series.given:
+        raise TableError(
+            f"The picture before and after needs a recorded distance to compare with; {series.source} holds "
+            f"{', '.join(series.given)}. Leave out --picture, or record distance_m."
+        )
+    sensors = recorded_sensors(with_recorded_sensors(models[0], series), series, ("distance_m",))
+    before, after = (observe(model, series, sensors=sensors, find=False) for model in models)
+    require_outputs([], (path, PICTURE))
+    with style(), replacing(path) as unfinished:
+        figure = before_after_figure(before, after)
+        figure.savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
 
 
 def write_replay_picture(seen: Observation, path: Path) -> None:

@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 import femfit as ff
+from femfit.core.errors import TableError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.filter_fall import filter_fall
 from femfit.model.with_effects import nominal_of
+from femfit.report.replay_figure import write_before_after
 from support.closed_loop import closed_loop, recorded
+from support.solenoids import solenoid
+from support.switching import logged, switched
 
 NOISE = {"distance_m": 3e-5, "current_A": 4e-3}
 
@@ -89,3 +93,14 @@ def test_a_record_without_commands_has_no_filter_line(model, clean):
         given=tuple(name for name in clean.given if name != "voltage_V"),
     )
     assert ff.compare(model, silent).filter is None
+
+
+def test_the_picture_before_and_after_is_of_filters_that_do_not_read_the_distance(tmp_path):
+    device = solenoid()
+    warm = replace(device, circuit=replace(device.circuit, resistance_ohm=1.12 * device.circuit.resistance_ohm))
+    record = logged([switched([0.0, 0.01], [6.0, 9.0], 0.08, model=warm)])
+    write_before_after((device, warm), record, tmp_path / "replay.png")
+    assert (tmp_path / "replay.png").stat().st_size > 10_000
+    silent = replace(record, given=tuple(name for name in record.given if name != "distance_m"))
+    with pytest.raises(TableError, match="recorded distance"):
+        write_before_after((device, warm), silent, tmp_path / "replay.png")
