@@ -100,9 +100,9 @@ def _curves(
     grid = dict(zip((over[0], along[0]), np.meshgrid(over[1], along[1], indexing="ij"), strict=True))
     d, i = grid["distance_m"].ravel(), grid["current_A"].ravel()
     if len(observations.settings) > 2:  # the others at their middle
-        columns = [observations.covariates[name].to_numpy() for name in observations.settings[1:]]
-        leading = observations.covariates["current_A"].to_numpy()
-        i = np.stack([i if np.array_equal(c, leading) else np.full(i.shape, np.median(c)) for c in columns], axis=1)
+        names, leading = observations.settings[1:], observations.leading_current
+        middle = {name: float(np.median(observations.covariates[name])) for name in names}
+        i = np.stack([i if name == leading else np.full(i.shape, middle[name]) for name in names], axis=1)
     conditions = Conditions(
         nominal_of(model),
         coil_temperature_C=_mean(observations, "coil_temperature_C"),

@@ -78,11 +78,7 @@ def _surface(observations: Observations, here: IntArray) -> Labelled:
     result = _tensor(x, y, DEGREE)
     for name in observations.settings[1:]:  # further circuits: their square and what they do with the others
         z = observations.column(name)[here]
-        if (
-            len(observations.settings) > 2
-            and np.ptp(z) > 0.0
-            and not np.array_equal(z, observations.column("current_A")[here])
-        ):
+        if name != observations.leading_current and np.ptp(z) > 0.0:
             z, alone = _unit(z), frozenset({name})
             result += [(z, 1, alone), (z * z, 2, alone), (z * x, 2, alone | {"distance_m"})]
             result += [(z * y, 2, alone | {"current_A"}), (z * z * x, 3, alone | {"distance_m"})]

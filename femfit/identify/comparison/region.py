@@ -27,6 +27,7 @@ from femfit.identify.constants import (
     THRESHOLDS,
 )
 from femfit.identify.readings.observations import Observations
+from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import CHANNEL_WORDS
 
 _PLACES = {
@@ -55,7 +56,8 @@ class _Half:
     def words(self) -> str:
         digits = len(f"{abs(self.value):.2e}".split("e")[0].rstrip("0").replace(".", ""))  # 20 mm, not 20.0 mm
         shown = f"reading {self.value:.0f}" if self.name == "order" else amount(self.value, self.name, digits)
-        return _PLACES[self.name][0 if self.above else 1].format(shown)
+        quantity, circuit = parts_of(self.name)
+        return _PLACES[quantity][0 if self.above else 1].format(shown) + (f" in {circuit}" if circuit else "")
 
 
 def describe_region(observations: Observations, channel: str, covariates: Sequence[str], smooth: FloatArray) -> str:
@@ -68,7 +70,12 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     misfit, base = observations.residual[here], _signal(observations, channel)[here]
     if np.sum(misfit**2) <= NOTHING**2 * np.sum(base**2):
         return f"{subject} is as predicted."
-    values = {name: observations.column(name)[here] for name in covariates if name in _PLACES}
+    leading = observations.leading_current
+    values = {
+        leading if name == "current_A" else name: observations.column(name)[here]
+        for name in covariates
+        if name in _PLACES
+    }
     sides = np.sign(observations.column("branch")[here])
     branch = sides if "branch" in covariates else None
     s = smooth[here] if smooth[here].any() else misfit

@@ -62,6 +62,15 @@ class Observations:
         return ("distance_m", *(of_circuits or ("current_A",)))
 
     @property
+    def leading_current(self) -> str:
+        """The setting that ``current_A`` is: of several circuits, the current that was varied most."""
+        leading = self.covariates["current_A"].to_numpy()
+        return next(
+            (name for name in self.settings[1:] if np.array_equal(self.covariates[name].to_numpy(), leading)),
+            "current_A",
+        )
+
+    @property
     def residual(self) -> FloatArray:
         """Recorded minus predicted, shape (M,)."""
         return self.value - self.base
