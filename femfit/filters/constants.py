@@ -29,7 +29,8 @@ BIAS_SHARE, BIAS_SHARE_PER_ROOT_S = 0.01, 5e-4
 and the random walk of the bias in a second; the ratio of the two is that of the Hall element's."""
 
 FIRST_DEVIATION_M = 1e-3
-"""Conventional: first standard deviation of the distance of a body that is put on a support by hand."""
+"""Conventional: first standard deviation of the distance of a body that is put on a support by hand; at most that of a
+body that lies anywhere on its way with the same probability, the way over the root of twelve (derived)."""
 
 FIRST_VELOCITY_M_S, FIRST_CURRENT_A = 0.05, 0.1
 """Conventional: first standard deviations of velocity and current of a body near rest."""

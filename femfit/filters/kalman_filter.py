@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Literal
 
 from femfit.core.errors import FilterError
-from femfit.filters.constants import FIRST_DEVIATION_M
 from femfit.filters.extended import ExtendedFilter
 from femfit.filters.filter import Filter
 from femfit.filters.levitation import levitation_process
@@ -29,7 +28,7 @@ def kalman_filter(
     hall_bias: bool = True,
     noise: FilterNoise | None = None,
     distance: float | None = None,
-    first_deviation_m: float = FIRST_DEVIATION_M,
+    first_deviation_m: float | None = None,
     commanded: bool = False,
     explicit: bool = True,
 ) -> Filter:
@@ -50,8 +49,8 @@ def kalman_filter(
         Derived by :func:`femfit.filters.noise.default_noise` where None.
     distance : float or None
         Operating point in m; the model's first reference distance, or the middle of its range, where None.
-    first_deviation_m : float
-        Standard deviation of the first estimate's distance.
+    first_deviation_m : float or None
+        Standard deviation of the first estimate's distance; 1 mm where None, or less where the way is short.
     commanded : bool
         Whether it is stepped with what the drivers are told, in V or A for a current amplifier, instead of the voltages
         across the circuits.
@@ -96,5 +95,6 @@ def kalman_filter(
         explicit=explicit,
     )
     covariance = process.require_start_covariance().copy()
-    covariance[0, 0] = first_deviation_m**2
+    if first_deviation_m is not None:
+        covariance[0, 0] = first_deviation_m**2
     return _KINDS[kind](replace(process, start_covariance=covariance))

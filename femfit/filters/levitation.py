@@ -21,6 +21,7 @@ from femfit.filters.constants import FARTHEST, NEAREST
 from femfit.filters.noise import (
     FilterNoise,
     default_noise,
+    first_deviation,
     initial_covariance,
     operating_distance,
     process_covariance,
@@ -87,6 +88,7 @@ def levitation_process(
     first, walks = bias_deviations(model, biases)
     walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
     own, *further = outputs_of(model, sensors, biases, noise)
+    first_covariance = initial_covariance(first_deviation(model), biases=first, circuits=len(model.circuits))
     return FilterProcess(
         names=names,
         step_s=model.sample_time_s,
@@ -100,7 +102,7 @@ def levitation_process(
         measure_columns=own.columns,
         lower=lower,
         upper=upper,
-        start_covariance=with_memory(model, initial_covariance(biases=first, circuits=len(model.circuits))),
+        start_covariance=with_memory(model, first_covariance),
         sensor=own.name,
         unit=own.unit,
         further=tuple(further),
@@ -179,10 +181,15 @@ def _driven_transition(model: ActuatorModel, states: FloatArray, command: FloatA
     command = command[:, None] if command.ndim == 1 else command
     volts = winding_voltage(model, states, command, model.sample_time_s)
     result = _transition(model, states, volts[:, 0] if volts.shape[1] == 1 else volts)
+    return blocked_by_diodes(model, result)
+
+
+def blocked_by_diodes(model: ActuatorModel, states: FloatArray) -> FloatArray:
+    """States (N, n) whose currents do not turn round where a diode feeds the winding; changes its argument."""
     for k, circuit in enumerate(model.circuits, start=2):
         if circuit.drive.kind == "voltage" and circuit.drive.diode_V is not None:
-            result[:, k] = np.maximum(result[:, k], 0.0)
-    return result
+            states[:, k] = np.maximum(states[:, k], 0.0)
+    return states
 
 
 def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:

@@ -111,6 +111,13 @@ def operating_distance(model: ActuatorModel) -> float:
     return 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m)
 
 
+def first_deviation(model: ActuatorModel) -> float:
+    """First standard deviation of the distance in m: no more than that of a body somewhere between its ends."""
+    box = model.validity
+    near, far = np.clip(model.require_motion().ends, box.distance_min_m, box.distance_max_m)
+    return min(FIRST_DEVIATION_M, float(far - near) / 12.0**0.5)
+
+
 def process_covariance(
     model: ActuatorModel, noise: FilterNoise, distance: float, bias_densities: Sequence[float] = ()
 ) -> FloatArray:

@@ -163,12 +163,12 @@ def sense(
     step, end = model.sample_time_s, float(base.time_s[-1])
     motion = simulate(model, drive=given, duration_s=end, sample_time_s=step)
     table = motion.table
-    built = in_fine_steps(model, kalman_filter(model, sensors=sensors))
+    built = in_fine_steps(model, kalman_filter(model, sensors=sensors, explicit=False))
     states = np.zeros((len(table["time_s"]), built.process.order))
     states[:, 0], states[:, 1], states[:, 2] = table["distance_m"], table["velocity_m_s"], table["current_A"]
     volts = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
     rms, claimed = _errors(model, built, states, volts, runs, random_generator(rng))
-    free = in_fine_steps(without_stops(model), kalman_filter(without_stops(model), sensors=sensors)).process
+    free = in_fine_steps(without_stops(model), built).process
     return Sensing(
         motion=motion,
         sensors=tuple(sensors),

@@ -9,12 +9,12 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.filters.filter import Filter
 from femfit.filters.kalman_filter import FilterKind, kalman_filter
-from femfit.filters.levitation import fastest_time_constant, kept_between_stops
+from femfit.filters.levitation import blocked_by_diodes, fastest_time_constant, kept_between_stops
 from femfit.filters.noise import FilterNoise, default_noise, operating_distance
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.sensors import HALL
-from femfit.replay.constants import RUNGE_KUTTA_STEP, UNMOVED_KG
+from femfit.replay.constants import AT_STOP, RUNGE_KUTTA_STEP, UNMOVED_KG
 from femfit.replay.prepare import Prepared
 
 FILTERS: dict[str, tuple[FilterKind, bool]] = {
@@ -40,8 +40,26 @@ def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise
     if biased:
         chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
     model = prepared.model
-    built = kalman_filter(model, kind, sensors=prepared.sensors, biases=chosen, noise=noise, explicit=False)
+    built = kalman_filter(
+        model,
+        kind,
+        sensors=prepared.sensors,
+        biases=chosen,
+        noise=noise,
+        first_deviation_m=_first_deviation(prepared),
+        explicit=False,
+    )
     return in_fine_steps(model, built)
+
+
+def _first_deviation(prepared: Prepared) -> float | None:
+    """A filter that does not read the recorded distance starts again from it where every stretch begins with one."""
+    distance = prepared.recorded.get("distance_m")
+    read = any(reading.column == "distance_m" for reading in prepared.readings)
+    if read or distance is None or not np.isfinite(distance[prepared.log.begins]).all():
+        return None
+    box = prepared.model.validity
+    return AT_STOP * (box.distance_max_m - box.distance_min_m)
 
 
 def in_fine_steps(model: ActuatorModel, built: Filter) -> Filter:
@@ -60,10 +78,14 @@ def _substeps(model: ActuatorModel) -> int:
 
 
 def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order = model.order
+    order, ends = model.order, model.require_motion().ends
+    if ends != (-np.inf, np.inf):  # what an update moves beyond a stop, the body does not start from
+        states = states.copy()
+        states[:, 0] = np.clip(states[:, 0], *ends)
     moved = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, substeps)
+    blocked_by_diodes(model, moved)
     moved = np.concatenate([moved, states[:, order:]], axis=1)
-    if model.require_motion().ends == (-np.inf, np.inf):
+    if ends == (-np.inf, np.inf):
         return moved
     beyond = moved[:, 0].copy()
     kept = kept_between_stops(model, _rebounding(model, states, moved))
@@ -72,7 +94,7 @@ def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: F
         d, i = kept[turned, 0], kept[turned, 2]
         slope, inductance = model.magnetics.coenergy_derivatives(d, i, ((1, 1), (0, 2)))
         kept[turned, 2] += slope * (beyond[turned] - d) / inductance
-    return kept
+    return blocked_by_diodes(model, kept)
 
 
 def _rebounding(model: ActuatorModel, before: FloatArray, after: FloatArray) -> FloatArray:

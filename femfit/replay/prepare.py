@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femfit.core.amount import amount, amount_range, counted
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
@@ -86,7 +86,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         readings=np.stack([one.values for one in kept], axis=1),
         begins=begins,
         guesses=_guesses(model, recorded, each),
-        held=rests.held,
+        held=_held(rests, readings),
         limits=np.stack([one.limit for one in kept], axis=1),
         side=np.stack([one.side for one in kept], axis=1),
     )
@@ -138,6 +138,15 @@ def _sample_noise(series: TimeSeries, name: str, values: FloatArray) -> float:
     """Of a channel, as declared or from neighbouring samples; NaN where neither says it."""
     declared = series.declared_noise.get(name)
     return float(declared) if declared else white_noise(values, series.rows["segment"].to_numpy())
+
+
+def _held(rests: Rests, readings: Sequence[Reading]) -> BoolArray:
+    """Samples at which the body is kept where the estimate is; on a stop only where the filter reads the distance.
+
+    An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there.
+    """
+    read = any(reading.column == "distance_m" for reading in readings)
+    return replace(rests, rests=tuple(one for one in rests.rests if read or one.place == "held")).held
 
 
 def _resting_deviations(rests: Rests, step: float, noise: float) -> tuple[float, float] | None:
