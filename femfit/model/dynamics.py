@@ -23,6 +23,9 @@ from femfit.core.differences import central_differences
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import MagneticSlopes, MagneticState
 
+FLUX_STEPS, FLUX_CHANGE = 20, 1e-10
+"""Numerical: Newton's method on a flux linkage that grows with the current ends within a handful of steps."""
+
 
 def state_derivative(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
@@ -101,6 +104,27 @@ def runge_kutta_step(
         k4 = state_derivative(model, state + h * k3, voltage, disturbance)
         state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return state
+
+
+def currents_of_same_flux(
+    model: ActuatorModel, currents: FloatArray, before: FloatArray, after: FloatArray
+) -> FloatArray:
+    """Currents of shape (N, n) at other distances that link the same flux, series inductances included, by Newton."""
+    if not currents.shape[1]:
+        return currents
+
+    def linked(distance: FloatArray, at: FloatArray) -> FloatArray:
+        flux = model.magnetics.flux_linkage(distance, at[:, 0] if len(model.circuits) == 1 else at)
+        return np.asarray(flux.reshape(at.shape) + at @ model.series_inductances_H)
+
+    wanted, result = linked(before, currents), currents
+    for _ in range(FLUX_STEPS):
+        inductance = model.magnetics.state_of_circuits(after, result).inductance + model.series_inductances_H
+        change = _solved(inductance, (wanted - linked(after, result))[..., None])[..., 0]
+        result = result + change
+        if np.abs(change).max(initial=0.0) <= FLUX_CHANGE * np.abs(result).max(initial=0.0):
+            break
+    return result
 
 
 def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:

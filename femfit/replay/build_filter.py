@@ -12,7 +12,7 @@ from femfit.filters.kalman_filter import FilterKind, kalman_filter
 from femfit.filters.levitation import blocked_by_diodes, fastest_time_constant, kept_between_stops
 from femfit.filters.noise import FilterNoise, default_noise, operating_distance
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import runge_kutta_step
+from femfit.model.dynamics import currents_of_same_flux, runge_kutta_step
 from femfit.model.sensors import HALL
 from femfit.replay.constants import AT_STOP, RUNGE_KUTTA_STEP, UNMOVED_KG
 from femfit.replay.prepare import Prepared
@@ -91,9 +91,8 @@ def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: F
     kept = kept_between_stops(model, _rebounding(model, states, moved))
     turned = np.flatnonzero(kept[:, 0] != beyond)
     if len(turned):  # the flux linkage goes on at U - R i, wherever within the step the body was stopped
-        d, i = kept[turned, 0], kept[turned, 2]
-        slope, inductance = model.magnetics.coenergy_derivatives(d, i, ((1, 1), (0, 2)))
-        kept[turned, 2] += slope * (beyond[turned] - d) / inductance
+        end = 2 + len(model.circuits)
+        kept[turned, 2:end] = currents_of_same_flux(model, kept[turned, 2:end], beyond[turned], kept[turned, 0])
     return blocked_by_diodes(model, kept)
 
 

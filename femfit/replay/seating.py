@@ -25,6 +25,7 @@ from femfit.filters.error_bound import without_stops
 from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterState
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.dynamics import currents_of_same_flux
 from femfit.replay.build_filter import in_fine_steps
 from femfit.replay.constants import APART, BEYOND, CERTAIN, LEAST_CONFIDENCE, LEAST_UNSEATED, SEAT_BEFORE
 from femfit.replay.prepare import Prepared
@@ -173,8 +174,8 @@ def _seat(
     rivals.likelihood[now] += density + np.log(speed * model.sample_time_s)
     passed = outward * np.maximum(-outward * gap, 0.0)
     d = np.full(int(now.sum()), stop.distance_m)
-    slope, inductance = model.magnetics.coenergy_derivatives(d, mean[now, 2], ((1, 1), (0, 2)))
-    mean[now, 2] += slope * passed / inductance
+    end = 2 + len(model.circuits)
+    mean[now, 2:end] = currents_of_same_flux(model, mean[now, 2:end], d + passed, d)
     mean[now, 0], mean[now, 1] = stop.distance_m, -stop.restitution * mean[now, 1]
     # What is left of the distance is nothing beside a step; the speed's deviation is returned with it
     scale = np.ones(mean.shape[1])
