@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from femfit.core.arrays import FloatArray
-from femfit.replay.constants import COVARIANCE_BLOCK, COVARIANCE_LAGS
+from femfit.replay.constants import COVARIANCE_BLOCK, COVARIANCE_LAGS, LEAST_BLOCKS
 
 
 class Stretches(NamedTuple):
@@ -41,8 +41,10 @@ class Factors(NamedTuple):
     deviation: FloatArray
 
 
-def variance_factors(seen: Stretches, causes: list[FloatArray], known: FloatArray, readings: FloatArray) -> Factors:
-    """Fit the sizes of noises to autocovariances.
+def variance_factors(
+    seen: Stretches, causes: list[FloatArray], known: FloatArray, readings: FloatArray
+) -> Factors | None:
+    """Fit the sizes of noises to autocovariances; None where too few products of readings are known.
 
     Parameters
     ----------
@@ -64,20 +66,38 @@ def variance_factors(seen: Stretches, causes: list[FloatArray], known: FloatArra
     use = steps >= seen.forgotten
     count = max(1, int(use.sum()) // COVARIANCE_BLOCK)
     blocks = np.array_split(steps[use], count)
-    measured = np.concatenate([products[rows].mean(axis=0) for rows in blocks])  # (blocks * pieces, entries)
-    design = np.concatenate([parts[rows].mean(axis=0) for rows in blocks])  # (blocks * pieces, entries, noises + 1)
-    known_part = np.isfinite(measured).all(axis=1)
-    measured, design = measured[known_part], design[known_part]
+    # (blocks * pieces, entries), and the same with noises + 1; the mean over the products that both readings give
+    measured = np.concatenate([_mean(products[rows], products[rows]) for rows in blocks])
+    design = np.concatenate([_mean(parts[rows], products[rows][..., None]) for rows in blocks])
+    seen_in = np.isfinite(measured).sum(axis=0)
+    entries = seen_in >= LEAST_BLOCKS
+    measured, design, seen_in = measured[:, entries], design[:, entries], seen_in[entries]
+    if len(seen_in) < len(noises) or not _every_noise_shows(design[:, :, :-1]):
+        return None
     target = measured - design[:, :, -1]
-    matrix = design[:, :, :-1].mean(axis=0)
-    scale = np.maximum(target.std(axis=0, ddof=1), np.finfo(float).tiny)
-    value, _ = nnls(matrix / scale[:, None], target.mean(axis=0) / scale)
+    matrix = np.nanmean(design[:, :, :-1], axis=0)
+    scale = np.maximum(np.nanstd(target, axis=0, ddof=1), np.finfo(float).tiny)
+    value, _ = nnls(matrix / scale[:, None], np.nanmean(target, axis=0) / scale)
     left = target - design[:, :, :-1] @ value
-    scale = np.maximum(left.std(axis=0, ddof=1), np.finfo(float).tiny)
-    value, _ = nnls(matrix / scale[:, None], target.mean(axis=0) / scale)
+    scale = np.maximum(np.nanstd(left, axis=0, ddof=1), np.finfo(float).tiny)
+    value, _ = nnls(matrix / scale[:, None], np.nanmean(target, axis=0) / scale)
     weighted = matrix / scale[:, None]
-    influence = ((target - design[:, :, :-1] @ value) / scale) @ weighted @ np.linalg.pinv(weighted.T @ weighted)
+    share = np.nan_to_num((target - design[:, :, :-1] @ value) / scale) * (len(measured) / seen_in)
+    influence = share @ weighted @ np.linalg.pinv(weighted.T @ weighted)
     return Factors(value, influence.std(axis=0, ddof=1) / np.sqrt(len(influence)))
+
+
+def _mean(values: FloatArray, products: FloatArray) -> FloatArray:
+    """Mean over the steps at which a product is known; NaN where it never is."""
+    known = np.isfinite(products)
+    count = known.sum(axis=0)
+    total = np.where(known, values, 0.0).sum(axis=0)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
+def _every_noise_shows(design: FloatArray) -> bool:
+    """Whether each noise is in one of the products that are left."""
+    return bool((np.nanmax(np.abs(design), axis=(0, 1)) > 0.0).all())
 
 
 def _gains(seen: Stretches, q: FloatArray, readings: FloatArray) -> FloatArray:
@@ -86,12 +106,10 @@ def _gains(seen: Stretches, q: FloatArray, readings: FloatArray) -> FloatArray:
     covariance = np.broadcast_to(q * steps, (pieces, order, order))
     result = np.empty((steps, pieces, order, sensors))
     for k in range(steps):
-        h, f = seen.outputs[k], seen.slope[k]
+        h, f = seen.outputs[k] * np.isfinite(seen.innovation[k])[:, :, None], seen.slope[k]
         cross = covariance @ h.swapaxes(1, 2)
         total = h @ cross + np.diag(readings)
         gain = np.linalg.solve(total, cross.swapaxes(1, 2)).swapaxes(1, 2)
-        read = np.isfinite(seen.innovation[k]).all(axis=1)
-        gain = np.where(read[:, None, None], gain, 0.0)
         result[k] = gain
         covariance = covariance - gain @ cross.swapaxes(1, 2)
         covariance = f @ covariance @ f.swapaxes(1, 2) + q

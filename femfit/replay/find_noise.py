@@ -101,6 +101,8 @@ def _by_autocovariance(
     seen = Stretches(windows.innovation, windows.slope, windows.outputs, windows.forgotten)
     readings = np.array([output.variance for output in process.outputs])
     factors = variance_factors(seen, parts[:2], parts[2], readings)
+    if factors is None:
+        return ()
     found = []
     for (name, unit, given), value, deviation in zip(noises, factors.value, factors.deviation, strict=True):
         if not given:

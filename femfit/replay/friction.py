@@ -45,6 +45,6 @@ def dry_friction(prepared: Prepared, replayed: Replayed) -> DryFriction | None:
             return None
         means = np.array([one.mean() for one in np.array_split(force[here], blocks)])
         each.append((float(means.mean()), float(means.var(ddof=1) / blocks)))
-    (away, first), (back, second) = each
-    friction, spread = 0.5 * (away - back), 0.5 * float(np.sqrt(first + second))
+    (approaching, first), (leaving, second) = each
+    friction, spread = 0.5 * (approaching - leaving), 0.5 * float(np.sqrt(first + second))
     return DryFriction(friction, spread) if friction > SHOWN * spread else None

@@ -208,18 +208,22 @@ def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[fl
     declared = series.declared_noise.get(str(reading.column))
     if declared or reading.white > 0.0:
         return float(declared or reading.white), []
-    second = np.diff(column, 2)
-    second = second[np.isfinite(second)]
+    known = column[
+        np.isfinite(column)
+    ]  # where a sensor is read more slowly than the record, what is between is missing
+    second = np.diff(known, 2)
     scatter = MEDIAN_TO_DEVIATION * float(np.median(np.abs(second))) if len(second) else 0.0
     guess = scatter / SECOND_DIFFERENCE**0.5
     if not guess > 0.0:  # more than half of the readings repeat: one step of the converter
-        steps = np.abs(np.diff(column))
+        steps = np.abs(np.diff(known))
         steps = steps[steps > 0.0]
         guess = float(steps.min()) / 12.0**0.5 if len(steps) else 0.0
     if not guess > 0.0:
+        fault = (
+            "its readings do not vary" if len(known) > 2 else f"the record has {counted(len(known), 'reading')} of it"
+        )
         raise TableError(
-            f"The noise of {reading.column} must be known; its readings do not vary. Give --noise "
-            f"{reading.column}=STANDARD DEVIATION."
+            f"The noise of {reading.column} must be known; {fault}. Give --noise {reading.column}=STANDARD DEVIATION."
         )
     said = f"The noise of sensor {reading.name} is guessed from its second differences: {amount(guess, reading.unit)}."
     return guess, [Finding("guessed-noise", "info", said, "Give it with --noise.", column=str(reading.column))]

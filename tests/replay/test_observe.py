@@ -140,6 +140,26 @@ def test_the_noise_in_the_record_is_found_and_makes_the_filter_consistent(log):
     assert sum(found.noise.shares["laser"].values()) == pytest.approx(1.0)
 
 
+def every_fifth(record):
+    """The same record with a laser that is read five times more slowly."""
+    slow = np.where(np.arange(len(record.rows)) % 5 == 0, record.rows["distance_m"], np.nan)
+    return changed(record, distance_m=slow)
+
+
+def test_a_sensor_that_is_read_more_slowly_than_the_record_leaves_autocovariances(log):
+    found = ff.observe(damped(), every_fifth(log[1])).noise
+    by_covariance = {one.name: one for one in found.by_autocovariance}
+    for name in ("current", "laser"):
+        assert by_covariance[name].known
+        assert by_covariance[name].value == pytest.approx(TRUE[name], rel=0.2)
+
+
+def test_the_noise_of_a_slow_sensor_is_guessed_from_the_readings_that_there_are(log):
+    model = damped({**TRUE, "laser": 0.0})
+    found = ff.observe(model, every_fifth(log[1]), find=False)
+    assert found.filters[0].built.process.outputs[1].variance ** 0.5 == pytest.approx(TRUE["laser"], rel=0.3)
+
+
 @pytest.mark.long
 def test_the_true_noise_lies_in_its_interval_in_19_of_20_records():
     """Of twenty intervals of 95 % sixteen or more hold the truth but for 0.3 % of such sets."""
@@ -237,6 +257,26 @@ def test_autocovariances_and_likelihood_find_the_same_noises(log):
         assert not other.known or other.value == pytest.approx(TRUE[one.name], rel=0.4)
     assert sum(other.known for other in found.by_autocovariance) >= 3
     assert "by autocovariance" in "\n".join(found.lines())
+
+
+def every_fifth(record):
+    """The same record with a laser that is read five times more slowly."""
+    slow = np.where(np.arange(len(record.rows)) % 5 == 0, record.rows["distance_m"], np.nan)
+    return changed(record, distance_m=slow)
+
+
+def test_a_sensor_that_is_read_more_slowly_than_the_record_leaves_autocovariances(log):
+    found = ff.observe(damped(), every_fifth(log[1])).noise
+    by_covariance = {one.name: one for one in found.by_autocovariance}
+    for name in ("current", "laser"):
+        assert by_covariance[name].known
+        assert by_covariance[name].value == pytest.approx(TRUE[name], rel=0.2)
+
+
+def test_the_noise_of_a_slow_sensor_is_guessed_from_the_readings_that_there_are(log):
+    model = damped({**TRUE, "laser": 0.0})
+    found = ff.observe(model, every_fifth(log[1]), find=False)
+    assert found.filters[0].built.process.outputs[1].variance ** 0.5 == pytest.approx(TRUE["laser"], rel=0.3)
 
 
 @pytest.mark.long
