@@ -65,6 +65,9 @@ LEAST_JUDGED = 60
 COVARIANCE_LAGS, COVARIANCE_BLOCK = 15, 50
 """Conventional: lags of the autocovariances that noises are fitted to, and samples of a block whose means scatter."""
 
+FOLLOWS = 2.0
+"""Conventional: mean square of the normalised innovations up to which a filter follows the motion."""
+
 MOVING, SHOWN = 3.0, 4.0
 """Conventional: deviations of its velocity from which a body moves one way, and of a friction from which it is said."""
 

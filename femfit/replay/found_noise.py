@@ -61,6 +61,11 @@ class FoundNoise:
             lines += [
                 f"    by autocovariance: {other.interval}" for other in self.by_autocovariance if other.name == one.name
             ]
+        if self._disagree:
+            lines.append(
+                "  The two methods disagree: the model is wrong by more than noise, or the filter was given noises far "
+                "off. Write these into a model (--write-noise) and run the record again."
+            )
         if self.friction is not None:
             share = min(1.0, (self.friction.force_N / self.force_N) ** 2) if self.force_N else 1.0
             lines.append(f"  {100.0 * share:.0f} % of that force is friction: {self.friction}")
@@ -68,6 +73,12 @@ class FoundNoise:
             told = ", ".join(f"{100.0 * share:.0f} % {name}" for name, share in parts.items() if share >= 0.005)
             lines.append(f"  the innovations of {sensor} are {told}")
         return lines
+
+    @property
+    def _disagree(self) -> bool:
+        """Whether an interval of one method lies wholly outside of the other's."""
+        pairs = [(one, other) for one in self.estimates for other in self.by_autocovariance if one.name == other.name]
+        return any(one.low > other.high or (one.known and other.low > one.high) for one, other in pairs)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""

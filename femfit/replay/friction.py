@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.amount import amount
-from femfit.replay.constants import COVARIANCE_BLOCK, FORGOTTEN, LEAST_BLOCKS, MOVING, SHOWN
+from femfit.replay.constants import COVARIANCE_BLOCK, FOLLOWS, FORGOTTEN, LEAST_BLOCKS, MOVING, SHOWN
 from femfit.replay.prepare import Prepared
 from femfit.replay.run_filter import Replayed
 
@@ -27,7 +27,14 @@ class DryFriction:
 
 
 def dry_friction(prepared: Prepared, replayed: Replayed) -> DryFriction | None:
-    """The friction where it is clear of its scatter and acts both ways; None elsewhere."""
+    """The friction where it is clear of its scatter and acts both ways; None elsewhere.
+
+    Nothing is said of a filter whose innovations are far larger than it says: it lags behind the motion, and a model
+    that is wrong along the distance would look like friction.
+    """
+    square = np.nanmean(replayed.innovation**2 / replayed.variance)
+    if not square < FOLLOWS:
+        return None
     velocity, deviation = replayed.mean[:, 1], replayed.deviation[:, 1]
     mass, step = prepared.model.require_motion().mass_kg, prepared.model.sample_time_s
     force = mass * (velocity - replayed.predicted[:, 1]) / step

@@ -14,6 +14,7 @@ import pytest
 import femfit as ff
 from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model, write_model
+from femfit.replay.found_noise import with_noise
 from femfit.tables.inductance_table import read_inductance_table
 from support.command import femfit
 from support.real_rig import MASS_G, POLIMI, RESISTANCE_OHM, read, write_raw, write_tables
@@ -174,3 +175,16 @@ def test_a_clamped_sphere_is_held_a_hovering_one_is_not(rig, name, least, most):
     held = [one for one in seen.findings if one.code == "held"]
     assert least <= sum(one.size for one in held) <= most
     assert bool(held) == (most > 0.0)
+
+
+def test_with_the_noise_of_the_record_the_filter_is_as_good_as_it_says_and_two_methods_agree(rig):
+    sensors = ("current", "distance")
+    first = ff.observe(rig / "steady.json", rig / "record.csv", sensors=sensors)
+    assert "disagree" in str(first)
+    again = ff.observe(with_noise(first.model, first.noise), rig / "record.csv", sensors=sensors)
+    for one in again.filters[0].innovations:
+        assert one.mean_square == pytest.approx(1.0, abs=0.03)
+        assert not one.white
+    for one, other in zip(again.noise.estimates, again.noise.by_autocovariance, strict=True):
+        assert one.value == pytest.approx(other.value, rel=0.12)
+    assert "disagree" not in str(again)
