@@ -7,6 +7,7 @@ not forgotten is run again until it is the sequential result.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -35,18 +36,24 @@ class Replayed:
 
     predicted: FloatArray  # Before the sample's readings; (samples, n)
     mean: FloatArray  # After them; (samples, n)
-    deviation: FloatArray  # (samples, n)
+    covariance: FloatArray  # (samples, n, n)
     innovation: FloatArray  # (samples, sensors)
     variance: FloatArray  # (samples, sensors)
     outcome: IntArray  # (samples,), a :class:`FilterOutcome` each
     turns: int  # How often pieces were run until they joined
+
+    @cached_property
+    def deviation(self) -> FloatArray:
+        """Standard deviations, (samples, n)."""
+        with np.errstate(invalid="ignore"):  # of a run that has lost its covariance
+            return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
 
 def replay(filter_: Filter, log: Log, resting: Filter | None = None) -> Replayed:
     """Run a filter over all stretches of a record; where the body is held, ``resting`` predicts in its place."""
     pieces = _cut(log)
     order, sensors, samples = filter_.process.order, log.readings.shape[1], len(log.inputs)
-    states = [np.full((samples, order), np.nan) for _ in range(3)]
+    states = [np.full((samples, *shape), np.nan) for shape in ((order,), (order,), (order, order))]
     seen = [np.full((samples, sensors), np.nan) for _ in range(2)]
     result = Replayed(states[0], states[1], states[2], seen[0], seen[1], np.zeros(samples, np.intp), 0)
     start = filter_.start(log.guesses[pieces.first])
@@ -103,8 +110,7 @@ def _run(
         state = filter_.update(moved, readings[:, 0] if readings.shape[1] == 1 else readings)
         here = row[alive]
         result.predicted[here], result.mean[here] = moved.mean[alive], state.mean[alive]
-        with np.errstate(invalid="ignore"):  # of a run that has lost its covariance
-            result.deviation[here] = np.sqrt(np.diagonal(state.covariance[alive], axis1=1, axis2=2))
+        result.covariance[here] = state.covariance[alive]
         shape = (len(which), readings.shape[1])
         result.innovation[here] = state.innovation.reshape(shape)[alive]
         result.variance[here] = state.innovation_variance.reshape(shape)[alive]

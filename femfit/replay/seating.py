@@ -113,7 +113,7 @@ def _judged(
     candidates = np.arange(first, min(row + spread + 1, last - 1) + 1)
     if len(candidates) < 2:
         return None
-    rivals = _run(prepared, built, (start, last), candidates, (stop, outward, replayed))
+    rivals = run_rivals(prepared, built, (start, last), candidates, (stop, outward, replayed))
     if not np.isfinite(rivals.likelihood).any():
         return None
     weight = np.exp(rivals.likelihood - np.nanmax(rivals.likelihood))
@@ -130,19 +130,20 @@ def _judged(
     return Seating(side, mean, mean - 1.96 * deviation, mean + 1.96 * deviation, velocity, float(confidence))
 
 
-def _run(
+def run_rivals(
     prepared: Prepared,
     built: Filter,
     rows: tuple[int, int],
     candidates: IntArray,
     at: tuple[Stop, float, Replayed],
 ) -> _Rivals:
+    """The likelihood of the readings for a body that seats at each candidate, and for one that goes on."""
     stop, outward, replayed = at
     model, log = prepared.model, prepared.log
     free = in_fine_steps(without_stops(model), built)
     runs = len(candidates) + 1
     start, last = rows
-    state = built.start(np.tile(replayed.mean[start], (runs, 1)), np.diag(replayed.deviation[start] ** 2))
+    state = built.start(np.tile(replayed.mean[start], (runs, 1)), replayed.covariance[start])
     rivals = _Rivals(np.append(candidates, last + 1), np.zeros(runs), np.zeros(runs), np.zeros(runs))
     for row in range(start + 1, last + 1):
         volts = np.full(runs, log.inputs[row])

@@ -8,8 +8,8 @@ import pytest
 import femfit as ff
 from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.filters.filter_state import FilterOutcome
-from femfit.model.sensors import predict_sensors
-from femfit.replay.found_noise import with_noise
+from femfit.model.sensors import predict_sensors, reading_of
+from femfit.replay.found_noise import FoundNoise, NoiseEstimate, with_noise
 from tests.support.replays import STEP_S, TRUE, damped, logs, series
 from tests.support.solenoids import solenoid
 from tests.support.switching import logged, switched
@@ -140,24 +140,14 @@ def test_the_noise_in_the_record_is_found_and_makes_the_filter_consistent(log):
     assert sum(found.noise.shares["laser"].values()) == pytest.approx(1.0)
 
 
-def every_fifth(record):
-    """The same record with a laser that is read five times more slowly."""
-    slow = np.where(np.arange(len(record.rows)) % 5 == 0, record.rows["distance_m"], np.nan)
-    return changed(record, distance_m=slow)
-
-
-def test_a_sensor_that_is_read_more_slowly_than_the_record_leaves_autocovariances(log):
-    found = ff.observe(damped(), every_fifth(log[1])).noise
-    by_covariance = {one.name: one for one in found.by_autocovariance}
-    for name in ("current", "laser"):
-        assert by_covariance[name].known
-        assert by_covariance[name].value == pytest.approx(TRUE[name], rel=0.2)
-
-
-def test_the_noise_of_a_slow_sensor_is_guessed_from_the_readings_that_there_are(log):
-    model = damped({**TRUE, "laser": 0.0})
-    found = ff.observe(model, every_fifth(log[1]), find=False)
-    assert found.filters[0].built.process.outputs[1].variance ** 0.5 == pytest.approx(TRUE["laser"], rel=0.3)
+def test_a_noise_found_is_written_without_the_rounding_that_the_converter_adds():
+    """A shunt of 10 bits over 4 A, whose steps make 1.1 mA of the 4 mA."""
+    model = damped()
+    shunt, laser = model.other_sensors
+    rounded = replace(model, other_sensors=(replace(shunt, minimum=-2.0, maximum=2.0, bits=10), laser))
+    estimate = NoiseEstimate("current", "A", 4e-3, 4e-3, 3.9e-3, 4.1e-3, known=True)
+    written = with_noise(rounded, FoundNoise((estimate,), 100, None, {}))
+    assert reading_of(written, "current").white == pytest.approx(4e-3)
 
 
 @pytest.mark.long

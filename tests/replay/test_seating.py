@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 import femfit as ff
+from femfit.device.mechanics import Stop
 from femfit.device.sensors import CurrentSensor
+from femfit.replay.build_filter import filter_of, noise_of
+from femfit.replay.prepare import prepare
+from femfit.replay.run_filter import replay
+from femfit.replay.seating import run_rivals
+from tests.support.replays import damped, logs
 from tests.support.solenoids import solenoid
 from tests.support.switching import CURRENT_A, STEP_S, logged, switched
 
@@ -67,3 +73,15 @@ def test_a_body_in_the_middle_seats_nowhere():
     record = logged([switched([0.0], [0.0], 0.1, model=device)], drop=("distance_m",))
     assert not ff.observe(device, record, find=False).seatings
     assert np.isfinite(record.rows["current_A"]).all()
+
+
+def test_a_rival_that_goes_on_is_the_filter_itself_where_nothing_is_near():
+    """It starts with the whole covariance of the estimate, with what distance, speed and current have in common."""
+    _, (record,) = logs(400, 1, seed=5)
+    prepared = prepare(damped(), record, ("current",))
+    built = filter_of(prepared, "ukf", None, noise_of(prepared, None))
+    replayed = replay(built, prepared.log)
+    stop, candidates, rows = Stop(0.2e-3, 0.0), np.array([201, 202]), slice(201, 260)
+    rivals = run_rivals(prepared, built, (200, 259), candidates, (stop, -1.0, replayed))
+    squares = replayed.innovation[rows] ** 2 / replayed.variance[rows] + np.log(replayed.variance[rows])
+    assert rivals.likelihood[-1] == pytest.approx(-0.5 * squares.sum(), rel=1e-9)
