@@ -8,7 +8,7 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.process_noise import ProcessNoise
-from femfit.model.sensors import HALL
+from femfit.model.sensors import HALL, reading_of
 from femfit.replay.friction import DryFriction
 
 
@@ -97,11 +97,12 @@ def with_noise(model: ActuatorModel, found: FoundNoise) -> ActuatorModel:
     process = ProcessNoise(known["acceleration"] ** 2 if "acceleration" in known else None, known.get("voltage"))
 
     def changed(one: ActuatorModel) -> ActuatorModel:
-        sensors = tuple(replace(s, noise=known.get(s.name, s.noise)) for s in one.other_sensors)
-        hall = one.sensor
-        if hall is not None and HALL in known:
-            rounding = hall.quantisation_step / 12.0**0.5
-            hall = replace(hall, noise_V=float(np.sqrt(max(known[HALL] ** 2 - rounding**2, 0.0))))
+        def own(name: str, before: float) -> float:  # what is left of the noise beside the converter's rounding
+            rounding = reading_of(one, name).white ** 2 - before**2
+            return float(np.sqrt(max(known[name] ** 2 - rounding, 0.0))) if name in known else before
+
+        sensors = tuple(replace(s, noise=own(s.name, s.noise)) for s in one.other_sensors)
+        hall = one.sensor and replace(one.sensor, noise_V=own(HALL, one.sensor.noise_V))
         return replace(one, other_sensors=sensors, sensor=hall, process_noise=process)
 
     held = changed(model)
