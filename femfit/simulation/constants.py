@@ -46,3 +46,7 @@ rest to steps of the reference, which use half of it."""
 SLOW_COIL, WANTED_COIL = 3.0, 6.0
 """Conventional: coil's pole over the body's unstable one below which a PID closes a loop of the current, and what that
 loop makes of it. Backstepping asks for three times as well; at six times four equal poles are faster than the body."""
+
+REFERENCE_PART = 1.7
+"""Conventional: fastest rate of the reference over the body's own, sqrt(|S|/m); what is asked for faster than that is
+the force of the driver alone, and a filter's explicit steps are off by more than its sensors' noise."""

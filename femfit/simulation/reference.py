@@ -19,9 +19,10 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import circuit_terms
+from femfit.model.drive import circuit_terms, voltage_limits
 from femfit.simulation.allocation import currents_for_acceleration
-from femfit.simulation.constants import USED_AUTHORITY
+from femfit.simulation.constants import REFERENCE_PART, USED_AUTHORITY
+from femfit.simulation.limits import covered_currents
 from femfit.simulation.operating_point import operating_point, usable_coil_pole, zero_order_hold
 
 
@@ -65,8 +66,14 @@ def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> 
 
 
 def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
-    """The largest w in rad/s that leaves the feedback its part of the voltage, at most a third of the coil's pole."""
-    highest = usable_coil_pole(model, operating_point(model, targets[0])) / 3.0
+    """The largest w in rad/s that leaves the feedback its part of the voltage.
+
+    At most a third of the coil's pole, and not much faster than the body itself, where it has a rate of its own.
+    """
+    point = operating_point(model, targets[0])
+    highest = usable_coil_pole(model, point) / 3.0
+    if point.natural_rad_s:
+        highest = min(highest, REFERENCE_PART * point.natural_rad_s)
     pairs = {pair for pair in pairwise(targets) if pair[0] != pair[1]}
     low, high = 1e-3 * highest, highest
     if all(_fits(model, pair, high) for pair in pairs):
@@ -87,7 +94,10 @@ def _fits(model: ActuatorModel, pair: tuple[float, float], rate: float) -> bool:
     r, v, a = path.distance[moving], path.velocity[moving], path.acceleration[moving]
     needed = _voltages(model, r, v, a, step)
     resting = _voltages(model, r, np.zeros_like(v), np.zeros_like(a), np.inf)
-    low, high = np.array([(one.voltage_min_V, one.voltage_max_V) for one in model.circuits]).T
+    # Of what can be held: beyond it a voltage may be used while the current changes, and is left to the feedback
+    held = model.resistances_ohm * covered_currents(model)
+    limits = voltage_limits(model.circuits)
+    low, high = np.maximum(limits[0], held[0]), np.minimum(limits[1], held[1])
     lower = resting - USED_AUTHORITY * (resting - low)
     upper = resting + USED_AUTHORITY * (high - resting)
     return bool(np.all((needed >= lower) & (needed <= upper)))

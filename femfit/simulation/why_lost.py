@@ -25,9 +25,9 @@ from femfit.simulation.lost_loop import AMPLE, HARDLY, Improved, LostLoop
 FEW = 8
 """Conventional: of more runs so many are repeated where some of them are lost, so that the trials take no longer."""
 
-BEYOND, FOLLOWED = 1.5, 40.0
+BEYOND, FOLLOWED = 1.5, 20.0
 """Conventional: a trial is followed for so many times the time of the last loss, and so many of the body's time
-constants more: a loop that drifts away a tenth as fast as the body is lost by then."""
+constants more: a loop that drifts away a fifth as fast as the body is lost by then."""
 
 HALVINGS = 4
 """Conventional: steps of the search for the improvement that suffices; it is then known to a few per cent."""
@@ -124,7 +124,8 @@ def _suffices(loop: LostLoop, better: Improved, holds: Callable[[Improved], bool
 
 def _cause(loop: LostLoop, name: str, better: Improved, holds: Callable[[Improved], bool]) -> str:
     """A cause with how much of it would do, and the others that suffice alone."""
-    also = [other for other, one in _hardware(loop).items() if other != name and _suffices(loop, one, holds)]
+    alone = {other: replace(one, controller=better.controller) for other, one in _hardware(loop).items()}
+    also = [other for other, one in alone.items() if other != name and holds(one)]
     either = f" {' and '.join(also).capitalize()} would do as well: each alone holds them." if also else ""
     return f"{_SENTENCES[name](loop, better, holds)}{_with(loop, better)}{either}"
 
