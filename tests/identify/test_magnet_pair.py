@@ -1,5 +1,6 @@
 """A pair of magnets without a coil is compared and diagnosed by its force over distance."""
 
+import numpy as np
 import pytest
 
 from femfit.audit.audit_model import audit_model
@@ -9,7 +10,7 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.readings.place import placed
 from femfit.identify.signatures.columns import why_untestable
-from support.magnet_pair import bench_csv, magnet_pair
+from support.magnet_pair import bench_csv, force, magnet_pair
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +71,21 @@ def test_the_audit_asks_for_no_inductance(model):
 def test_what_needs_a_circuit_is_refused_because_there_is_no_coil(model):
     with pytest.raises(MissingPartError, match="no coil"):
         model.require_circuit()
+
+
+def test_a_body_that_is_let_go_shows_its_mass_over_its_force(model, tmp_path):
+    """Motion under the magnets' force and its weight, by small steps of another method, with a body that is 20 % heavier."""
+    mass, step, lines = 1.2 * model.motion.mass_kg, 1e-5, ["run,time_s,distance_m"]
+    noise = np.random.default_rng(3)
+    for run, start in enumerate((15e-3, 12e-3, 9e-3), 1):
+        d, v, k = start, 0.0, 0
+        while d > 1e-3:
+            v += step * (model.motion.gravity_m_s2 - float(force(d)) / mass)
+            d += step * v
+            if k % 10 == 0:
+                lines.append(f"{run},{k * step:.6f},{d + noise.normal(0.0, 2e-6):.9f}")
+            k += 1
+    path = tmp_path / "falls.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    found = diagnose(model, path, bootstrap=0)
+    assert {"mass_error", "remanence"} <= set(found.missing[0].members)  # a motion alone shows their ratio

@@ -43,15 +43,18 @@ class Samples:
 
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     """Take the samples that a model can explain: voltages as the clamp passes them, no Hall voltage at its limits."""
-    missing = [name for name in ("current_A", "distance_m") if name not in series.given]
+    needed = ("current_A", "distance_m") if model.has_winding else ("distance_m",)
+    missing = [name for name in needed if name not in series.given]
     if missing:
         raise TableError(
-            f"A time series must record current_A and distance_m for its balances; {series.source} lacks "
+            f"A time series must record {' and '.join(needed)} for its balances; {series.source} lacks "
             f"{' and '.join(missing)}. Record it, or estimate the distance by a filter and give it as distance_m."
         )
     rows = series.rows
     findings: list[Finding] = []
     columns = {name: rows[name].to_numpy(copy=True) for name in rows.columns if name not in ("run", "time_s")}
+    if not model.has_winding:
+        columns["current_A"] = np.zeros(len(rows))
     distance, current = columns["distance_m"], columns["current_A"]
     known = np.isfinite(distance) & np.isfinite(current)
     usable = known & within_domain(model, distance, current)
