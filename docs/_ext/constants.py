@@ -8,6 +8,8 @@ PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
     "What is missing": PACKAGE / "identify" / "constants.py",
     "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
+    "Rests, held bodies and what the driver gave": PACKAGE / "records" / "constants.py",
+    "A record through a filter": PACKAGE / "replay" / "constants.py",
     "What to measure next": PACKAGE / "identify" / "experiments" / "constants.py",
     "A table to a model": PACKAGE / "fit" / "constants.py",
     "Which readings contradict all others": PACKAGE / "tables" / "outliers.py",
