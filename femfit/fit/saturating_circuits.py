@@ -27,6 +27,7 @@ from femfit.fit.constants import (
     CIRCUIT_CELLS,
     DISTANCE_FOLDS,
     FEWER_FUNCTIONS,
+    FEWEST_CURRENTS,
     HELD_OUT_TARGET,
     LEAST_OF_GRID,
     LEFT_OUT_EVERY,
@@ -39,9 +40,6 @@ from femfit.fit.rows import rms
 from femfit.model.bspline import basis_matrix
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
-
-_FEWEST = 3
-"""Derived: a flux linkage that bends takes three currents."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,10 +91,10 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, float]:
     """
     axes = [np.unique(column) for column in rows.currents.T]
     for name, axis in zip(rows.names, axes, strict=True):
-        if len(axis) < _FEWEST:
+        if len(axis) < FEWEST_CURRENTS:
             raise FitError(
-                f"The iron saturates, and each circuit then needs {_FEWEST} currents or more; circuit {name!r} has "
-                f"{len(axis)}. Sweep more of its currents, together with all of the others'."
+                f"The iron saturates, and each circuit then needs {FEWEST_CURRENTS} currents or more; circuit {name!r} "
+                f"has {len(axis)}. Sweep more of its currents, together with all of the others'."
             )
     points = len(rows.distances) * int(np.prod([len(axis) for axis in axes]))
     if len(rows.distance) < LEAST_OF_GRID * points:
@@ -135,7 +133,7 @@ def _left_out(basis: _Basis, rows: CircuitRows, out: BoolArray) -> float:
 
 def _current_knots(currents: FloatArray, fewer: int) -> tuple[FloatArray, int]:
     """Knots and degree of one function more than there are currents, for the derivative loses one, less ``fewer``."""
-    functions = max(len(currents) + 1 - fewer, _FEWEST)
+    functions = max(len(currents) + 1 - fewer, FEWEST_CURRENTS)
     degree = min(U_DEGREE, functions - 1)
     inner = np.quantile(currents[1:-1], np.linspace(0.0, 1.0, functions - degree + 1)[1:-1])
     if not fewer and len(currents) > U_DEGREE:
