@@ -115,7 +115,7 @@ def first_deviation(model: ActuatorModel) -> float:
     """First standard deviation of the distance in m: no more than that of a body somewhere between its ends."""
     box = model.validity
     near, far = np.clip(model.require_motion().ends, box.distance_min_m, box.distance_max_m)
-    return min(FIRST_DEVIATION_M, float(far - near) / 12.0**0.5)
+    return min(FIRST_DEVIATION_M, float(far - near) / float(np.sqrt(12.0)))
 
 
 def process_covariance(

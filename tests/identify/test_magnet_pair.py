@@ -74,7 +74,7 @@ def test_what_needs_a_circuit_is_refused_because_there_is_no_coil(model):
 
 
 def test_a_body_that_is_let_go_shows_its_mass_over_its_force(model, tmp_path):
-    """Motion under the magnets' force and its weight, by small steps of another method, with a body that is 20 % heavier."""
+    """Motion under the magnets' force and its weight, by another method, with a body that is 20 % heavier."""
     mass, step, lines = 1.2 * model.motion.mass_kg, 1e-5, ["run,time_s,distance_m"]
     noise = np.random.default_rng(3)
     for run, start in enumerate((15e-3, 12e-3, 9e-3), 1):
