@@ -25,6 +25,15 @@ a hold, as no current at all does where there is no magnet."""
 STEPS = 100
 """Conventional: Newton's method needs five for a quadratic force."""
 
+BALANCED = 1e-9
+"""Conventional: part of the largest force by which the currents may miss the one that is needed."""
+
+CORRECTIONS = 8
+"""Derived: Newton's method doubles its digits with each step, so that five suffice from one digit."""
+
+CONVERGED = 1e-12
+"""Derived: change of the currents, over the largest, that rounding makes."""
+
 
 def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray | None = None) -> FloatArray:
     """Currents of all circuits at which the force balances weight, springs and load, shape (n,).
@@ -48,29 +57,131 @@ def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray |
     needed, limits = float(model.require_motion().static_force(np.asarray(distance))), model.validity.current_limits_A
     bias = bias_currents(model, distance) if bias_A is None else np.asarray(bias_A, dtype=np.float64)
     model.validity.require(np.asarray(distance), bias)
-    worth, currents = 1.0 / model.resistances_ohm, bias.copy()
+    currents = nearest_currents(model, np.array([distance]), np.array([needed]), bias, limits)[0]
     scale = max(abs(needed), float(np.abs(model.magnetics.force(*model.validity.grid(5, 3))).max()))
+    missing = needed - float(model.magnetics.force(np.asarray(distance), currents))
+    if abs(missing) <= BALANCED * scale:
+        return np.asarray(currents)
+    ranges = ", ".join(
+        f"{low:g}..{high:g} A of {name}" for name, (low, high) in zip(model.circuit_names, limits, strict=True)
+    )
+    raise DomainError(
+        f"A body of {1e3 * model.require_motion().mass_kg:g} g must be held at {1e3 * distance:g} mm by currents "
+        f"within {ranges}, where the model was fitted, about a bias of {', '.join(f'{one:g} A' for one in bias)}; "
+        f"the force comes to {needed - missing:g} N of {needed:g} N. Choose another distance, or sweep wider."
+    )
+
+
+def nearest_currents(
+    model: ActuatorModel,
+    distance: FloatArray,
+    force: FloatArray,
+    bias: FloatArray,
+    limits: FloatArray,
+    start: FloatArray | None = None,
+) -> FloatArray:
+    """Currents of several circuits that give a force, those nearest to a bias; the nearest ones where none give it.
+
+    Where the way from the bias ends without the force, the corners of the limits are tried as starts too.
+
+    Parameters
+    ----------
+    distance, force : array, shape (N,)
+        In m and N.
+    bias : array, shape (n,)
+        Within the limits.
+    limits : array, shape (n, 2)
+        Least and largest current of each circuit, in A.
+    start : array, shape (N, n), or None
+        Where to look alone, as far as a way leads downhill from there.
+    """
+    if start is not None:
+        return _descended(model, distance, force, bias, limits, np.clip(start, *limits.T))
+    found = _descended(model, distance, force, bias, limits, np.tile(bias, (len(distance), 1)))
+    corners = np.stack(np.meshgrid(*limits), axis=-1).reshape(-1, len(limits))
+    pull = model.magnetics.force(np.repeat(distance, len(corners)), np.tile(corners, (len(distance), 1)))
+    balanced = BALANCED * np.maximum(np.abs(force), np.abs(pull).reshape(len(distance), -1).max(axis=1))
+    for row in np.flatnonzero(np.abs(force - model.magnetics.force(distance, found)) > balanced):
+        starts = np.vstack([found[row], corners])
+        at, wanted = np.full((2, len(starts)), [distance[row : row + 1], force[row : row + 1]])
+        ends = _descended(model, at, wanted, bias, limits, _balanced(model, at, wanted, starts, limits))
+        short = np.maximum(np.abs(wanted - model.magnetics.force(at, ends)), balanced[row])
+        heat = np.sum(model.resistances_ohm * (ends - bias) ** 2, axis=1)
+        found[row] = ends[np.lexsort((heat, short))[0]]
+    return found
+
+
+def _descended(
+    model: ActuatorModel,
+    distance: FloatArray,
+    force: FloatArray,
+    bias: FloatArray,
+    limits: FloatArray,
+    currents: FloatArray,
+) -> FloatArray:
+    """From some currents down to the nearest ones of least heat.
+
+    The bias is projected on the force's tangent plane again and again, with circuits that are at their limits leaving
+    what is missing to the others; a step after which heat and missing force are not less is halved.
+    """
+    ohms, tolerance = model.resistances_ohm, CONVERGED * float(np.abs(limits).max())
+    at, part = model.magnetics.state(distance, currents), np.ones(len(distance))
     for _ in range(STEPS):
-        at = model.magnetics.state(np.asarray(distance), currents)
-        missing = needed - float(at.force)
-        if abs(missing) <= 1e-12 * scale:
+        slope, missing = at.motional_constant, force - at.force
+        wanted, mu = _projected(slope, missing + np.sum(slope * currents, axis=1), bias, ohms, limits)
+        step = part[:, None] * (wanted - currents)
+        if np.abs(step).max() <= tolerance:
             break
-        # The nearest point to the bias on the force's tangent plane
-        along = worth * at.motional_constant
-        strength = float(at.motional_constant @ along)
-        back = currents - bias
-        currents = bias + along * ((missing + float(at.motional_constant @ back)) / strength) if strength else currents
-        currents = np.clip(currents, limits[:, 0], limits[:, 1])
-    if abs(missing) > 1e-9 * scale:
-        ranges = ", ".join(
-            f"{low:g}..{high:g} A of {name}" for name, (low, high) in zip(model.circuit_names, limits, strict=True)
+        tried = model.magnetics.state(distance, currents + step)
+        # Twice the multiplier 2 mu of the force: then a short enough step lowers heat and missing force together
+        weight = 4.0 * np.abs(mu)
+        before = np.sum(ohms * (currents - bias) ** 2, axis=1) + weight * np.abs(missing)
+        after = np.sum(ohms * (currents + step - bias) ** 2, axis=1) + weight * np.abs(force - tried.force)
+        better = after <= before
+        part = np.where(better, np.minimum(2.0 * part, 1.0), 0.5 * part)
+        currents = np.where(better[:, None], currents + step, currents)
+        at = tried if better.all() else model.magnetics.state(distance, currents)
+    return _balanced(model, distance, force, currents, limits)
+
+
+def _balanced(
+    model: ActuatorModel, distance: FloatArray, force: FloatArray, currents: FloatArray, limits: FloatArray
+) -> FloatArray:
+    """The nearest currents that give the force, by Newton's steps as long as these come nearer to it."""
+    at = model.magnetics.state(distance, currents)
+    for _ in range(CORRECTIONS):
+        slope, missing = at.motional_constant, force - at.force
+        wanted, _ = _projected(
+            slope, missing + np.sum(slope * currents, axis=1), currents, model.resistances_ohm, limits
         )
-        raise DomainError(
-            f"A body of {1e3 * model.require_motion().mass_kg:g} g must be held at {1e3 * distance:g} mm by currents "
-            f"within {ranges}, where the model was fitted, about a bias of {', '.join(f'{one:g} A' for one in bias)}; "
-            f"the force comes to {needed - missing:g} N of {needed:g} N. Choose another distance, or sweep wider."
-        )
+        tried = model.magnetics.state(distance, wanted)
+        nearer = np.abs(force - tried.force) < np.abs(missing)
+        if not nearer.any():
+            break
+        currents = np.where(nearer[:, None], wanted, currents)
+        at = tried if nearer.all() else model.magnetics.state(distance, currents)
     return currents
+
+
+def _projected(
+    slope: FloatArray, level: FloatArray, bias: FloatArray, ohms: FloatArray, limits: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The currents within their limits with slope . i = level that are nearest to the bias, and their mu.
+
+    They are i(mu) = clip(b + mu R^-1 slope), whose slope . i grows with mu in straight pieces from the mu at which one
+    circuit comes to a limit to that of the next.
+    """
+    along = slope / ohms
+    bias = np.broadcast_to(bias, slope.shape)
+    way = (limits - bias[..., None]) / np.where(along == 0.0, np.inf, along)[..., None]
+    ends = np.sort(way.reshape(len(slope), -1), axis=1)
+    levels = np.einsum("rk,rmk->rm", slope, np.clip(bias[:, None] + ends[..., None] * along[:, None], *limits.T))
+    upper = np.clip(np.sum(levels <= level[:, None], axis=1), 1, ends.shape[1] - 1)
+    rows = np.arange(len(slope))
+    low, high = levels[rows, upper - 1], levels[rows, upper]
+    share = np.clip((level - low) / np.where(high > low, high - low, np.inf), 0.0, 1.0)
+    mu = ends[rows, upper - 1] + share * (ends[rows, upper] - ends[rows, upper - 1])
+    return np.clip(bias + mu[:, None] * along, *limits.T), mu
 
 
 def bias_currents(model: ActuatorModel, distance: float) -> FloatArray:

@@ -5,9 +5,8 @@ Theirs are the currents nearest to bias currents b in the copper's loss,
 
     minimise sum R_k (i_k - b_k)^2    with F(d, i) = F,    so that    i = b + mu R^-1 k_m(d, i),
 
-found by projecting b on the force's tangent again and again, as :mod:`femfit.filters.holding` does at rest. A bias
-makes the force of two magnets that pull against each other linear: about it their currents change by equal and opposite
-amounts.
+found as at rest, by :func:`femfit.filters.holding.nearest_currents`. A bias makes the force of two magnets that pull
+against each other linear: about it their currents change by equal and opposite amounts.
 
 Distances have the shape (N,), forces (N,), currents (N, n).
 
@@ -21,11 +20,11 @@ from functools import lru_cache
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.filters.holding import bias_currents
+from femfit.filters.holding import bias_currents, nearest_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import circuit_terms, held_limits
 
-_NEWTON_STEPS, _STEPS_FROM_NEAR, _PROJECTIONS = 40, 5, 60
+_NEWTON_STEPS, _STEPS_FROM_NEAR = 40, 5
 
 EVEN_PART = 0.05
 """Conventional: a circuit whose force per current vanishes without current, to this part of its largest, attracts with
@@ -71,31 +70,17 @@ def currents_for_force(
     force: FloatArray,
     near: FloatArray | None = None,
 ) -> FloatArray:
-    """Currents that give a force, within :func:`current_ranges`; the nearest ones where none give it."""
+    """Currents that give a force, within :func:`current_ranges`; where none give it, those that come near to it.
+
+    Currents ``near`` the solution are where several circuits look alone, so that a loop does not jump to far ones.
+    """
     if len(model.circuits) == 1:
         flat = current_for_force(model, distance, force, None if near is None else near[..., 0])
         return flat[..., None]
-    ranges, bias, ohms = current_ranges(model), _bias(model), model.resistances_ohm
-    scale = float(np.abs(ranges).max())
     distance, force = np.broadcast_arrays(np.asarray(distance, float), np.asarray(force, float))
-    shape = distance.shape
-    distance, force = distance.ravel(), force.ravel()
-    currents = np.tile(bias, (len(distance), 1)) if near is None else np.clip(near, *ranges.T)
-    free = np.ones(currents.shape, dtype=np.bool_)
-    for _ in range(_PROJECTIONS):
-        pull, slope, _ = circuit_terms(model, distance, currents)
-        slope = np.where(free, slope, 0.0)
-        start = np.where(free, bias, currents)
-        short = force - pull - np.einsum("rk,rk->r", slope, start - currents)
-        worth = np.einsum("rk,rk->r", slope / ohms, slope)
-        wanted = start + (slope / ohms) * (short / np.maximum(worth, 1e-30))[:, None]
-        updated = np.clip(wanted, *ranges.T)
-        free &= updated == wanted  # at its limit, the others take what is left
-        change = float(np.abs(updated - currents).max())
-        currents = updated
-        if change < 1e-12 * scale:
-            break
-    return currents.reshape(*shape, -1)
+    start = None if near is None else np.reshape(near, (distance.size, -1))
+    found = nearest_currents(model, distance.ravel(), force.ravel(), _bias(model), current_ranges(model), start)
+    return found.reshape(*distance.shape, -1)
 
 
 def currents_for_acceleration(
