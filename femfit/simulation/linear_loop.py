@@ -88,15 +88,18 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
     delays = []
     for j, one in enumerate(sensors):
         slope = _slope(partial(predict_sensor, model, one.sensor), rest, scale)
-        whole = floor(one.delay)
-        part = one.delay - whole
+        # Of p samples one is read: what is seen is (p - 1)/2 samples old on average
+        late = one.delay + 0.5 * (one.period - 1)
+        whole = floor(late)
+        part = late - whole
         delays.append(whole)
         if part == 0.0:
             later[:, j] = slope
         else:
             later[:, j] = between(none, unit, 1.0 - part, model.sample_time_s) @ slope
             earlier[:, j] = between(unit, none, 1.0 - part, model.sample_time_s) @ slope
-    noise = np.array([np.hypot(one.noise, one.step / np.sqrt(12.0)) for one in sensors])
+    # As in a filter's R: noise that is met once in p samples tells as little as sqrt(p) times as much at each
+    noise = np.array([np.hypot(one.noise, one.step / np.sqrt(12.0)) * np.sqrt(one.period) for one in sensors])
     return LinearPlant(A, B, later.T, earlier.T, tuple(delays), noise)
 
 

@@ -1,0 +1,56 @@
+"""A sensor that is read at every few samples: the linear loop's noise and delay against runs and a prompt sensor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.device.sensors import PositionSensor
+from femfit.simulation.design import design_loop
+from femfit.simulation.experiment import Experiment, run_experiments
+
+PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
+
+
+def design_with(model, noise, period):
+    step = model.sample_time_s
+    laser = PositionSensor(
+        name="laser", noise=noise, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", sample_time_s=period * step
+    )
+    return design_loop(replace(model, sensor=None, other_sensors=(laser,), reference_distances_m=(DISTANCE,)))
+
+
+@pytest.fixture(scope="module")
+def slow(levitation_model):
+    return design_with(levitation_model, NOISE, PERIOD)
+
+
+@pytest.fixture(scope="module")
+def prompt(levitation_model):
+    """Read at each sample, with noise that tells the filter as much."""
+    return design_with(levitation_model, NOISE * np.sqrt(PERIOD), 1)
+
+
+def command_rms(design):
+    (result,) = run_experiments(
+        design,
+        [Experiment("backstepping", "ekf", (DISTANCE,))],
+        np.random.default_rng(3),
+        runs=16,
+        steps=1000,
+        supported_steps=300,
+    )
+    assert result.held.all()
+    return result.series.commands[400:, :, 0].std()
+
+
+def test_the_share_of_noise_grows_with_the_time_between_readings_as_runs_do(slow, prompt):
+    one, other = (design.margins("backstepping", "ekf")[0].noise_share for design in (slow, prompt))
+    # 16 runs of 0.3 s about a loop of 24 rad/s know their rms to some 5 % each
+    assert one / other == pytest.approx(command_rms(slow) / command_rms(prompt), rel=0.15)
+
+
+def test_the_age_of_the_readings_is_taken_from_the_delay_margin(slow, prompt):
+    """The last of four samples is three samples old, the mean one and a half."""
+    one, other = (design.margins("backstepping", "ekf")[0].delay_s for design in (slow, prompt))
+    assert other - one == pytest.approx(1.5 * slow.model.sample_time_s, rel=0.02)
