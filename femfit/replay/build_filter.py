@@ -79,9 +79,6 @@ def _substeps(model: ActuatorModel) -> int:
 
 def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
     order, ends = model.order, model.require_motion().ends
-    if ends != (-np.inf, np.inf):  # what an update moves beyond a stop, the body does not start from
-        states = states.copy()
-        states[:, 0] = np.clip(states[:, 0], *ends)
     moved = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, substeps)
     blocked_by_diodes(model, moved)
     moved = np.concatenate([moved, states[:, order:]], axis=1)
