@@ -45,14 +45,15 @@ class BoundMap(Printed):
     distances_m: FloatArray  # (d,)
     currents_A: FloatArray  # Mean of the winding's current; (c,)
     deviation_m: FloatArray  # (d, c)
+    unread_m: FloatArray  # What the model tells without a reading, of a body that comes to rest by itself; (d, c)
     first_m: float  # Standard deviation of the first estimate
     test_voltage_V: float
     test_frequency_Hz: float
 
     @property
     def blind(self) -> BoolArray:
-        """Where the sensors do not halve what the first estimate did not know; shape (d, c)."""
-        return np.asarray(~(self.deviation_m < OBSERVED_SHARE * self.first_m))
+        """Where the sensors do not halve what neither first estimate nor model knows without them; shape (d, c)."""
+        return np.asarray(~(self.deviation_m < OBSERVED_SHARE * np.minimum(self.first_m, self.unread_m)))
 
     def __str__(self) -> str:
         with_test = "without a test voltage"
@@ -65,7 +66,7 @@ class BoundMap(Printed):
             told = best[~self.blind[:, k]]
             at = f"  at {amount(float(self.currents_A[k]), 'A')}: "
             if not len(told):
-                lines.append(f"{at}nothing; it is blind there")
+                lines.append(f"{at}nothing; it is blind there{self._without(k)}")
                 continue
             worst = "" if len(told) == len(best) else f", blind at {self._where(self.blind[:, k])}"
             lines.append(f"{at}{amount_range(float(told.min()), float(told.max()), 'm')}{worst}")
@@ -80,6 +81,15 @@ class BoundMap(Printed):
             | {name: getattr(self, name) for name in plain}
             | {name: getattr(self, name).tolist() for name in arrays}
         )
+
+    def _without(self, k: int) -> str:
+        """What is known all the same, where a stable body has come to rest."""
+        known = self.unread_m[:, k]
+        known = known[known < OBSERVED_SHARE * self.first_m]
+        if not len(known):
+            return ""
+        span = amount_range(float(known.min()), float(known.max()), "m")
+        return f"; the model alone, without a reading, knows the position of rest to {span}"
 
     def _where(self, here: BoolArray) -> str:
         places = self.distances_m[here]
@@ -107,7 +117,7 @@ def bound_map(
     test_voltage_V : float
         Amplitude of a square wave on top of the voltage that holds the current, within the driver's limits.
     test_frequency_Hz : float or None
-        Of that square wave; a twentieth of the sampling rate where None.
+        Of that square wave, whose period is rounded to whole samples; a twentieth of the sampling rate where None.
 
     Raises
     ------
@@ -144,16 +154,18 @@ def bound_map(
     places = np.zeros((len(d) * len(i), process.order))
     places[:, 0], places[:, 2] = np.repeat(d, len(i)), np.tile(i, len(d))
     low = circuit.voltage_min_V if circuit.drive.diode_V is None else 0.0
-    wave = _Wave(test_voltage_V, max(2, round(1.0 / (frequency * process.step_s))), low, circuit.voltage_max_V)
+    period = max(2, round(1.0 / (frequency * process.step_s)))
+    wave = _Wave(test_voltage_V, period, low, circuit.voltage_max_V)
     variance = _settled(process, model, places, wave)
     return BoundMap(
         sensors=tuple(output.name for output in process.outputs),
         distances_m=d,
         currents_A=i,
         deviation_m=np.sqrt(variance).reshape(len(d), len(i)),
+        unread_m=_unread(process, model, places).reshape(len(d), len(i)),
         first_m=float(np.sqrt(process.require_start_covariance()[0, 0])),
         test_voltage_V=test_voltage_V,
-        test_frequency_Hz=frequency if test_voltage_V else 0.0,
+        test_frequency_Hz=1.0 / (period * process.step_s) if test_voltage_V else 0.0,
     )
 
 
@@ -169,6 +181,17 @@ class _Wave:
     def added_to(self, volts: FloatArray, sample: int) -> FloatArray:
         sign = 1.0 if 2 * (sample % self.period) < self.period else -1.0
         return np.clip(volts + sign * self.amplitude, self.low, self.high) if self.amplitude else volts
+
+
+def _unread(process: FilterProcess, model: ActuatorModel, places: FloatArray) -> FloatArray:
+    """Deviation of the distance at each place without a reading; infinite where it grows."""
+    slope = process.state_jacobian(places, model.require_circuit().resistance_ohm * places[:, 2])
+    covariance = np.broadcast_to(process.require_start_covariance(), slope.shape)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(SETTLING_STEPS):
+            covariance = slope @ covariance @ slope.swapaxes(1, 2) + process.process_covariance
+        found = np.sqrt(covariance[:, 0, 0])
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 def _settled(process: FilterProcess, model: ActuatorModel, places: FloatArray, wave: _Wave) -> FloatArray:

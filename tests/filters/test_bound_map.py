@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from femfit.core.errors import FilterError
+from femfit.device.mechanics import Spring
 from femfit.device.sensors import CurrentSensor
 from femfit.filters.bound_map import bound_map
 from femfit.filters.error_bound import bound_along
@@ -111,3 +112,19 @@ def test_the_map_is_blind_where_the_inductance_does_not_change(model):
 def test_a_frequency_beyond_half_of_the_sampling_rate_is_refused(model):
     with pytest.raises(FilterError, match="sampling rate"):
         bound_map(model, sensors=("current",), test_voltage_V=1.0, test_frequency_Hz=0.6 / STEP_S)
+
+
+def test_a_rest_that_the_model_knows_is_not_told_by_the_current(model):
+    """A strong damper on a stiff spring forgets where it began."""
+    damped = replace(model.motion, springs=(Spring(2e4, 0.1, 4e-3),), viscous_N_s_per_m=50.0)
+    places = {"sensors": ("current",), "distances_m": (2e-3,), "currents_A": (0.0,)}
+    found = bound_map(replace(model, motion=damped, sample_time_s=2e-4), **places)
+    assert found.deviation_m[0, 0] < 0.1 * found.first_m
+    assert found.unread_m[0, 0] == pytest.approx(found.deviation_m[0, 0], rel=1e-3)
+    assert found.blind.all()
+
+
+def test_the_frequency_that_is_said_is_that_of_the_whole_samples_that_were_used(model):
+    places = {"sensors": ("current",), "distances_m": (2e-3,), "currents_A": (0.4,)}
+    found = bound_map(model, test_voltage_V=1.0, test_frequency_Hz=0.4 / STEP_S, **places)
+    assert found.test_frequency_Hz == pytest.approx(0.5 / STEP_S)
