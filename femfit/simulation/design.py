@@ -19,13 +19,14 @@ from femfit.simulation.constants import DESIGN_POINTS
 from femfit.simulation.controllers import Backstepping, Controller, design_backstepping
 from femfit.simulation.distance_inverse import distance_inverse
 from femfit.simulation.margins import Margins
+from femfit.simulation.no_controller import why_none
 from femfit.simulation.observers import DirectObserver, Observer, SplitObserver
 from femfit.simulation.operating_point import OperatingPoint, operating_point
 from femfit.simulation.pid import Pid
 from femfit.simulation.reference import reference_rate
 from femfit.simulation.sensor import LoopSensor, loop_sensors, sensor_noise
 from femfit.simulation.targets import covered, derived_targets, require_sensed
-from femfit.simulation.tune import Bench, make_bench, settled_errors, tuned_pid, tuned_regulator, unstable
+from femfit.simulation.tune import Bench, make_bench, settled_errors, tuned_pid, tuned_regulator
 
 ControllerName = Literal["backstepping", "pid", "state-feedback"]
 ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -97,7 +98,7 @@ class LoopDesign:
         if self._made(name) is not None and name not in self.given and name not in self._reasons:
             bench = self._filtered
             stable = name == "backstepping" or bench.score(self._designed[name]) > 0.0
-            self._reasons[name] = "" if stable else unstable(name, bench)
+            self._reasons[name] = "" if stable else why_none(self, name, bench)
         return self._reasons.get(name, "") if name not in self.given else ""
 
     @property

@@ -80,6 +80,10 @@ class Bench:
             found.append(margins(plant, linear, self.model.sample_time_s, room, points))
         return tuple(found)
 
+    def growth(self, controller: Controller) -> float:
+        """Rate in 1/s at which the loop's slowest motion grows at its worst point; below zero where it is stable."""
+        return max(-one.slowest_pole_rad_s for one in self.judge(controller, SEARCH_FREQUENCIES))
+
     def score(self, controller: Controller) -> float:
         """The least modulus margin, cut by too much noise and too slow a loop; below zero where it is unstable."""
         found = self.judge(controller, SEARCH_FREQUENCIES)
@@ -140,7 +144,10 @@ def tuned_regulator(bench: Bench) -> StateFeedback:
         if best is None or score > best[0]:
             best = score, found
     if best is None:
-        raise DomainError(unstable("state feedback", bench))
+        raise DomainError(
+            f"No state feedback was found: between {lowest:.4g} and {highest:.4g} rad/s no bandwidth has a regulator. "
+            "Use another controller, or a shorter sample time."
+        )
     return best[1]
 
 
@@ -290,15 +297,3 @@ def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: flo
     right = np.polymul(wanted, [1.0, 0.0])[1:] - np.polymul(integrated, [1.0, 0.0])[1:]
     p, b0, b1, b2, _ = np.linalg.solve(columns, right)
     return Pid(model, float(p), (float(b0), float(b1), float(b2)), tuple(point.direction.tolist()), current)
-
-
-def unstable(kind: str, bench: Bench) -> str:
-    """Why no controller of a kind was found."""
-    fastest = max(point.unstable_pole_rad_s for point in bench.points)
-    slowest = min(point.coil_pole_rad_s for point in bench.points)
-    return (
-        f"No {kind} was found that keeps this body at rest from the nearest to the farthest distance of the reference: "
-        f"its unstable pole is {fastest:.4g} rad/s, the coil's R/L {slowest:.4g} rad/s, the sample time "
-        f"{1e3 * bench.model.sample_time_s:g} ms. Use a controller that feeds back the current (backstepping, state "
-        "feedback), a faster coil, sensors with less delay, or reference distances that are nearer to each other."
-    )

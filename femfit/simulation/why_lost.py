@@ -1,7 +1,8 @@
 """Why a loop was lost: authority, sensor, delay or gains, found by improving one of them and seeing it held.
 
-The lost runs are repeated on the same noise. First what was asked for is taken away: another plant, faults. Then other
-gains are tried with all else as it is: where they hold, the gains were the cause. Where none do, one thing of the
+The lost runs are repeated on the same noise. First what was asked for is taken away: another plant, faults. Where the
+linear loop is unstable about its rest, the reason for that comes before all that a driver or a sensor could do. Then
+other gains are tried with all else as it is: where they hold, the gains were the cause. Where none do, one thing of the
 hardware is improved at a time (the driver's limits, the sensors' noise and range, the delays), with controllers
 designed anew for it; what suffices alone is the cause, and by how much is sought by halving. Where nothing alone
 suffices, two are.
@@ -21,6 +22,7 @@ from femfit.simulation.design import CONTROLLERS, ControllerName
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopResult
 from femfit.simulation.lost_loop import AMPLE, HARDLY, Improved, LostLoop
+from femfit.simulation.why_unstable import growth_of, why_unstable
 
 FEW = 8
 """Conventional: of more runs so many are repeated where some of them are lost, so that the trials take no longer."""
@@ -61,8 +63,13 @@ def why_lost(loop: LostLoop, lost: LoopResult) -> str:
         if holds(better):
             helped = " Compare the model with measurements (femfit diagnose) and add what is missing."
             return f"Without {name} the same runs hold.{helped if better.true_plant else ''}"
-    if found := _other_gains(loop, holds):
-        return found
+    if growth := growth_of(loop):
+        return why_unstable(loop, lambda: _other_gains(loop, holds), growth)
+    return _other_gains(loop, holds) or _of_hardware(loop, given, holds)
+
+
+def _of_hardware(loop: LostLoop, given: dict[str, Improved], holds: Callable[[Improved], bool]) -> str:
+    """What of the hardware is the cause where no gains hold the runs."""
     for name, better in _hardware(loop).items():
         if (controller := _suffices(loop, better, holds)) is not None:
             return _cause(loop, name, replace(better, controller=controller), holds)

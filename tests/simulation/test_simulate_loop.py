@@ -186,7 +186,7 @@ def test_gains_that_do_not_fit_are_named_as_the_cause(levitation_model):
     lame = adjusted(design, "pid", gains={name: 0.05 * design.pid.parts[name] for name in ("kp", "ki", "kd")})
     lost = run_loops(lame, Experiment("pid", "ukf4", (0.022,)), np.random.default_rng(1), runs=4, duration_s=1.0)
     assert lost.held == 0
-    assert lost.advice.startswith("The gains: pid loses the body with these")
+    assert lost.advice.startswith("The gains given")
 
 
 def test_a_name_from_a_model_file_does_not_steer_the_terminal(levitation_model):

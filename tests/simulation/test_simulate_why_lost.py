@@ -6,6 +6,7 @@ import pytest
 
 from femfit.device.sensors import PositionSensor
 from femfit.simulation.close_loop import close_loop
+from femfit.simulation.design import design_loop
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,23 @@ def test_the_loop_itself_is_held(optical):
 
 def test_gains_are_named_where_other_gains_hold(optical):
     words = lost(optical, controller="pid", gains={"kp": 40.0, "kd": 1.0}, seconds=1.5)
-    assert words.startswith("The gains: pid")
+    assert words.startswith("The gains given")
+
+
+def test_a_latency_that_the_linear_loop_does_not_bear_comes_before_the_driver(optical):
+    """A stronger driver would hold these runs for a while: the loop grows about its rest, and so reaches any limit."""
+    words = lost(optical, latency=40, seconds=1.5)
+    assert words.startswith("The delay: 20 ms")
+    borne = round(float(words.partition("; with ")[2].split(" ms")[0]) / 0.5)
+    bench = design_loop(optical, latency=borne).bench("ukf")
+    late = design_loop(optical, latency=borne + 1).bench("ukf")
+    controller = design_loop(optical).backstepping
+    assert bench.growth(controller) < 0.0 < late.growth(controller)
+
+
+def test_gains_that_are_unstable_with_the_exact_state_are_not_laid_on_the_filter(optical):
+    words = lost(optical, controller="pid", bandwidth_rad_s=3000.0, seconds=1.0)
+    assert words.startswith("The gains given")
 
 
 @pytest.mark.long
