@@ -12,7 +12,6 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.core.quoted import quoted
 from femfit.core.random_numbers import random_generator
-from femfit.filters.theory import consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.simulation.adjust import adjusted
@@ -188,7 +187,7 @@ def run_loops(
     except MemoryError as error:
         raise too_long from error
     held, statistics = result.held, result.windows[0]
-    quality = statistics.normalised_innovation_squared[held]
+    quality, band = statistics.consistency(held)
     return LoopSummary(
         design=design,
         experiment=experiment,
@@ -200,8 +199,8 @@ def run_loops(
         last_loss_s=None if held.all() else float(np.nanmax(result.outcome_time_s)),
         estimate_rms_m=_spread(statistics.estimate_rms_m[held]),
         tracking_rms_m=_spread(statistics.tracking_rms_m[held]),
-        normalised_innovation_squared=float(quality.mean()) if np.isfinite(quality).any() else None,
-        innovation_band=consistency_band(max(1, int(held.sum())) * steps),
+        normalised_innovation_squared=quality if np.isfinite(quality) else None,
+        innovation_band=band,
         advice=""
         if held.all()
         else why_lost(LostLoop(design, experiment, before, runs, steps, steps, supported, plant), result),

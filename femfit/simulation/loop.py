@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.controllers import Controller, resting_command
 from femfit.simulation.limits import limits_of
-from femfit.simulation.observers import Observer
+from femfit.simulation.observers import Observer, innovation_quality
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference
 from femfit.simulation.sensor import History, LoopSensor, SensorErrors, read_sensors, true_readings
@@ -89,7 +90,17 @@ class WindowStatistics:
     estimate_bias_m: FloatArray
     tracking_rms_m: FloatArray
     tracking_bias_m: FloatArray
-    normalised_innovation_squared: FloatArray  # Mean over samples and sensors; 1 is expected of a true filter
+    normalised_innovation_squared: FloatArray  # Mean over the readings; 1 is expected of a true filter
+    readings: FloatArray  # How many a filter took, of all sensors; 0 without one
+
+    def consistency(self, runs: BoolArray) -> tuple[float, ConsistencyBand]:
+        """Mean of the normalised innovations squared of some runs, NaN where there are none, and its 95 % band."""
+        count = np.where(runs & (self.readings > 0.0), self.readings, 0.0)
+        total = int(count.sum())
+        mean = (
+            np.sum(np.where(count > 0.0, self.normalised_innovation_squared * count, 0.0)) / total if total else np.nan
+        )
+        return float(mean), consistency_band(max(1, total))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +185,7 @@ def run_loop(
             given, acted = _as_filters_take(readings), _as_filters_take(on_their_way[0])
             first = k == -supported_steps
             seen = loop.observer.update(seen, given) if first else loop.observer.step(seen, acted, given)
-            estimate, diverged, quality = seen.mean[:, : 2 + n], seen.diverged, seen.normalised_innovation_squared
+            estimate, diverged, quality = seen.mean[:, : 2 + n], seen.diverged, innovation_quality(seen)
         if k < 0:
             continue
         alive = watch.alive(k * step, state, estimate, diverged)
@@ -189,8 +200,8 @@ def run_loop(
         inside = [j for j, window in enumerate(windows) if window.start <= k < window.stop]
         if inside:
             error, deviation = belief[:, 0] - state[:, 0], state[:, 0] - reference.distance
-            told = np.isfinite(quality)
-            parts = [error**2, error, deviation**2, deviation, np.where(told, quality, 0.0), told]
+            told = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
+            parts = [error**2, error, deviation**2, deviation, np.where(told > 0, quality * told, 0.0), told]
             sums[inside] += np.stack(parts)
         moved = loop.plant.step(state, on_their_way[0])
         state = moved if whole else np.where(alive[:, None], moved, state)
@@ -292,4 +303,4 @@ def _statistics(sums: FloatArray, window: slice, lost_at: FloatArray, step: floa
     mean = np.where(lost_at >= stop * step - 0.5 * step, sums, np.nan) / (stop - window.start)
     with np.errstate(invalid="ignore"):
         quality = mean[4] / mean[5]
-    return WindowStatistics(np.sqrt(mean[0]), mean[1], np.sqrt(mean[2]), mean[3], quality)
+    return WindowStatistics(np.sqrt(mean[0]), mean[1], np.sqrt(mean[2]), mean[3], quality, sums[5])

@@ -132,11 +132,11 @@ class SplitObserver:
         mean, diverged, quality = np.empty((self.states, runs)).T, np.empty(runs, dtype=bool), np.empty(runs)
         for (rows, _), state in zip(self.parts, states, strict=True):
             mean[rows], diverged[rows] = state.mean[:, : self.states], state.diverged
-            quality[rows] = _quality(state)
+            quality[rows] = innovation_quality(state)
         return Seen(mean, diverged, quality, tuple(states))
 
 
-def _quality(state: Any) -> FloatArray:
+def innovation_quality(state: Any) -> FloatArray:
     """Normalised innovations squared over the number of sensors that were read: 1 is expected."""
     ratio: FloatArray = state.normalised_innovation_squared
     variance = getattr(state, "innovation_variance", None)

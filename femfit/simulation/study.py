@@ -24,7 +24,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
 from femfit.core.printed import Printed
-from femfit.filters.theory import ConsistencyBand, consistency_band, noise_ratio_bound
+from femfit.filters.theory import ConsistencyBand, noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensor_named
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
@@ -294,7 +294,7 @@ def _hold_row(design: LoopDesign, experiment: Experiment, result: LoopResult, di
     held, distance = result.held, experiment.targets_m[0]
     truth = result.series.distance_m[_window(design)]
     direct_rms, filtered_rms = _rms((direct - truth)[:, held]), _rms(result.windows[0].estimate_rms_m[held])
-    quality = result.windows[0].normalised_innovation_squared[held]
+    quality, band = result.windows[0].consistency(held)
     return HoldRow(
         controller=experiment.controller,
         filter=experiment.observer,
@@ -303,8 +303,8 @@ def _hold_row(design: LoopDesign, experiment: Experiment, result: LoopResult, di
         filtered_rms_m=filtered_rms,
         ratio=direct_rms / filtered_rms,
         bound=_bound(design, distance),
-        normalised_innovation_squared=float(np.mean(quality)) if quality.size else np.nan,
-        innovation_band=consistency_band(max(1, int(held.sum())) * len(direct) * len(design.sensors)),
+        normalised_innovation_squared=quality,
+        innovation_band=band,
         held=int(held.sum()),
         runs=len(held),
     )

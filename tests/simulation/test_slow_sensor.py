@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from femfit.device.sensors import PositionSensor
+from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 
@@ -54,3 +56,21 @@ def test_the_age_of_the_readings_is_taken_from_the_delay_margin(slow, prompt):
     """The last of four samples is three samples old, the mean one and a half."""
     one, other = (design.margins("backstepping", "ekf")[0].delay_s for design in (slow, prompt))
     assert other - one == pytest.approx(1.5 * slow.model.sample_time_s, rel=0.02)
+
+
+def test_the_band_of_the_innovations_counts_the_readings(slow):
+    """Two sensors, of which one is read at every fourth of 80 samples: 100 readings of each of three runs."""
+    prompt = replace(slow.model.other_sensors[0], name="prompt", sample_time_s=None)
+    model = replace(slow.model, other_sensors=(*slow.model.other_sensors, prompt))
+    experiment = Experiment("backstepping", "ekf", (DISTANCE,))
+    loop = run_loops(
+        design_loop(model), experiment, np.random.default_rng(1), runs=3, duration_s=80 * model.sample_time_s
+    )
+    assert loop.held == 3
+    band = chi2.ppf([0.025, 0.975], 300) / 300
+    found = loop.innovation_band
+    # Wilson and Hilferty's quantiles
+    assert (found.lower, found.upper) == pytest.approx(tuple(band), rel=1e-3)
+    squared = loop.result.windows[0]
+    assert squared.readings.tolist() == [100.0] * 3
+    assert loop.normalised_innovation_squared == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 300))
