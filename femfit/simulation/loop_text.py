@@ -10,6 +10,7 @@ from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.quoted import quoted
 from femfit.model.sensors import HALL
+from femfit.simulation.constants import WANTED_MODULUS
 from femfit.simulation.controllers import Backstepping, Controller
 from femfit.simulation.design import ControllerName, LoopDesign
 from femfit.simulation.experiment import Experiment
@@ -131,7 +132,14 @@ def _margin_lines(design: LoopDesign, name: ControllerName, observer: str) -> li
         found = design.margins(name, observer)  # type: ignore[arg-type]
     except (DomainError, FilterError) as error:
         return [f"no margins of {name} on {observer}: {error}"]
-    return [f"{name} on {observer}: {margins_text(worst_of(found))}"]
+    worst = worst_of(found)
+    lines = [f"{name} on {observer}: {margins_text(worst)}"]
+    if name == "backstepping" and name not in design.given and worst.modulus < WANTED_MODULUS:
+        lines.append(
+            f"backstepping takes its gains from the model's poles alone, so that its modulus margin is not the "
+            f"{WANTED_MODULUS:g} that pid and state-feedback are tuned for; use one of these where the model is rough"
+        )
+    return lines
 
 
 def worst_of(found: Sequence[Margins]) -> Margins:
