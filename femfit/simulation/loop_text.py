@@ -133,7 +133,7 @@ def _margin_lines(design: LoopDesign, name: ControllerName, observer: str) -> li
     except (DomainError, FilterError) as error:
         return [f"no margins of {name} on {observer}: {error}"]
     worst = worst_of(found)
-    lines = [f"{name} on {observer}: {margins_text(worst)}"]
+    lines = [f"{name} on {observer}: {margins_text(worst, len(design.model.circuits))}"]
     if name == "backstepping" and name not in design.given and worst.modulus < WANTED_MODULUS:
         lines.append(
             f"backstepping takes its gains from the model's poles alone, so that its modulus margin is not the "
@@ -156,15 +156,16 @@ def worst_of(found: Sequence[Margins]) -> Margins:
     )
 
 
-def margins_text(margins: Margins) -> str:
-    """The margins of a loop at its worst point of rest, in a line."""
+def margins_text(margins: Margins, circuits: int = 1) -> str:
+    """The margins of a loop at its worst point of rest, in a line; with several circuits of what they are."""
     if not margins.stable:
         return f"unstable about its rest: a deviation grows by {-margins.slowest_pole_rad_s:.3g} 1/s"
     above = f"{margins.gain_above:.3g}" if isfinite(margins.gain_above) else "any number of"
     below = f"{margins.gain_below:.2g}" if margins.gain_below else "0"
     delay = amount(margins.delay_s, "s") if margins.delay_s < inf else "any"
+    gains, each = ("all gains", "of one circuit at a time ") if circuits > 1 else ("gains", "")
     return (
-        f"stable with gains from {below} to {above} times these, phase margin {degrees(margins.phase_rad):.3g} "
+        f"stable with {gains} from {below} to {above} times these, {each}phase margin {degrees(margins.phase_rad):.3g} "
         f"degrees, delay margin {delay}, modulus margin {margins.modulus:.2g}; noise takes "
         f"{100.0 * margins.noise_share:.2g} % of the command's room"
     )

@@ -7,14 +7,16 @@ With the loop's gain L(z), broken where the commands enter the drivers, and S = 
 - *delay margin*: that lag as a time, phase over frequency, where it is least;
 - *modulus margin*: 1 / max |S|, the least distance of L from -1; with several commands the largest singular value of S.
 
-With several commands the first three hold for each with the others closed, L_k = 1 / S_kk - 1; the worst is stated.
+With several commands the gain margin is of all of them scaled by the same factor: of an unstable body one circuit may
+fail without harm where another goes on, and all together may not. Phase and delay margin hold for each command with the
+others closed, L_k = 1 / S_kk - 1; the worst is stated.
 
 References
 ----------
 S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005), sections 2.4 and 9.6.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +29,9 @@ FREQUENCIES, LOWEST = 600, 1e-4
 ON_AXIS = 0.1
 """Derived: at an angle of less than this to the real axis an end of the response lies within 0.5 % of its value on the
 axis. A loop with an integral leaves the axis towards low frequencies instead and does not cross it there."""
+
+MOST, FACTORS, HALVINGS = 1e3, 24, 10
+"""Conventional: the largest factor that is tried on all gains, in so many steps, and the halvings between two."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +90,11 @@ def margins(
     below, above, phase, delay = 0.0, np.inf, np.pi, np.inf
     for k in range(n):
         L: ComplexArray = np.asarray(1.0 / S[:, k, k] - 1.0, dtype=np.complex128)
-        low, high = gain_margins(L)
-        below, above = max(below, low), min(above, high)
+        below, above = gain_margins(L)
         own_phase, own_delay = phase_and_delay_margin(w, L)
         phase, delay = min(phase, own_phase), min(delay, own_delay)
+    if n > 1:
+        below, above = gains_together(plant, controller)
     return Margins(True, below, above, phase, delay, modulus, float(slowest), share)
 
 
@@ -102,6 +108,28 @@ def gain_margins(L: ComplexArray) -> tuple[float, float]:
     crossings = np.append(real[turns] + part * (real[turns + 1] - real[turns]), ends.real)
     factors = -1.0 / crossings[crossings < 0.0]
     return float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors > 1.0].min(initial=np.inf))
+
+
+def gains_together(plant: LinearPlant, controller: LinearController) -> tuple[float, float]:
+    """The factors nearest to one on all commands at which a stable loop turns unstable; 0 and infinity for none."""
+
+    def stable(factor: float) -> bool:
+        matrix = closed_loop_matrix(replace(plant, B=factor * plant.B), controller)
+        return bool(np.abs(np.linalg.eigvals(matrix)).max() < 1.0)
+
+    found = []
+    for end, none in ((1.0 / MOST, 0.0), (MOST, np.inf)):
+        factors = np.geomspace(1.0, end, FACTORS)
+        lost = next((k for k in range(1, FACTORS) if not stable(float(factors[k]))), None)
+        if lost is None:
+            found.append(none)
+            continue
+        inner, outer = float(factors[lost - 1]), float(factors[lost])
+        for _ in range(HALVINGS):
+            middle = float(np.sqrt(inner * outer))
+            inner, outer = (middle, outer) if stable(middle) else (inner, middle)
+        found.append(outer)
+    return found[0], found[1]
 
 
 def phase_and_delay_margin(w: FloatArray, L: ComplexArray) -> tuple[float, float]:

@@ -1,5 +1,7 @@
 """Margins of a linear loop against the roots of its characteristic polynomial, for stable and unstable plants."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_lyapunov
@@ -91,3 +93,15 @@ def test_the_share_of_noise_is_that_of_lyapunovs_equation(name):
     found = margins(plant, own, STEP, np.array([room])).noise_share
     # The sum over frequencies that are 1.5 % apart
     assert found == pytest.approx(np.sqrt(variance) / room, rel=5e-3)
+
+
+def test_gains_of_several_circuits_are_scaled_together():
+    """Two circuits that share one force: either alone may fail, while both together bear no less than one of both."""
+    one = pid(9000.0, 0.0, 120.0, 1500.0)
+    shared = replace(UNSTABLE, B=np.hstack([UNSTABLE.B, UNSTABLE.B]))
+    halves = replace(one, C=0.5 * np.vstack([one.C, one.C]), D=0.5 * np.vstack([one.D, one.D]))
+    single = margins(UNSTABLE, one, STEP, np.ones(1))
+    both = margins(shared, halves, STEP, np.ones(2))
+    assert both.gain_below == pytest.approx(single.gain_below, rel=5e-3)
+    assert both.gain_above == pytest.approx(single.gain_above, rel=5e-3)
+    assert both.gain_below > 0.1
