@@ -13,13 +13,19 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.records.constants import DIFFERENCE_ORDER, LEAST_DIFFERENCES, NORMAL_MEDIAN, SAME_STEP, SPIKE
 
 
-def white_noise(misfit: FloatArray, segment: IntArray) -> float:
-    """Standard deviation of white noise on a smooth misfit, from third differences; NaN for fewer than a hundred."""
+def white_noise(misfit: FloatArray, segment: IntArray, least: int = LEAST_DIFFERENCES) -> float:
+    """Standard deviation of white noise on a smooth misfit, from third differences; NaN for fewer than a hundred.
+
+    Parameters
+    ----------
+    least : int
+        Another number than a hundred.
+    """
     if len(misfit) <= DIFFERENCE_ORDER:
         return float("nan")
     differences = np.diff(misfit, DIFFERENCE_ORDER)[segment[DIFFERENCE_ORDER:] == segment[:-DIFFERENCE_ORDER]]
     differences = differences[np.isfinite(differences)]
-    if len(differences) < LEAST_DIFFERENCES:
+    if len(differences) < least:
         return float("nan")
     usual = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
     if usual > 0.0:  # a coarse converter leaves most differences at zero

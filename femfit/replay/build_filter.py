@@ -12,9 +12,10 @@ from femfit.filters.kalman_filter import FilterKind, kalman_filter
 from femfit.filters.levitation import blocked_by_diodes, fastest_time_constant, kept_between_stops
 from femfit.filters.noise import FilterNoise, default_noise, operating_distance
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import currents_of_same_flux, runge_kutta_step
+from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, runge_kutta_step
 from femfit.model.sensors import HALL
-from femfit.replay.constants import AT_STOP, RUNGE_KUTTA_STEP, UNMOVED_KG
+from femfit.records.constants import AT_STOP
+from femfit.replay.constants import UNMOVED_KG
 from femfit.replay.prepare import Prepared
 
 FILTERS: dict[str, tuple[FilterKind, bool]] = {
@@ -74,7 +75,7 @@ def _substeps(model: ActuatorModel) -> int:
     if not model.circuits:
         return 1
     fastest = fastest_time_constant(model, operating_distance(model))
-    return max(1, int(np.ceil(model.sample_time_s / fastest / RUNGE_KUTTA_STEP)))
+    return max(1, int(np.ceil(model.sample_time_s / fastest / LONGEST_STEP)))
 
 
 def _advance(model: ActuatorModel, substeps: int, states: FloatArray, voltage: FloatArray) -> FloatArray:

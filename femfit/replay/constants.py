@@ -11,23 +11,11 @@ JOINED = 1e-3
 """Conventional: a piece begins where the one before ended if no state differs by more than this of its deviation, and
 no variance by more than this of itself."""
 
-AT_STOP = 0.02
-"""Conventional: share of the validity domain within which a body counts as resting on a stop, or its deviation."""
-
 LAGS = 20
 """Conventional: lags of the innovations' autocorrelation, and of a delay between channels, in samples."""
 
 DELAY_GAIN = 0.9
 """Conventional: a shift counts as a delay if it takes the rms of what is left of a channel below this part."""
-
-SECOND_DIFFERENCE = 6.0
-"""Derived: variance of z[k - 1] - 2 z[k] + z[k + 1] over that of white noise."""
-
-MEDIAN_TO_DEVIATION = 1.4826
-"""Derived: standard deviation over the median of magnitudes of a Gaussian."""
-
-RUNGE_KUTTA_STEP = 1.0
-"""Derived: longest step of the classical Runge-Kutta method times R/L, a third of its limit of stability of 2.785."""
 
 UNMOVED_KG = 1e12
 """Numerical: a body of this mass stays where it is."""

@@ -14,9 +14,10 @@ from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import FilterNoise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
+from femfit.records.constants import AT_STOP
 from femfit.replay.build_filter import FILTERS, filter_of, noise_of, resting_filter
 from femfit.replay.consistency import beside, innovations_of
-from femfit.replay.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
+from femfit.replay.constants import LEAST_JUDGED, NOISE_SAMPLES
 from femfit.replay.find_noise import find_noise
 from femfit.replay.prepare import Prepared, prepare
 from femfit.replay.result import Observation, OneFilter

@@ -17,10 +17,10 @@ from femfit.filters.noise import operating_distance
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import OtherSensor, Reading, reading_of, sensor_named, sensors_of
 from femfit.records.constants import BLOCK, STILL
-from femfit.records.noise import white_noise
+from femfit.records.noise import converter_step, white_noise
 from femfit.records.rests import Rests, find_rests
 from femfit.records.supply import given_voltage
-from femfit.replay.constants import MEDIAN_TO_DEVIATION, SECOND_DIFFERENCE, STANDS_STILL
+from femfit.replay.constants import STANDS_STILL
 from femfit.replay.run_filter import Log
 from femfit.tables.measurement import TimeSeries
 
@@ -204,20 +204,14 @@ def _kept(series: TimeSeries, reading: Reading) -> _Kept:
 
 
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:
-    """Declared with the record, else the model's, else guessed from second differences."""
+    """Declared with the record, else the model's, else guessed from third differences, and no less than a rounding."""
     declared = series.declared_noise.get(str(reading.column))
     if declared or reading.white > 0.0:
         return float(declared or reading.white), []
-    known = column[
-        np.isfinite(column)
-    ]  # where a sensor is read more slowly than the record, what is between is missing
-    second = np.diff(known, 2)
-    scatter = MEDIAN_TO_DEVIATION * float(np.median(np.abs(second))) if len(second) else 0.0
-    guess = scatter / SECOND_DIFFERENCE**0.5
-    if not guess > 0.0:  # more than half of the readings repeat: one step of the converter
-        steps = np.abs(np.diff(known))
-        steps = steps[steps > 0.0]
-        guess = float(steps.min()) / 12.0**0.5 if len(steps) else 0.0
+    read = np.isfinite(column)  # where a sensor is read more slowly than the record, what is between is missing
+    known = column[read]
+    guess = white_noise(known, series.rows["segment"].to_numpy()[read], least=1)
+    guess = float(np.fmax(guess, converter_step(known) / 12.0**0.5))
     if not guess > 0.0:
         fault = (
             "its readings do not vary" if len(known) > 2 else f"the record has {counted(len(known), 'reading')} of it"
@@ -225,7 +219,7 @@ def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[fl
         raise TableError(
             f"The noise of {reading.column} must be known; {fault}. Give --noise {reading.column}=STANDARD DEVIATION."
         )
-    said = f"The noise of sensor {reading.name} is guessed from its second differences: {amount(guess, reading.unit)}."
+    said = f"The noise of sensor {reading.name} is guessed from its third differences: {amount(guess, reading.unit)}."
     return guess, [Finding("guessed-noise", "info", said, "Give it with --noise.", column=str(reading.column))]
 
 

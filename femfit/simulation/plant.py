@@ -24,13 +24,9 @@ from femfit.model.drive import (
     voltage_limits,
     winding_voltage,
 )
-from femfit.model.dynamics import runge_kutta_step
+from femfit.model.dynamics import LONGEST_STEP, runge_kutta_step
 from femfit.model.magnetics import Magnetics, MagneticState
 from femfit.model.with_effects import EffectMagnetics
-
-LONGEST_STEP = 1.0
-"""Derived: step of a Runge-Kutta method of fourth order over a decaying current's time constant; it is stable up to
-2.8, and off by 1/120 of the decay's fifth power at one."""
 
 
 @dataclass(frozen=True, eq=False)
