@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.filters.theory import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.controllers import Controller, resting_command
 from femfit.simulation.limits import limits_of
@@ -21,6 +20,7 @@ from femfit.simulation.observers import Observer, innovation_quality
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference
 from femfit.simulation.sensor import History, LoopSensor, SensorErrors, read_sensors, true_readings
+from femfit.simulation.window import WindowStatistics, window_statistics
 
 
 class LoopOutcome(IntEnum):
@@ -80,27 +80,6 @@ class TimeSeries:
     readings: FloatArray  # (..., sensors); NaN where a sensor is not read
     reference_m: FloatArray
     normalised_innovation_squared: FloatArray  # Over the number of sensors
-
-
-@dataclass(frozen=True, eq=False)
-class WindowStatistics:
-    """Over the samples of one window, each of shape (runs,); NaN for runs lost before the window's end."""
-
-    estimate_rms_m: FloatArray  # sqrt(mean((estimated - true distance)^2))
-    estimate_bias_m: FloatArray
-    tracking_rms_m: FloatArray
-    tracking_bias_m: FloatArray
-    normalised_innovation_squared: FloatArray  # Mean over the readings; 1 is expected of a true filter
-    readings: FloatArray  # How many a filter took, of all sensors; 0 without one
-
-    def consistency(self, runs: BoolArray) -> tuple[float, ConsistencyBand]:
-        """Mean of the normalised innovations squared of some runs, NaN where there are none, and its 95 % band."""
-        count = np.where(runs & (self.readings > 0.0), self.readings, 0.0)
-        total = int(count.sum())
-        mean = (
-            np.sum(np.where(count > 0.0, self.normalised_innovation_squared * count, 0.0)) / total if total else np.nan
-        )
-        return float(mean), consistency_band(max(1, total))
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +192,7 @@ def run_loop(
     return LoopResult(
         time_s=step * np.arange(steps, dtype=np.float64),
         series=record.series(),
-        windows=tuple(_statistics(sums[j], window, lost_at, step, steps) for j, window in enumerate(windows)),
+        windows=tuple(window_statistics(sums[j], window, lost_at, step, steps) for j, window in enumerate(windows)),
         outcome=outcome,
         outcome_time_s=when,
     )
@@ -296,11 +275,3 @@ class _Watch:
         lies = (self._outcome == _HELD) & (self._side != 0)
         outcome = np.where(lies, self._side, self._outcome)
         return outcome, np.where(lies, np.minimum(self._touched, time), self._when)
-
-
-def _statistics(sums: FloatArray, window: slice, lost_at: FloatArray, step: float, steps: int) -> WindowStatistics:
-    stop = min(window.stop, steps)
-    mean = np.where(lost_at >= stop * step - 0.5 * step, sums, np.nan) / (stop - window.start)
-    with np.errstate(invalid="ignore"):
-        quality = mean[4] / mean[5]
-    return WindowStatistics(np.sqrt(mean[0]), mean[1], np.sqrt(mean[2]), mean[3], quality, sums[5])
