@@ -8,10 +8,10 @@ DESIGN_POINTS = 9
 """Conventional: points of rest over the reference's range for which controllers are designed."""
 
 DERIVATIVE_FILTER_RATIO = 3.0
-"""Calibrated on the magnet of geometry/emaws-rig.toml at 30 mm: pole of the PID's derivative filter over the coil's.
-With 6 the noise on the voltage reaches the clamp so often that runs are lost; with 3 the loop is a tenth slower. A
-ratio of two poles of one loop does not change with size or time scale; how much noise it lets through does depend on
-the driver's voltage and the sensor, so that a quieter sensor would bear a larger one."""
+"""Calibrated on the suspended magnet of A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, at 30 mm: pole of the PID's
+derivative filter over the coil's. With 6 the noise on the voltage reaches the clamp so often that runs are lost; with 3
+the loop is a tenth slower. A ratio of two poles of one loop does not change with size or time scale; how much noise it
+lets through does depend on the driver's voltage and the sensor, so that a quieter sensor would bear a larger one."""
 
 USABLE_PART = 0.3
 """Conventional: fastest pole that a loop is designed with, times the sample time; a third of it turns by 0.1 rad a
@@ -50,3 +50,21 @@ loop makes of it. Backstepping asks for three times as well; at six times four e
 REFERENCE_PART = 1.7
 """Conventional: fastest rate of the reference over the body's own, sqrt(|S|/m); what is asked for faster than that is
 the force of the driver alone, and a filter's explicit steps are off by more than its sensors' noise."""
+
+SLOWEST_OVER_BODY, SLOWEST_OVER_HIGHEST, NARROWEST_RANGE = 0.3, 0.01, 0.5
+"""Conventional: the slowest bandwidth that is tried for a regulator over the body's own rate, which a slower loop could
+not hold; not below a hundredth of the highest one, nor above half of it, so that there is a range to choose from."""
+
+FIRST_STIFFNESS, FIRST_INTEGRAL, FIRST_DAMPING, FIRST_FILTER = 2.0, 0.1, 2.0, 10.0
+"""Conventional: where a search for PID gains starts. Twice the force that only just holds an unstable body; an integral
+a tenth as fast as the body; a derivative over two of its time constants; the derivative's filter ten times as fast."""
+
+FASTEST_FILTER = 3.0
+"""Derived: pole of a derivative's filter times the sample time; of what comes in, 1 - exp(-3) = 95 % has gone through
+it a sample later, and a faster one would not be told from none."""
+
+BANDWIDTHS = 14
+"""Conventional: bandwidths that are tried for a regulator; over a range of a hundred they are a factor of 1.4 apart."""
+
+FIRST_FACTOR, LAST_FACTOR = 1.6, 1.05
+"""Conventional: factors on one gain with which a search begins, and below which it ends: nearer gains are as good."""

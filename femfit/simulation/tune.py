@@ -8,10 +8,9 @@ fast the loop's slowest motion decays. Wanted is the fastest one that keeps :dat
 References
 ----------
 K. J. Astrom and T. Hagglund, Advanced PID Control (ISA, 2006), section 4.3: robustness by the maximum sensitivity.
-R. Hooke and T. A. Jeeves, J. ACM 8 (1961) 212: the search by patterns.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +21,19 @@ from femfit.filters.constants import OBSERVED_SHARE
 from femfit.filters.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.constants import (
+    BANDWIDTHS,
     DERIVATIVE_FILTER_RATIO,
+    FASTEST_FILTER,
+    FIRST_DAMPING,
+    FIRST_FILTER,
+    FIRST_INTEGRAL,
+    FIRST_STIFFNESS,
+    NARROWEST_RANGE,
     NOISE_ROOM,
     SETTLING_PART,
     SLOW_COIL,
+    SLOWEST_OVER_BODY,
+    SLOWEST_OVER_HIGHEST,
     USABLE_PART,
     WANTED_COIL,
     WANTED_MODULUS,
@@ -42,6 +50,7 @@ from femfit.simulation.linear_loop import (
 from femfit.simulation.margins import FREQUENCIES, Margins, margins
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint, usable_coil_pole, zero_order_hold
+from femfit.simulation.pattern_search import pattern_search
 from femfit.simulation.pid import Pid, pid_of_parts
 from femfit.simulation.riccati import solve_riccati
 from femfit.simulation.sensor import LoopSensor
@@ -49,9 +58,6 @@ from femfit.simulation.state_feedback import StateFeedback, regulator
 
 SEARCH_FREQUENCIES = 120
 """Conventional: points of the frequency response while gains are sought; what is told has five times as many."""
-
-_FIRST_FACTOR, _LAST_FACTOR = 1.6, 1.05
-_BANDWIDTHS = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +137,10 @@ def tuned_regulator(bench: Bench) -> StateFeedback:
     model, at = bench.model, bench.middle
     point, plant = bench.points[at], bench.plants[at]
     highest = USABLE_PART / model.sample_time_s
-    lowest = min(max(0.3 * max(one.natural_rad_s for one in bench.points), 0.01 * highest), 0.5 * highest)
+    own = max(one.natural_rad_s for one in bench.points)
+    lowest = np.clip(SLOWEST_OVER_BODY * own, SLOWEST_OVER_HIGHEST * highest, NARROWEST_RANGE * highest)
     best: tuple[float, StateFeedback] | None = None
-    for bandwidth in np.geomspace(highest, lowest, _BANDWIDTHS):
+    for bandwidth in np.geomspace(highest, lowest, BANDWIDTHS):
         try:
             found = regulator(model, point, plant, float(bandwidth), bench.latency)
         except DomainError:
@@ -175,33 +182,10 @@ def tuned_pid(bench: Bench, exact: Bench) -> Pid:
         return pid_of_parts(bench.model, float(kp), float(ki), float(kd), float(rate), current, direction)
 
     # The filter's pole cannot be faster than the samples
-    highest = np.array([np.inf, np.inf, np.inf, np.log(3.0 / bench.model.sample_time_s)])
+    highest = np.array([np.inf, np.inf, np.inf, np.log(FASTEST_FILTER / bench.model.sample_time_s)])
     values = np.minimum(values, highest)
     found, _ = pattern_search(lambda logs: bench.score(made(logs)), values, highest, WANTED_MODULUS)
     return made(found)
-
-
-def pattern_search(
-    score: Callable[[FloatArray], float], start: FloatArray, highest: FloatArray, enough: float
-) -> tuple[FloatArray, float]:
-    """Climb by one coordinate after the other, and along what the last round changed, with steps that shrink."""
-    values, best, step = start, score(start), np.log(_FIRST_FACTOR)
-    while step > np.log(_LAST_FACTOR) and best < enough:
-        before = values
-        for k in range(len(values)):
-            for sign in (1.0, -1.0):
-                tried = values.copy()
-                tried[k] = min(tried[k] + sign * step, highest[k])
-                if (found := score(tried)) > best + 1e-9:
-                    values, best = tried, found
-                    break
-        if np.array_equal(values, before):
-            step *= 0.5
-            continue
-        tried = np.minimum(2.0 * values - before, highest)
-        if (found := score(tried)) > best:
-            values, best = tried, found
-    return values, best
 
 
 def _start(bench: Bench) -> Pid:
@@ -210,14 +194,16 @@ def _start(bench: Bench) -> Pid:
         return design_pid(model, point)
     except DomainError:
         pass
-    # No room for four equal poles: twice the force that the unstable pole asks for, damped at the body's own rate
+    # No room for four equal poles: more force than the unstable pole asks for, damped at the body's own rate
     current = inner_current_gain(model, point)
     A, B = reduced(model, point, current)
-    coil, rate = -A[2, 2], max(point.natural_rad_s, 0.01 * usable_coil_pole(model, point))
+    coil, rate = -A[2, 2], max(point.natural_rad_s, SLOWEST_OVER_HIGHEST * usable_coil_pole(model, point))
     per_command = abs(A[1, 2] * B[2]) / coil
-    kp = 2.0 * (rate**2 + coil * rate) / per_command
+    kp = FIRST_STIFFNESS * (rate**2 + coil * rate) / per_command
     along = tuple(point.direction.tolist())
-    return pid_of_parts(model, kp, 0.1 * rate * kp, 2.0 * kp / rate, 10.0 * rate, current, along)
+    return pid_of_parts(
+        model, kp, FIRST_INTEGRAL * rate * kp, FIRST_DAMPING * kp / rate, FIRST_FILTER * rate, current, along
+    )
 
 
 def inner_current_gain(model: ActuatorModel, point: OperatingPoint) -> float:

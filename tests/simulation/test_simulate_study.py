@@ -9,9 +9,9 @@ import pytest
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.simulation.design import CONTROLLERS, design_loop
+from femfit.simulation.pattern_search import pattern_search
 from femfit.simulation.pid import pid_of_parts
 from femfit.simulation.study import amplitude_spectrum, closed_loop_study
-from femfit.simulation.tune import pattern_search
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 
