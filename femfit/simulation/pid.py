@@ -11,6 +11,9 @@ from femfit.simulation.controllers import Controller, reference_currents, restin
 from femfit.simulation.limits import limited
 from femfit.simulation.reference import Reference
 
+_ROUNDED = 1e-13
+"""Derived: sum of three numerators over their sizes, below which it is their rounding and no integral."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pid(Controller):
@@ -62,7 +65,8 @@ class Pid(Controller):
         """
         step, p = self.model.sample_time_s, self.filter_pole
         b0, b1, b2 = (-gain for gain in self.gains)
-        integral = (b0 + b1 + b2) / (1.0 - p)
+        total = b0 + b1 + b2
+        integral = total / (1.0 - p) if abs(total) > _ROUNDED * (abs(b0) + abs(b1) + abs(b2)) else 0.0
         proportional = (b0 - b2 - integral) / (1.0 - p)
         derivative = (b2 - proportional * p) * step / (1.0 - p)
         rate = -np.log(p) / step if p > 0.0 else np.inf
