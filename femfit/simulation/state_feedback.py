@@ -126,11 +126,15 @@ def placed(
     A, B = augmented(model, point, plant, latency)
     size, n = B.shape
     wanted = np.exp(np.asarray(poles_rad_s, dtype=complex) * model.sample_time_s)
-    if n != 1 or len(wanted) != size - latency or np.any(np.abs(wanted) >= 1.0):
+    if n != 1:
         raise DomainError(
-            f"Poles are placed for one command, as {size - latency} rates below zero in rad/s (distance, velocity, "
-            f"current, integral); instead received {len(wanted)} poles for {n} commands: "
-            f"{', '.join(f'{pole:g}' for pole in poles_rad_s)}. Give a bandwidth for the regulator."
+            f"Poles are placed for one circuit; instead received a model of {n}. Give a bandwidth for the regulator."
+        )
+    if len(wanted) != size - latency or np.any(np.abs(wanted) >= 1.0):
+        raise DomainError(
+            f"State feedback of one circuit has {size - latency} poles (distance, velocity, current, integral), all "
+            f"with negative real parts in rad/s; instead received {len(wanted)}: "
+            f"{', '.join(f'{pole:g}' for pole in poles_rad_s)}. Give --pole-rad-s {size - latency} times, as -40."
         )
     coefficients = np.poly(np.concatenate([wanted, np.zeros(latency)]))
     if np.abs(coefficients.imag).max() > _NO_CONJUGATE * np.abs(coefficients).max():

@@ -45,3 +45,8 @@ def test_poles_lie_where_they_are_given(design, latency):
 def test_a_pole_without_its_conjugate_is_refused(design, lonely):
     with pytest.raises(DomainError, match="conjugate"):
         adjusted(design, "state-feedback", poles_rad_s=lonely)
+
+
+def test_too_few_poles_are_refused_with_their_number(design):
+    with pytest.raises(DomainError, match="instead received 1: -10"):
+        adjusted(design, "state-feedback", poles_rad_s=[-10.0])
