@@ -80,18 +80,20 @@ def _point_lines(design: LoopDesign) -> list[str]:
     unit, names = command_unit(design), [circuit.name for circuit in design.model.circuits]
     chosen = (design.points[0], design.points[len(design.points) // 2], design.points[-1])
     if len(names) == 1 and unit == "V":
-        head = "  distance  voltage  current  unstable pole  coil pole"
+        head = "  distance  voltage  current  coil pole  unstable pole at constant current"
         return [head, *(f"  {1e3 * p.distance_m:5.1f} mm  {p.commands[0]:5.3f} V  {_poles(p)}" for p in chosen)]
     if len(names) == 1:
-        return ["  distance  current  unstable pole", *(f"  {1e3 * p.distance_m:5.3g} mm  {_poles(p)}" for p in chosen)]
-    head = f"  distance  {', '.join(names)} (which share the force about half of their range)  unstable pole  coil pole"
+        head = "  distance  current  coil pole  unstable pole at constant current"
+        return [head, *(f"  {1e3 * p.distance_m:5.3g} mm  {_poles(p)}" for p in chosen)]
+    shared = f"{', '.join(names)} (which share the force about half of their range)"
+    head = f"  distance  {shared}  coil pole  unstable pole at constant current"
     return [head, *(f"  {1e3 * p.distance_m:5.3g} mm  {_poles(p)}" for p in chosen)]
 
 
 def _poles(point: OperatingPoint) -> str:
     currents = ", ".join(f"{current:5.3f} A" for current in point.currents_A)
-    unstable = f"{point.unstable_pole_rad_s:6.1f} rad/s" if point.unstable_pole_rad_s else "       stable"
-    return f"{currents}  {unstable}   {point.coil_pole_rad_s:6.1f} rad/s"
+    unstable = f"{point.unstable_pole_rad_s:6.1f} rad/s" if point.unstable_pole_rad_s else "stable"
+    return f"{currents}  {point.coil_pole_rad_s:6.1f} rad/s  {unstable}"
 
 
 def _controller_lines(design: LoopDesign, name: ControllerName, used: bool) -> list[str]:

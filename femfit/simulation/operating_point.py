@@ -34,7 +34,8 @@ class OperatingPoint:
     commands: FloatArray  # What the drivers are told to hold it: V, or A for a current amplifier; shape (n,)
     # Change of the commands that raises the force with the least copper loss; its largest entry is 1; shape (n,)
     direction: FloatArray
-    unstable_pole_rad_s: float  # sqrt(-S/m) where the point is unstable, 0 where it is stable
+    unstable_pole_rad_s: float  # At constant current, sqrt(-S/m) where the point is unstable, 0 where it is stable
+    runaway_rad_s: float  # Fastest growth under constant commands: back-EMF slows a body behind a voltage; 0 if stable
     natural_rad_s: float  # sqrt(|S|/m)
     coil_pole_rad_s: float  # Of the slowest circuit
     inductance_H: float  # Of the first circuit
@@ -81,12 +82,15 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     along = motional / ohms  # the least copper loss for a force
     commands = np.where(commands_currents(model), currents, ohms * currents)
     along = np.where(commands_currents(model), along, ohms * along)
+    constant = float(np.sqrt(max(-gradient / mass, 0.0)))
+    growing = constant if np.all(commands_currents(model)) else max(float(np.linalg.eigvals(A).real.max()), 0.0)
     return OperatingPoint(
         distance_m=distance,
         currents_A=currents,
         commands=commands,
         direction=along / np.abs(along).max(),
-        unstable_pole_rad_s=float(np.sqrt(max(-gradient / mass, 0.0))),
+        unstable_pole_rad_s=constant,
+        runaway_rad_s=growing,
         natural_rad_s=float(np.sqrt(abs(gradient) / mass)),
         coil_pole_rad_s=float(np.min(np.linalg.eigvals(inverse * ohms).real)),
         inductance_H=float(inductance[0, 0]),

@@ -176,7 +176,7 @@ def _of_range(loop: LostLoop, better: Improved, holds: Callable[[Improved], bool
 
 def _of_delay(loop: LostLoop, better: Improved, holds: Callable[[Improved], bool]) -> str:
     part = _least(0.0, 1.0, lambda value: holds(replace(better, delay=value)))
-    late, unstable = delay_of(loop), max(point.unstable_pole_rad_s for point in loop.design.points)
+    late, unstable = delay_of(loop), max(point.runaway_rad_s for point in loop.design.points)
     product = f", {unstable * late:.2g} of the time in which the body runs away by a factor e" if unstable else ""
     return (
         f"The delay: {amount(late, 's')} from the body to the command{product}; with {amount(part * late, 's')} at "

@@ -34,6 +34,14 @@ def test_the_unstable_pole_is_that_of_the_body_and_the_back_emf_slows_it(levitat
     assert 0.95 * point.unstable_pole_rad_s < unstable < point.unstable_pole_rad_s
 
 
+def test_a_body_behind_a_voltage_runs_away_slower_than_at_constant_current(levitation_model):
+    """Moved by the plant's own equations from a little off, the distance grows as exp(runaway t)."""
+    point = operating_point(levitation_model, 0.022)
+    assert 0.0 < point.runaway_rad_s < point.unstable_pole_rad_s
+    late, later = (scipy.linalg.expm(point.A * t) @ [1e-6, 0.0, 0.0] for t in (0.5, 0.51))
+    assert np.log(later[0] / late[0]) / 0.01 == pytest.approx(point.runaway_rad_s, rel=1e-6)
+
+
 @pytest.mark.parametrize("step", [1e-5, 5e-4, 0.1])
 def test_zero_order_hold_is_the_matrix_exponential(levitation_model, step):
     point = operating_point(levitation_model, 0.022)
