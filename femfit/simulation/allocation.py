@@ -15,11 +15,10 @@ References
 G. Schweitzer and E. H. Maslen (eds.), Magnetic Bearings (Springer, 2009), section 4.1.4 (differential driving mode).
 """
 
-from functools import lru_cache
-
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.remembered import remembered
 from femfit.filters.holding import bias_currents, nearest_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import circuit_terms, held_limits
@@ -31,7 +30,7 @@ EVEN_PART = 0.05
 either sign; only the positive one is used, so that its current does not pass through the point without effect."""
 
 
-@lru_cache(maxsize=16)
+@remembered
 def current_range(model: ActuatorModel) -> tuple[float, float]:
     """The currents in A that the only driver can hold and the model covers, from the weakest force to the largest.
 
@@ -42,7 +41,7 @@ def current_range(model: ActuatorModel) -> tuple[float, float]:
     return model.attracting_range(max(low, box.current_min_A), min(high, box.current_max_A))
 
 
-@lru_cache(maxsize=16)
+@remembered
 def current_ranges(model: ActuatorModel) -> FloatArray:
     """The same for every circuit, of shape (n, 2)."""
     if len(model.circuits) == 1:
@@ -58,7 +57,7 @@ def current_ranges(model: ActuatorModel) -> FloatArray:
     return result
 
 
-@lru_cache(maxsize=16)
+@remembered
 def _bias(model: ActuatorModel) -> FloatArray:
     box = model.validity
     return np.clip(bias_currents(model, 0.5 * (box.distance_min_m + box.distance_max_m)), *current_ranges(model).T)
@@ -116,7 +115,7 @@ def current_for_force(
     return np.where(converged, current, _newton(model, distance, force, strongest, _NEWTON_STEPS)[0])
 
 
-@lru_cache(maxsize=16)
+@remembered
 def _rises(model: ActuatorModel) -> bool:
     """Whether a larger current attracts more, in the middle of the distances."""
     box = model.validity

@@ -7,23 +7,22 @@ covered range,
     U = R i + L (i_end - i)/t - k_m v.
 """
 
-from functools import lru_cache
-
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.remembered import remembered
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import circuit_terms, command_limits, commands_currents
 from femfit.simulation.constants import COVERED_PART
 
 
-@lru_cache(maxsize=16)
+@remembered
 def limits_of(model: ActuatorModel) -> FloatArray:
     """Least and largest command of each circuit, of shape (2, n)."""
     return np.array([command_limits(circuit) for circuit in model.circuits]).T
 
 
-@lru_cache(maxsize=16)
+@remembered
 def covered_currents(model: ActuatorModel) -> FloatArray:
     """Currents that a controller may ask for, of shape (2, n); infinite where the driver gives none beyond anyway."""
     widths = model.validity.current_limits_A[: len(model.circuits)].T
