@@ -57,6 +57,9 @@ FILTER_BLOCK = 100
 FILTER_WORSE, FILTER_GREW = 3.0, 1.05
 """Conventional: standard errors, and a factor of an error, from which the filter has become worse."""
 
+FILTER_CHANCE = 0.05
+"""Conventional: chance below which more runs lost by a filter that does not read the distance are no chance."""
+
 # Which effect is named
 
 ENOUGH, ENOUGH_OF_TWO = 0.97, 0.98

@@ -1,6 +1,7 @@
 """An added effect is judged by what it does to the filter on runs of a record that were left out."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.place import placed
-from femfit.identify.refit.filter_fall import filter_fall
+from femfit.identify.refit.filter_fall import _lost_more_often, filter_fall
 from femfit.model.with_effects import nominal_of
 from femfit.report.replay_figure import write_before_after
 from support.closed_loop import closed_loop, recorded
@@ -104,3 +105,13 @@ def test_the_picture_before_and_after_is_of_filters_that_do_not_read_the_distanc
     silent = replace(record, given=tuple(name for name in record.given if name != "distance_m"))
     with pytest.raises(TableError, match="recorded distance"):
         write_before_after((device, warm), silent, tmp_path / "replay.png")
+
+
+@pytest.mark.parametrize(
+    ("newly", "regained", "worse"),
+    [(1, 0, False), (3, 2, False), (4, 0, False), (5, 0, True), (9, 1, True), (0, 5, False)],
+)
+def test_one_more_blind_run_lost_is_chance_and_many_are_not(newly, regained, worse):
+    held, lost = SimpleNamespace(lost_at_s=None), SimpleNamespace(lost_at_s=0.1)
+    pairs = [(held, lost)] * newly + [(lost, held)] * regained + [(held, held), (lost, lost)]
+    assert _lost_more_often(pairs) is worse

@@ -10,19 +10,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 from femfit.core.amount import amount, counted, rounded
 from femfit.core.arrays import FloatArray
 from femfit.core.printed import Printed
 from femfit.effects.effect import AddedEffect
 from femfit.filters.noise import FilterNoise, default_noise
-from femfit.identify.constants import FILTER_BLOCK, FILTER_GREW, FILTER_RUNS, FILTER_WORSE
+from femfit.identify.constants import FILTER_BLOCK, FILTER_CHANCE, FILTER_GREW, FILTER_RUNS, FILTER_WORSE
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.unseen import left_out_groups
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.replay.score import FilterScore, can_be_filtered, filter_score
 from femfit.tables.measurement import TimeSeries
+
+_Pair = tuple[FilterScore, FilterScore]
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,7 @@ def filter_fall(
     squares = [float(np.mean([pair[k].mean_square for pair in pairs])) for k in (0, 1)]
     beside = [pair for pair in checked if pair is not None]
     lost = [float(sum(pair[k].lost_at_s is not None for pair in (*pairs, *beside))) for k in (0, 1)]
+    all_read = [sum(pair[k].lost_at_s is not None for pair in pairs) for k in (0, 1)]
     return FilterFall(
         runs=len(pairs),
         single=observations.column("run").max() == observations.column("run").min(),
@@ -121,11 +125,20 @@ def filter_fall(
         gain=mean,
         gain_error=error,
         unread=_unread(beside),
-        lost=Change(lost[0], lost[1], worse=lost[1] > lost[0]),
+        lost=Change(lost[0], lost[1], worse=all_read[1] > all_read[0] or _lost_more_often(beside)),
     )
 
 
-_Pair = tuple[FilterScore, FilterScore]
+def _lost_more_often(pairs: Sequence[_Pair]) -> bool:
+    """Whether runs that only the second filter loses outnumber the others beyond chance: a sign test at 5 %.
+
+    A filter that does not read the distance is lost in one run or another of a body that bounces, whatever the model.
+    """
+    newly = sum(before.lost_at_s is None and after.lost_at_s is not None for before, after in pairs)
+    regained = sum(before.lost_at_s is not None and after.lost_at_s is None for before, after in pairs)
+    if newly <= regained:
+        return False
+    return bool(binomtest(newly, newly + regained, alternative="greater").pvalue < FILTER_CHANCE)
 
 
 def _pair(
