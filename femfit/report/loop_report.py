@@ -10,7 +10,8 @@ from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, Drawing, new_fi
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop_text import gains_text, margins_text, observed_lines, sensor_line, sensor_word, worst_of
-from femfit.simulation.study import ClosedLoopStudy, FaultRow, SpectrumPair, StepSeries
+from femfit.simulation.study import ClosedLoopStudy
+from femfit.simulation.study_rows import FaultRow, SpectrumPair, StepSeries
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,20 +19,21 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
 from femfit.core.printed import Printed
-from femfit.filters.theory import ConsistencyBand, noise_ratio_bound
+from femfit.filters.theory import noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensor_named
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopResult
-from femfit.simulation.loop_text import design_data, design_lines, losses, sensor_word, verdict
+from femfit.simulation.loop_text import design_data
 from femfit.simulation.sensor import span_of
+from femfit.simulation.study_rows import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
+from femfit.simulation.study_text import study_lines
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
 
@@ -45,83 +46,6 @@ RUNS = 16
 STEP_RUNS, ACQUISITION_RUNS = 8, 8
 OFFSET_SHARE, FORCE_ERROR = 0.004, 0.01
 """Conventional: offset of the first sensor over its range (20 mV of 5 V), and error of the force."""
-
-
-@dataclass(frozen=True, eq=False)
-class StepSeries:
-    """One recorded run over reference steps."""
-
-    controller: str
-    observer: str
-    time_s: FloatArray
-    reference_m: FloatArray
-    true_m: FloatArray
-    direct_m: FloatArray
-    estimated_m: FloatArray
-    voltage_V: FloatArray
-    current_A: FloatArray
-
-
-@dataclass(frozen=True)
-class StepRow:
-    """How well one measurement follows the true distance over the reference steps."""
-
-    controller: str
-    measurement: str  # ``direct`` or the filter that feeds the loop
-    rms_m: float  # Over the runs that were held; NaN if none was
-    held: int
-    runs: int
-
-
-@dataclass(frozen=True)
-class HoldRow:
-    """Direct against filtered noise at rest."""
-
-    controller: str
-    filter: str
-    distance_m: float
-    direct_rms_m: float
-    filtered_rms_m: float
-    # Direct over filtered rms, and 1/sqrt(2 lambda t_s), which no filter of white noise passes
-    ratio: float
-    bound: float
-    normalised_innovation_squared: float
-    innovation_band: ConsistencyBand  # 95 % for the mean of the normalised innovations squared
-    held: int
-    runs: int
-
-
-@dataclass(frozen=True)
-class FaultRow:
-    """How the runs of one experiment ended, with the means of those that were held."""
-
-    experiment: Experiment
-    runs: int
-    outcomes: Mapping[str, int]  # Number of runs by the name of their :class:`~femfit.simulation.loop.LoopOutcome`
-    last_loss_s: float | None  # When the last of the lost runs was lost
-    # Estimated minus true distance, and true distance minus reference; NaN if no run was held
-    estimate_rms_m: float
-    estimate_bias_m: float
-    position_bias_m: float
-    # How far the body moved against the loop without the fault on the same noise, and the standard error of that; NaN
-    # without such a loop, or if fewer than two runs were held in both
-    position_shift_m: float
-    shift_error_m: float
-
-    @property
-    def held(self) -> int:
-        """Number of runs that were held."""
-        return self.outcomes.get("HELD", 0)
-
-
-@dataclass(frozen=True, eq=False)
-class SpectrumPair:
-    """Amplitudes of direct and filtered distance at rest, so that a sine of amplitude a shows a peak of height a."""
-
-    controller: str
-    frequency_Hz: FloatArray
-    direct_m: FloatArray
-    filtered_m: FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,7 +65,7 @@ class ClosedLoopStudy(Printed):
     no_direct: str = ""
 
     def __str__(self) -> str:
-        return "\n".join(_lines(self))
+        return "\n".join(study_lines(self))
 
     def data(self) -> dict[str, Any]:
         """The numbers without time series and spectra, ready for JSON; what does not exist is null."""
@@ -371,82 +295,3 @@ def _steps(design: LoopDesign, seed: int) -> tuple[tuple[StepRow, ...], tuple[St
 
 def _rms(errors: FloatArray) -> float:
     return float(np.sqrt(np.mean(errors**2))) if errors.size else float("nan")
-
-
-def _lines(study: ClosedLoopStudy) -> list[str]:
-    """The whole study as text: which loops hold, how they measure, what a fault costs, and the design."""
-    design = study.design
-    stops = " -> ".join(f"{1e3 * d:g}" for d in design.targets_m)
-    loops = [
-        (Experiment(row.controller, row.measurement, design.targets_m), row.held, row.runs)  # type: ignore[arg-type]
-        for row in study.steps
-        if row.measurement != "direct"
-    ]
-    lines = [verdict(design, study.seconds, loops), "", f"Steps {stops} mm: rms of measured minus true distance"]
-    lines += [
-        "  controller    measured by        rms",
-        *(
-            f"  {row.controller:12s}  {row.measurement:10s} {_length(row.rms_m)}{_lost(row.held, row.runs)}"
-            for row in study.steps
-        ),
-        "",
-        "At rest: noise of the direct measurement and of the filter, and squared errors of the filter's predictions",
-        "over what it expects; no filter gains more than the bound",
-        "  controller    filter  distance    direct   filtered   gain  bound  errors^2 (95 % band)",
-    ]
-    lines += [
-        f"  {r.controller:12s}  {r.filter:6s}  {1e3 * r.distance_m:5.1f} mm {_length(r.direct_rms_m)}"
-        f"  {_length(r.filtered_rms_m)}  {_ratio(r.ratio)}  {r.bound:5.2f}  {r.normalised_innovation_squared:.3f} "
-        f"({r.innovation_band.lower:.3f} .. {r.innovation_band.upper:.3f}){_lost(r.held, r.runs)}"
-        for r in study.holds
-    ]
-    if study.no_direct:
-        lines += [f"  no direct measurement to compare with: {study.no_direct}"]
-    lines += ["", "With a fault", *(_fault_line(design, row) for row in study.faults)]
-    lines += [
-        "",
-        "Filter started at the wrong end of the range",
-        *(_fault_line(design, row) for row in study.acquisition),
-    ]
-    return [*lines, "", *design_lines(design, [(name, "ukf") for name in design.controllers]), f"  seed {study.seed}"]
-
-
-def _length(metres: float) -> str:
-    return f"{amount(metres, 'm', 3) if math.isfinite(metres) else '-':>8s}"
-
-
-def _ratio(value: float) -> str:
-    return f"{value:5.2f}" if math.isfinite(value) else f"{'-':>5s}"
-
-
-def _lost(held: int, runs: int) -> str:
-    return "" if held == runs else f"  ({runs - held} of {counted(runs, 'run')} lost)"
-
-
-def _fault_line(design: LoopDesign, row: FaultRow) -> str:
-    """One experiment with a fault: how many runs are lost, and what the fault moves."""
-    e, parts = row.experiment, []
-    if row.held < row.runs:
-        when = "" if row.last_loss_s is None else f", the last after {row.last_loss_s:.3f} s"
-        parts.append(f"{row.runs - row.held} of {counted(row.runs, 'run')} lost ({losses(row.outcomes)}){when}")
-    elif not math.isfinite(row.position_shift_m):
-        parts.append(f"all {row.runs} runs held")
-    if math.isfinite(row.position_shift_m):
-        parts.append(
-            f"estimate off by {amount(row.estimate_bias_m, 'm', 3)}, "
-            f"body moved by {amount(row.position_shift_m, 'm', 3)} +-{amount(row.shift_error_m, 'm')}"
-        )
-    elif math.isfinite(row.estimate_rms_m):
-        parts.append(f"estimate within {amount(row.estimate_rms_m, 'm', 3)} rms")
-    name: str = "no filter" if e.observer == "direct" else e.observer
-    what = [f"{e.controller}, {name}, {1e3 * e.targets_m[0]:.4g} mm"]
-    if e.offset:
-        one = design.loop_sensors()[0]
-        what.append(
-            f"{sensor_word(one.name)} offset {'+' if e.offset > 0.0 else ''}{amount(e.offset, one.reading.unit, 3)}"
-        )
-    if e.force_scale != 1.0:
-        what.append(f"force {100.0 * (e.force_scale - 1.0):+.2g} %")
-    if e.believed_m is not None:
-        what.append(f"believed at {1e3 * e.believed_m:.4g} mm")
-    return f"  {', '.join(what)}: {'; '.join(parts)}"

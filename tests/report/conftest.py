@@ -14,7 +14,8 @@ from femfit.report.content import ReportContent
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.study import ClosedLoopStudy, FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
+from femfit.simulation.study import ClosedLoopStudy
+from femfit.simulation.study_rows import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY
 
