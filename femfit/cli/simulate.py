@@ -74,10 +74,10 @@ def simulate(
     picture : Path
         File for a picture of the open loop, or of one run of the closed one (.png, .svg, .pdf).
     controller : str
-        pid (default), state-feedback or backstepping.
+        pid, state-feedback or backstepping; default pid, or all of them where no option asks for a loop of one.
     observer : str
-        ukf4 (default) or ekf4, which estimate the first sensor's bias as a state more; ukf or ekf, which do not; or
-        direct, which inverts the first sensor's characteristic without a filter.
+        ukf4 (default of one loop) or ekf4, which estimate the first sensor's bias as a state more; ukf or ekf, which do
+        not; or direct, which inverts the first sensor's characteristic without a filter.
     sensor : list of str
         Sensor that the loop reads, by its name in the drawing; may be repeated. Default: the Hall element, or all.
     gain : list of str

@@ -4,13 +4,16 @@ import math
 from typing import TYPE_CHECKING
 
 from femfit.core.amount import amount, counted
-from femfit.simulation.design import LoopDesign
+from femfit.simulation.design import CONTROLLERS, LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop_text import design_lines, losses, sensor_word, verdict
 from femfit.simulation.study_rows import FaultRow
 
 if TYPE_CHECKING:
     from femfit.simulation.study import ClosedLoopStudy
+
+SEEN = 2.0
+"""Derived: standard errors beyond which a mean is more than chance, 95 %."""
 
 
 def study_lines(study: "ClosedLoopStudy") -> list[str]:
@@ -22,8 +25,10 @@ def study_lines(study: "ClosedLoopStudy") -> list[str]:
         for row in study.steps
         if row.measurement != "direct"
     ]
-    lines = [verdict(design, study.seconds, loops), "", f"Steps {stops} mm: rms of measured minus true distance"]
+    missing = [f"  {design.why_no(name)}" for name in CONTROLLERS if design.why_no(name)]
+    lines = [verdict(design, study.seconds, loops), *missing, ""]
     lines += [
+        f"Steps {stops} mm: rms of measured minus true distance",
         "  controller    measured by        rms",
         *(
             f"  {row.controller:12s}  {row.measurement:10s} {_length(row.rms_m)}{_lost(row.held, row.runs)}"
@@ -36,7 +41,8 @@ def study_lines(study: "ClosedLoopStudy") -> list[str]:
     ]
     lines += [
         f"  {r.controller:12s}  {r.filter:6s}  {1e3 * r.distance_m:5.1f} mm {_length(r.direct_rms_m)}"
-        f"  {_length(r.filtered_rms_m)}  {_ratio(r.ratio)}  {r.bound:5.2f}  {r.normalised_innovation_squared:.3f} "
+        f"  {_length(r.filtered_rms_m)}  {_ratio(r.ratio)}  {_ratio(r.bound)}  "
+        f"{_ratio(r.normalised_innovation_squared, 3)} "
         f"({r.innovation_band.lower:.3f} .. {r.innovation_band.upper:.3f}){_lost(r.held, r.runs)}"
         for r in study.holds
     ]
@@ -55,8 +61,8 @@ def _length(metres: float) -> str:
     return f"{amount(metres, 'm', 3) if math.isfinite(metres) else '-':>8s}"
 
 
-def _ratio(value: float) -> str:
-    return f"{value:5.2f}" if math.isfinite(value) else f"{'-':>5s}"
+def _ratio(value: float, digits: int = 2) -> str:
+    return f"{value:5.{digits}f}" if math.isfinite(value) else f"{'-':>5s}"
 
 
 def _lost(held: int, runs: int) -> str:
@@ -72,10 +78,9 @@ def _fault_line(design: LoopDesign, row: FaultRow) -> str:
     elif not math.isfinite(row.position_shift_m):
         parts.append(f"all {row.runs} runs held")
     if math.isfinite(row.position_shift_m):
-        parts.append(
-            f"estimate off by {amount(row.estimate_bias_m, 'm', 3)}, "
-            f"body moved by {amount(row.position_shift_m, 'm', 3)} +-{amount(row.shift_error_m, 'm')}"
-        )
+        moved = f"moved by {amount(row.position_shift_m, 'm', 3)} +-{amount(row.shift_error_m, 'm')}"
+        seen = abs(row.position_shift_m) > SEEN * row.shift_error_m
+        parts.append(f"estimate off by {amount(row.estimate_bias_m, 'm', 3)}, body {moved if seen else 'not moved'}")
     elif math.isfinite(row.estimate_rms_m):
         parts.append(f"estimate within {amount(row.estimate_rms_m, 'm', 3)} rms")
     name: str = "no filter" if e.observer == "direct" else e.observer

@@ -8,7 +8,7 @@ import pytest
 
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
-from femfit.simulation.design import CONTROLLERS, design_loop
+from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.pattern_search import pattern_search
 from femfit.simulation.pid import pid_of_parts
 from femfit.simulation.study import amplitude_spectrum, closed_loop_study
@@ -119,6 +119,19 @@ def test_loops_that_are_all_lost_have_no_spectrum_and_no_warning(levitation_mode
     study = closed_loop_study(levitation_model, noise=1.0)  # of the 0.9 V that the magnet moves the output
     assert all(row.held == 0 for row in study.holds)
     assert study.spectra == ()
+
+
+def test_a_study_says_what_it_lacks_and_tells_no_number_that_there_is_not(study, monkeypatch):
+    """A body that is stable has no bound, a controller that was not found a reason, a shift within its error none."""
+    row = next(row for row in study.faults if np.isfinite(row.position_shift_m))
+    still = replace(row, position_shift_m=123e-12, shift_error_m=190e-12)
+    without = replace(study, holds=tuple(replace(one, bound=np.nan) for one in study.holds), faults=(still,))
+    monkeypatch.setattr(LoopDesign, "why_no", lambda _, name: "No pid: slow coil." if name == "pid" else "")
+    text = str(without)
+    assert "No pid: slow coil." in text.partition("Steps")[0]
+    assert "nan" not in text
+    assert "190 pm" not in text
+    assert "body not moved" in text
 
 
 @pytest.fixture(scope="module")
