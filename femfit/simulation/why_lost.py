@@ -22,7 +22,7 @@ from femfit.simulation.design import CONTROLLERS, ControllerName
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopResult
 from femfit.simulation.lost_loop import AMPLE, HARDLY, Improved, LostLoop
-from femfit.simulation.why_unstable import growth_of, why_unstable
+from femfit.simulation.why_unstable import growth_of, short_of_room, why_unstable
 
 FEW = 8
 """Conventional: of more runs so many are repeated where some of them are lost, so that the trials take no longer."""
@@ -65,7 +65,7 @@ def why_lost(loop: LostLoop, lost: LoopResult) -> str:
             return f"Without {name} the same runs hold.{helped if better.true_plant else ''}"
     if growth := growth_of(loop):
         return why_unstable(loop, lambda: _other_gains(loop, holds), growth)
-    return _other_gains(loop, holds) or _of_hardware(loop, given, holds)
+    return f"{_other_gains(loop, holds) or _of_hardware(loop, given, holds)}{short_of_room(loop)}"
 
 
 def _of_hardware(loop: LostLoop, given: dict[str, Improved], holds: Callable[[Improved], bool]) -> str:

@@ -7,16 +7,25 @@ the linear loop tells goes first: no driver holds a body in a loop that is unsta
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from femfit.core.amount import amount
 from femfit.core.errors import DomainError, FilterError
 from femfit.simulation.controllers import Controller
-from femfit.simulation.loop_text import gains_text
+from femfit.simulation.limits import limits_of
+from femfit.simulation.loop_text import command_unit, gains_text
 from femfit.simulation.lost_loop import LostLoop
 from femfit.simulation.state_feedback import StateFeedback
-from femfit.simulation.tune import Bench, make_bench
+from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, make_bench
 
 HALVINGS = 8
 """Conventional: steps of the search for the longest delay; it is then known to half a per cent of the delay."""
+
+NOISE_FILLS = 1.0 / 3.0
+"""Derived: rms of the noise's command over the room to the limit, from which three deviations reach it."""
+
+LITTLE_ROOM = 0.1
+"""Conventional: room to the nearer limit over the driver's range, below which it is little."""
 
 
 def growth_of(loop: LostLoop) -> float:
@@ -39,6 +48,27 @@ def why_unstable(loop: LostLoop, other_gains: Callable[[], str], growth: float) 
         Says which other gains hold the lost runs; empty where none do.
     """
     return _gains_or_delay(loop, growth) or other_gains() or _estimate_or_controller(loop, growth)
+
+
+def short_of_room(loop: LostLoop) -> str:
+    """A sentence where the resting command leaves the feedback less room than the sensors' noise takes; else empty."""
+    design, e = loop.design, loop.experiment
+    limits = limits_of(design.model)
+    try:
+        bench = design.bench(e.observer)
+        found = bench.judge(design.controller(e.controller), SEARCH_FREQUENCIES)
+    except (DomainError, FilterError):
+        return ""
+    rooms = [np.minimum(one.commands - limits[0], limits[1] - one.commands).min() for one in bench.points]
+    worst = int(np.argmin(rooms))
+    room, share = float(rooms[worst]), found[worst].noise_share
+    if share < NOISE_FILLS or room > LITTLE_ROOM * float(np.min(limits[1] - limits[0])):
+        return ""
+    unit, distance = command_unit(design), bench.points[worst].distance_m
+    return (
+        f" The authority is short too: at {amount(distance, 'm', 3)} the resting command leaves {amount(room, unit)} "
+        f"to the driver's limit, and the sensors' noise alone takes {amount(share * room, unit)} rms of it."
+    )
 
 
 def _gains_or_delay(loop: LostLoop, growth: float) -> str:

@@ -2,11 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from femfit.device.sensors import PositionSensor
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.lost_loop import LostLoop
+from femfit.simulation.why_unstable import short_of_room
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +77,18 @@ def test_authority_is_named_where_the_force_at_the_limits_does_not_reach(optical
     words = lost(with_laser(weak, noise=60e-3))
     assert words.startswith("The authority: at 22.0 mm")
     assert "times as wide" in words
+
+
+def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(optical):
+    """1 % above the voltage that holds the body: noise of 5 mV fills it."""
+    weak = replace(optical, circuit=replace(optical.circuit, voltage_max_V=1.01 * 0.852))
+    full = lost_loop(optical)
+    assert short_of_room(full) == ""
+    loop = lost_loop(with_laser(weak, noise=5e-3))
+    left = 1e3 * (weak.circuit.voltage_max_V - loop.design.points[0].commands[0])
+    assert f"leaves {left:.2g} mV" in short_of_room(loop)
+
+
+def lost_loop(model):
+    experiment = Experiment("backstepping", "ukf", model.reference_distances_m)
+    return LostLoop(design_loop(model), experiment, np.random.default_rng(1), 2, 800, 800, 0, None)
