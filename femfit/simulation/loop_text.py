@@ -1,7 +1,7 @@
 """What is said of a closed loop, by one loop and by a study of many: the first line, the design, its margins."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import degrees, inf, isfinite
 from typing import Any
 
@@ -19,6 +19,9 @@ from femfit.simulation.margins import Margins
 from femfit.simulation.operating_point import OperatingPoint
 from femfit.simulation.pid import Pid
 from femfit.simulation.state_feedback import StateFeedback
+
+FRAGILE_DEGREES = 10.0
+"""Conventional: phase margin below which a loop is called fragile; 30 degrees are usual as the least."""
 
 
 def verdict(
@@ -136,12 +139,28 @@ def _margin_lines(design: LoopDesign, name: ControllerName, observer: str) -> li
         return [f"no margins of {name} on {observer}: {error}"]
     worst = worst_of(found)
     lines = [f"{name} on {observer}: {margins_text(worst, len(design.model.circuits))}"]
+    if worst.stable and degrees(worst.phase_rad) < FRAGILE_DEGREES:
+        lines.append(f"fragile: body and delay must be as in the model for {name} to hold it{_raised(design, name)}")
     if name == "backstepping" and name not in design.given and worst.modulus < WANTED_MODULUS:
         lines.append(
             f"backstepping takes its gains from the model's poles alone, so that its modulus margin is not the "
             f"{WANTED_MODULUS:g} that pid and state-feedback are tuned for; use one of these where the model is rough"
         )
     return lines
+
+
+def _raised(design: LoopDesign, name: ControllerName) -> str:
+    """What the same gains' phase margin would be with the exact state, and without latency too."""
+    bench, controller = design.bench("exact"), design.controller(name)
+    ways = {"with the exact state": bench}
+    if design.latency and name != "state-feedback":  # whose gains are of its latency
+        ways["without latency too"] = replace(bench, latency=0)
+    parts = []
+    for way, better in ways.items():
+        worst = worst_of(better.judge(controller))
+        if worst.stable:
+            parts.append(f"{degrees(worst.phase_rad):.2g} degrees {way}")
+    return f"; the phase margin would be {' and '.join(parts)}" if parts else ""
 
 
 def worst_of(found: Sequence[Margins]) -> Margins:

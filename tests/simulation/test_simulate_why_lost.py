@@ -9,6 +9,7 @@ from femfit.device.sensors import PositionSensor
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
+from femfit.simulation.loop_text import design_lines
 from femfit.simulation.lost_loop import LostLoop
 from femfit.simulation.why_unstable import short_of_room
 
@@ -87,6 +88,18 @@ def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(opt
     loop = lost_loop(with_laser(weak, noise=5e-3))
     left = 1e3 * (weak.circuit.voltage_max_V - loop.design.points[0].commands[0])
     assert f"leaves {left:.2g} mV" in short_of_room(loop)
+
+
+def test_a_loop_next_to_its_longest_latency_is_called_fragile(optical):
+    words = {latency: told_margins(optical, latency) for latency in (0, 27)}
+    assert "stable with gains" in words[27]
+    assert "fragile" in words[27]
+    assert "without latency too" in words[27]
+    assert "fragile" not in words[0]
+
+
+def told_margins(model, latency):
+    return "\n".join(design_lines(design_loop(model, latency=latency), [("backstepping", "ukf")]))
 
 
 def lost_loop(model):
