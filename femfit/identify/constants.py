@@ -58,7 +58,7 @@ FILTER_WORSE, FILTER_GREW = 3.0, 1.05
 """Conventional: standard errors, and a factor of an error, from which the filter has become worse."""
 
 FILTER_CHANCE = 0.05
-"""Conventional: chance below which more runs lost by a filter that does not read the distance are no chance."""
+"""Conventional: chance below which more runs that the filter loses are no chance."""
 
 # Which effect is named
 

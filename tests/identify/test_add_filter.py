@@ -111,7 +111,7 @@ def test_the_picture_before_and_after_is_of_filters_that_do_not_read_the_distanc
     ("newly", "regained", "worse"),
     [(1, 0, False), (3, 2, False), (4, 0, False), (5, 0, True), (9, 1, True), (0, 5, False)],
 )
-def test_one_more_blind_run_lost_is_chance_and_many_are_not(newly, regained, worse):
+def test_one_more_run_lost_is_chance_and_many_are_not(newly, regained, worse):
     held, lost = SimpleNamespace(lost_at_s=None), SimpleNamespace(lost_at_s=0.1)
     pairs = [(held, lost)] * newly + [(lost, held)] * regained + [(held, held), (lost, lost)]
     assert _lost_more_often(pairs) is worse

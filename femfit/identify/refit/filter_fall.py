@@ -117,7 +117,6 @@ def filter_fall(
     squares = [float(np.mean([pair[k].mean_square for pair in pairs])) for k in (0, 1)]
     beside = [pair for pair in checked if pair is not None]
     lost = [float(sum(pair[k].lost_at_s is not None for pair in (*pairs, *beside))) for k in (0, 1)]
-    all_read = [sum(pair[k].lost_at_s is not None for pair in pairs) for k in (0, 1)]
     return FilterFall(
         runs=len(pairs),
         single=observations.column("run").max() == observations.column("run").min(),
@@ -125,14 +124,15 @@ def filter_fall(
         gain=mean,
         gain_error=error,
         unread=_unread(beside),
-        lost=Change(lost[0], lost[1], worse=all_read[1] > all_read[0] or _lost_more_often(beside)),
+        lost=Change(lost[0], lost[1], worse=_lost_more_often([*pairs, *beside])),
     )
 
 
 def _lost_more_often(pairs: Sequence[_Pair]) -> bool:
     """Whether runs that only the second filter loses outnumber the others beyond chance: a sign test at 5 %.
 
-    A filter that does not read the distance is lost in one run or another of a body that bounces, whatever the model.
+    A filter is lost for a moment in one run or another of a body that bounces, whatever the model; how likely the
+    innovations are counts beside this.
     """
     newly = sum(before.lost_at_s is None and after.lost_at_s is not None for before, after in pairs)
     regained = sum(before.lost_at_s is not None and after.lost_at_s is None for before, after in pairs)
