@@ -71,6 +71,7 @@ def _texts(model: ActuatorModel) -> dict[str, str]:
             "Install an unmodified femfit."
         )
     words = {"name": model.name, "runtime": RUNTIME, "version": __version__}
+    words |= {"sensors": ", ".join(chosen_sensors(model, None)), "circuits": ", ".join(model.circuit_names)}
     readme = files("femfit.targets").joinpath("estimator_readme.md").read_text(encoding="utf-8")
     texts = {f"{RUNTIME}/__init__.py": _FRONT.format(**words)}
     texts |= {f"{RUNTIME}/{file.as_posix()}": renamed_imports(text, RUNTIME) for file, text in sources.items()}

@@ -10,6 +10,7 @@ import pytest
 
 import femfit
 from femfit.core.errors import FilterError, MissingPartError, RunDirectoryError, UsageError
+from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.effects.zeros_and_scales import HALL_OFFSET
@@ -211,6 +212,16 @@ def test_the_package_holds_the_laws_and_effects_of_its_model_and_no_others(expor
     effects = {file.stem for file in (tmp_path / RUNTIME / "effects").iterdir()}
     assert "zeros_and_scales" in effects
     assert effects.isdisjoint({"hysteresis", "hall_element", "core_saturation"})
+
+
+def test_the_description_names_the_sensors_of_a_model_without_hall_element_in_their_order(levitation_model, tmp_path):
+    laser = PositionSensor(name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3)
+    shunt = CurrentSensor(name="shunt", circuit=levitation_model.circuit_names[0], noise=1e-3)
+    read = replace(levitation_model, sensor=None, other_sensors=(shunt, laser))
+    export_estimator(read, tmp_path / "package")
+    words = (tmp_path / "package" / "README.md").read_text(encoding="utf-8")
+    assert "shunt, laser" in words
+    assert "Hall" not in words
 
 
 def test_the_package_holds_no_study_and_nothing_of_the_bench(exported):
