@@ -99,8 +99,9 @@ def nearest_currents(
         return _descended(model, distance, force, bias, limits, np.clip(start, *limits.T))
     found = _descended(model, distance, force, bias, limits, np.tile(bias, (len(distance), 1)))
     corners = np.stack(np.meshgrid(*limits), axis=-1).reshape(-1, len(limits))
-    pull = model.magnetics.force(np.repeat(distance, len(corners)), np.tile(corners, (len(distance), 1)))
-    balanced = BALANCED * np.maximum(np.abs(force), np.abs(pull).reshape(len(distance), -1).max(axis=1))
+    # Of the domain, for in the middle of a symmetric bearing every corner pulls with nothing
+    largest = float(np.abs(model.magnetics.force(*model.validity.grid(5, 3))).max())
+    balanced = BALANCED * np.maximum(np.abs(force), largest)
     for row in np.flatnonzero(np.abs(force - model.magnetics.force(distance, found)) > balanced):
         starts = np.vstack([found[row], corners])
         at, wanted = np.full((2, len(starts)), [distance[row : row + 1], force[row : row + 1]])

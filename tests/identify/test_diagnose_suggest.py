@@ -64,7 +64,7 @@ def advice_of(model, table, diagnosis):
 @pytest.fixture
 def confounded(levitation_model, monkeypatch):
     """Force readings alone, on which a wrong force sensor and a stronger actuator are the same."""
-    monkeypatch.setattr("femfit.identify.decision.diagnose.considered_effects", lambda _=(): list(PAIR))
+    monkeypatch.setattr("femfit.identify.decision.diagnose.considered_effects", lambda *_: list(PAIR))
     hidden = [AddedEffect(FORCE_SCALE, {"gain": 0.04})]
     table = force_alone(campaign(levitation_model, 21, hidden, noise=FORCE))
     return table, diagnose(levitation_model, table, bootstrap=0)
