@@ -1,11 +1,14 @@
-"""Rows of a sweep of several circuits, and the knots of the distance that fit them."""
+"""Rows of a sweep of several circuits, and the splines of the distance that fit them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.fit.constants import U_DEGREE
+from femfit.core.errors import FitError
+from femfit.fit.coenergy_choice import distance_coordinates
+from femfit.fit.constants import CIRCUIT_CELLS, HELD_OUT_TARGET, NEARLY_BEST, U_DEGREE
 from femfit.model.coordinate import DistanceCoordinate
 
 
@@ -35,7 +38,50 @@ class CircuitRows:
         return np.unique(self.distance)
 
 
-def distance_knots(coordinate: DistanceCoordinate, distances: FloatArray, cells: int) -> FloatArray:
+Along = tuple[DistanceCoordinate, FloatArray]
+"""A coordinate of the distance, and the knots in it."""
+
+
+def choose_along_distance(
+    distances: FloatArray, held_out: Callable[[DistanceCoordinate, FloatArray], float]
+) -> tuple[Along, float]:
+    """The fewest cells below the target on distances left out, or the fewest that are nearly the best, and the error.
+
+    Parameters
+    ----------
+    distances : array, shape (n,)
+        Ascending, in m.
+    held_out : callable
+        Coordinate and knots -> rms error on distances left out.
+
+    Raises
+    ------
+    FitError
+        If there are fewer distances than one cell needs.
+    """
+    if len(distances) < U_DEGREE + 1:
+        raise FitError(
+            f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received {len(distances)}. "
+            "Sweep more distances."
+        )
+    scored: list[tuple[float, Along]] = []
+    for cells in CIRCUIT_CELLS:
+        if U_DEGREE + cells > len(distances):
+            break
+        alike: list[tuple[float, Along]] = []
+        for coordinate in distance_coordinates(distances):
+            knots = _distance_knots(coordinate, distances, cells)
+            alike.append((held_out(coordinate, knots), (coordinate, knots)))
+        error, along = min(alike, key=lambda pair: pair[0])
+        if error < HELD_OUT_TARGET:
+            return along, error
+        scored += alike
+    least = min(error for error, _ in scored)
+    error, along = next(pair for pair in scored if pair[0] <= NEARLY_BEST * least)
+    return along, error
+
+
+def _distance_knots(coordinate: DistanceCoordinate, distances: FloatArray, cells: int) -> FloatArray:
     """Clamped knots of equal cells in the coordinate over ascending distances in m."""
     ends = np.sort(coordinate.of(distances[[0, -1]]))
     breaks = np.linspace(ends[0], ends[1], cells + 1)

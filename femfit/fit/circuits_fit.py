@@ -12,13 +12,9 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.circuit_rows import CircuitRows, distance_knots
-from femfit.fit.coenergy_choice import distance_coordinates
+from femfit.fit.circuit_rows import CircuitRows, choose_along_distance
 from femfit.fit.constants import (
-    CIRCUIT_CELLS,
     DISTANCE_FOLDS,
-    HELD_OUT_TARGET,
-    NEARLY_BEST,
     NOT_QUADRATIC,
     POOR_CIRCUIT,
     U_DEGREE,
@@ -90,12 +86,8 @@ def fit_circuits(rows: CircuitRows) -> CircuitsFit:
     """
     if _not_quadratic(rows) > NOT_QUADRATIC:
         return _judged(*fit_saturating(rows), rows)
-    if len(rows.distances) < U_DEGREE + 1:
-        raise FitError(
-            f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received "
-            f"{len(rows.distances)}. Sweep more distances."
-        )
-    basis, held_out = _choose(rows)
+    along, held_out = choose_along_distance(rows.distances, lambda *along: _held_out(_Basis(*along), rows))
+    basis = _Basis(*along)
     coefficients = _solve(basis, rows, np.ones(len(rows.distance), dtype=np.bool_))
     if coefficients is None:
         raise FitError(
@@ -113,23 +105,6 @@ def _judged(magnetics: CoenergyMatrix | CoenergyTensor, held_out: float, rows: C
     fit = CircuitsFit(magnetics, held_out, force, rows.worst_flux_share(flux))
     _require_agreement(fit)
     return fit
-
-
-def _choose(rows: CircuitRows) -> tuple[_Basis, float]:
-    """The smallest basis below the target on distances left out, or the smallest that is nearly the best."""
-    scored: list[tuple[float, _Basis]] = []
-    for cells in CIRCUIT_CELLS:
-        if U_DEGREE + cells > len(rows.distances):
-            break
-        for coordinate in distance_coordinates(rows.distances):
-            basis = _Basis(coordinate, distance_knots(coordinate, rows.distances, cells))
-            scored.append((_held_out(basis, rows), basis))
-        error, basis = min(scored[-len(distance_coordinates(rows.distances)) :], key=lambda pair: pair[0])
-        if error < HELD_OUT_TARGET:
-            return basis, error
-    least = min(error for error, _ in scored)
-    error, basis = next(pair for pair in scored if pair[0] <= NEARLY_BEST * least)
-    return basis, error
 
 
 def _held_out(basis: _Basis, rows: CircuitRows) -> float:

@@ -21,18 +21,14 @@ from scipy.linalg import lstsq
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.circuit_rows import CircuitRows, distance_knots
-from femfit.fit.coenergy_choice import distance_coordinates
+from femfit.fit.circuit_rows import Along, CircuitRows, choose_along_distance
 from femfit.fit.constants import (
-    CIRCUIT_CELLS,
     DISTANCE_FOLDS,
     FEWER_FUNCTIONS,
     FEWEST_CURRENTS,
-    HELD_OUT_TARGET,
     LEAST_OF_GRID,
     LEFT_OUT_EVERY,
     MOST_UNKNOWNS,
-    NEARLY_BEST,
     SMOOTHNESS,
     U_DEGREE,
 )
@@ -141,30 +137,18 @@ def _current_knots(currents: FloatArray, fewer: int) -> tuple[FloatArray, int]:
     return np.concatenate([np.repeat(currents[0], degree + 1), inner, np.repeat(currents[-1], degree + 1)]), degree
 
 
-def _along_distance(rows: CircuitRows) -> tuple[DistanceCoordinate, FloatArray]:
+def _along_distance(rows: CircuitRows) -> Along:
     """Coordinate and knots of the distance, each combination of currents with coefficients of its own."""
-    if len(rows.distances) < U_DEGREE + 1:
-        raise FitError(
-            f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received "
-            f"{len(rows.distances)}. Sweep more distances."
-        )
     values = np.column_stack([rows.force / rms(rows.force), rows.flux_linkage / rows.flux_scale])
     order = np.lexsort((rows.distance, *rows.currents.T))
     _, starts, counts = np.unique(rows.currents[order], axis=0, return_index=True, return_counts=True)
     whole = [order[s : s + c] for s, c in zip(starts, counts, strict=True) if c == len(rows.distances)]
     curves = np.stack([values[rows_of] for rows_of in whole], axis=1)  # (distances, combinations, 1 + n)
-    scored: list[tuple[float, DistanceCoordinate, FloatArray]] = []
-    for cells in CIRCUIT_CELLS:
-        if U_DEGREE + cells > len(rows.distances):
-            break
-        for coordinate in distance_coordinates(rows.distances):
-            knots = distance_knots(coordinate, rows.distances, cells)
-            scored.append((_curves_left_out(coordinate, knots, rows.distances, curves), coordinate, knots))
-        error, coordinate, knots = min(scored[-len(distance_coordinates(rows.distances)) :], key=lambda one: one[0])
-        if error < HELD_OUT_TARGET:
-            return coordinate, knots
-    least = min(error for error, _, _ in scored)
-    return next(one[1:] for one in scored if one[0] <= NEARLY_BEST * least)
+
+    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
+        return _curves_left_out(coordinate, knots, rows.distances, curves)
+
+    return choose_along_distance(rows.distances, held_out)[0]
 
 
 def _curves_left_out(
