@@ -1,8 +1,10 @@
 """Where a body is at rest before the command: without current, under weight, springs, load and magnets alone."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.open_loop.system import System
 
@@ -18,20 +20,20 @@ def rest_distance(model: ActuatorModel, system: System) -> float:
     """
     near, far, box = system.mechanics.near_stop, system.mechanics.far_stop, model.validity
 
-    def outwards(distance: float) -> float:
-        at = np.array([distance])
-        idle = np.zeros((1, len(model.circuits)) if len(model.circuits) > 1 else 1)
-        return float((system.mechanics.static_force(at) - model.magnetics.force(at, idle))[0])
+    def outwards(distance: ArrayLike) -> FloatArray:
+        at = np.asarray(distance, dtype=np.float64)
+        idle = np.zeros((*at.shape, len(model.circuits)))
+        return system.mechanics.static_force(at) - model.magnetics.state_of_circuits(at, idle).force
 
     if far is not None and outwards(far.distance_m) >= -system.breakaway():
         return far.distance_m
     low = box.distance_min_m if near is None else near.distance_m
     high = box.distance_max_m if far is None else far.distance_m
     places = np.linspace(low, high, PLACES)
-    forces = np.array([outwards(place) for place in places])
+    forces = outwards(places)
     stable = np.flatnonzero((forces[:-1] > 0.0) & (forces[1:] <= 0.0))
     if len(stable):
-        return float(brentq(outwards, places[stable[-1]], places[stable[-1] + 1]))
+        return float(brentq(lambda place: float(outwards(place)), places[stable[-1]], places[stable[-1] + 1]))
     if near is not None:
         return near.distance_m
     if far is not None:
