@@ -143,6 +143,11 @@ def _along_distance(rows: CircuitRows) -> Along:
     order = np.lexsort((rows.distance, *rows.currents.T))
     _, starts, counts = np.unique(rows.currents[order], axis=0, return_index=True, return_counts=True)
     whole = [order[s : s + c] for s, c in zip(starts, counts, strict=True) if c == len(rows.distances)]
+    if not whole:
+        raise FitError(
+            "The iron saturates, and no combination of currents was solved at every distance. Sweep again, so that the "
+            "points that failed are tried once more."
+        )
     curves = np.stack([values[rows_of] for rows_of in whole], axis=1)  # (distances, combinations, 1 + n)
 
     def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
