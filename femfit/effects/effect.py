@@ -39,7 +39,7 @@ class EffectParameter:
     bounds: tuple[float, float]  # What physics allows at all: the fit stays within
     plausible: tuple[float, float]  # Outside of it, a fitted value is reported as suspicious
     description: str  # Definition with the sign, as one plain sentence
-    unit: str = ""  # SI unit; empty for a pure number
+    unit: str = ""  # SI unit, or ``readings or s`` of a time that has no clock; empty for a pure number
     # What a value means to an engineer, as a clause with ``{size}`` for the magnitude with its unit, ``{signed}`` for
     # the value, and ``{larger|smaller}`` for words that depend on its sign. Empty where it is not worth saying.
     words: str = ""

@@ -121,9 +121,10 @@ HALL_DRIFT = Effect(
         ),
         EffectParameter(
             "settling_time",
+            unit="readings or s",
             bounds=(1.0, 1e4),
             plausible=(20.0, 500.0),
-            description="Readings (or seconds) after which 63 % of a warm-up are over.",
+            description="Time, in readings where the data have no clock, after which 63 % of a warm-up are over.",
             null=100.0,
             nonlinear=True,
         ),

@@ -49,6 +49,12 @@ def size_of(p: EffectParameter, value: float, nominal: Nominal) -> str:
     return amount(value * getattr(nominal, p.scale), p.scale) if p.scale else amount(value, p.unit)
 
 
+def range_of(p: EffectParameter, low: float, high: float, nominal: Nominal) -> str:
+    """A range of a parameter's values in one unit: ``20 to 500 ms``."""
+    scale = getattr(nominal, p.scale) if p.scale else 1.0
+    return amount_range(low * scale, high * scale, p.scale or p.unit)
+
+
 def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | None, nominal: Nominal) -> str:
     def chosen(match: re.Match[str]) -> str:
         above, _, below = match.group(1).partition("|")
@@ -62,5 +68,4 @@ def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | No
     low, high = interval
     if "{signed}" not in p.words and value < 0.0:
         low, high = -high, -low
-    scale = getattr(nominal, p.scale) if p.scale else 1.0
-    return f"{clause} (95 %: {amount_range(low * scale, high * scale, p.scale or p.unit)})"
+    return f"{clause} (95 %: {range_of(p, low, high, nominal)})"

@@ -9,7 +9,7 @@ from effect_signature import typical_parameters
 from femfit.core.amount import amount
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.effects.words import describe, smallest_visible
+from femfit.effects.words import describe, range_of, size_of, smallest_visible
 from femfit.model.with_effects import nominal_of
 
 
@@ -87,3 +87,11 @@ def test_an_eccentric_plunger_is_not_called_a_magnet(nominal):
     plunger = replace(nominal, magnet_share=0.0)
     (text,) = describe(AddedEffect(effect, effect.null() | {"gap_all": 0.03}), plunger)
     assert "3.0 % more flux linkage" in text
+
+
+def test_a_time_constant_is_said_as_a_time_and_no_share(nominal):
+    for name, time in (("coil_temperature", "warming_time"), ("hall_drift", "settling_time")):
+        p = next(one for one in effect_by_name(name).parameters if one.name == time)
+        assert "%" not in size_of(p, 100.0, nominal)
+        assert "%" not in range_of(p, *p.plausible, nominal)
+        assert range_of(p, *p.plausible, nominal).startswith("20 to 500 ")

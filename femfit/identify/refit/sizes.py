@@ -10,7 +10,7 @@ from femfit.core.amount import amount, amount_range
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.effects.words import describe, size_of
+from femfit.effects.words import describe, range_of, size_of
 from femfit.identify.constants import COLUMN_STEP, LEAST_CHANGE
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import Refit, is_plausible
@@ -99,10 +99,9 @@ def suspicious_values(
         result.append("The fit was ended before it had settled: do not trust these sizes. Start from fewer effects.")
     for added in fit.effects:
         for p in (p for p in added.effect.parameters if not is_plausible(added, p)):
-            low, high = (size_of(p, end, nominal) for end in p.plausible)
             result.append(
-                f"{_words(added, p, nominal)}, which is unusual ({low} to {high} is usual). Check it by another "
-                "measurement."
+                f"{_words(added, p, nominal)}, which is unusual ({range_of(p, *p.plausible, nominal)} is usual). Check "
+                "it by another measurement."
             )
     for k, p in at_bounds(fit):
         result.append(
