@@ -6,34 +6,39 @@ from scipy.optimize import brentq
 
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.open_loop.system import System
 
 PLACES = 401
 """Conventional: places of the travel between which a change of sign of the force is looked for."""
 
+ROUNDING = 1e-9
+"""Numerical: part of the largest force by which forces that balance may miss zero."""
 
-def rest_distance(model: ActuatorModel, system: System) -> float:
+
+def rest_distance(model: ActuatorModel) -> float:
     """The far stop if the body is pressed to it, else a stable equilibrium, else the near stop.
 
     Of several equilibria the one that is farthest away. Where there is neither a stop nor an equilibrium, the model's
     first reference distance, or the middle of its validity domain.
     """
-    near, far, box = system.mechanics.near_stop, system.mechanics.far_stop, model.validity
-
-    def outwards(distance: ArrayLike) -> FloatArray:
-        at = np.asarray(distance, dtype=np.float64)
-        idle = np.zeros((*at.shape, len(model.circuits)))
-        return system.mechanics.static_force(at) - model.magnetics.state_of_circuits(at, idle).force
-
-    if far is not None and outwards(far.distance_m) >= -system.breakaway():
-        return far.distance_m
+    motion, box = model.require_motion(), model.validity
+    near, far = motion.near_stop, motion.far_stop
     low = box.distance_min_m if near is None else near.distance_m
     high = box.distance_max_m if far is None else far.distance_m
+
+    def acting(distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        at = np.asarray(distance, dtype=np.float64)
+        idle = np.zeros((*at.shape, len(model.circuits)))
+        return motion.static_force(at), -model.magnetics.state_of_circuits(at, idle).force
+
     places = np.linspace(low, high, PLACES)
-    forces = outwards(places)
+    static, magnetic = acting(places)
+    forces = static + magnetic
+    rounding = ROUNDING * float((np.abs(static) + np.abs(magnetic)).max())
+    if far is not None and forces[-1] >= -motion.coulomb_N - rounding:
+        return far.distance_m
     stable = np.flatnonzero((forces[:-1] > 0.0) & (forces[1:] <= 0.0))
     if len(stable):
-        return float(brentq(lambda place: float(outwards(place)), places[stable[-1]], places[stable[-1] + 1]))
+        return float(brentq(lambda place: float(sum(acting(place))), places[stable[-1]], places[stable[-1] + 1]))
     if near is not None:
         return near.distance_m
     if far is not None:

@@ -99,7 +99,7 @@ def simulate(
     system = _system(model, profiles)
     windings, several = system.feed.windings, len(profiles) > 1
     notes = tuple(note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several))
-    start = rest_distance(model, system) if start_m is None else _on_stop(system, start_m)
+    start = rest_distance(model) if start_m is None else _on_stop(system, start_m)
     if outside not in {"stop", "extrapolate"}:
         raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
     if outside == "stop":

@@ -5,6 +5,7 @@ import numpy as np
 from femfit.core.errors import DomainError, MissingPartError, SimulationError
 from femfit.model.actuator_model import ActuatorModel
 from femfit.open_loop.profile import Profile
+from femfit.open_loop.rest import rest_distance
 from femfit.open_loop.result import OpenLoop
 from femfit.open_loop.simulate import simulate
 
@@ -33,7 +34,7 @@ def motion_at_supply(model: ActuatorModel) -> OpenLoop | None:
     voltage = max((circuit.voltage_max_V, circuit.voltage_min_V), key=abs)
     try:
         stops = [stop.distance_m for stop in (motion.near_stop, motion.far_stop) if stop is not None]
-        if len(stops) == 2 and simulate(model, voltage_V=0.0, duration_s=1e-3).table["distance_m"][0] in stops:
+        if len(stops) == 2 and rest_distance(model) in stops:
             return _switched(model, voltage)
         return _stepped(model, voltage) if motion.springs else None
     except (DomainError, MissingPartError, SimulationError):
