@@ -59,7 +59,7 @@ def levitation_model() -> ActuatorModel:
         name="test-rig",
         magnetics=CoenergySpline(DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(_coenergy, currents, 2)),
         validity=ValidityBox(0.015, 0.045, 0.0, 1.4),
-        circuit=Circuit(2.69, 0.5, 3.0),
+        circuits=(Circuit(2.69, 0.5, 3.0),),
         motion=Mechanics(4.35e-3),
         sensor=HallSensor(
             field=HallSpline(DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(_hall_field, currents, 1)),

@@ -80,7 +80,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
         findings += [*_signs(model, d, i), _reciprocity(model.magnetics, d, i)]
     findings += _bounds(model)
     findings += _single_precision(model.without_effects.magnetics, d, i)
-    if model.circuit is not None and model.motion is not None and not any(one.code == "positive" for one in findings):
+    if model.circuits and model.motion is not None and not any(one.code == "positive" for one in findings):
         findings += held_by_several(model) if several else held_body(model)
     if model.sensor is not None:
         findings += _sensor(model.sensor, d, i)
@@ -203,7 +203,7 @@ def _positive(model: ActuatorModel) -> list[AuditFinding]:
     """What must be above zero in circuit and motion."""
     negative = []
     for circuit in model.circuits:
-        of = f" of {circuit.name}" if model.further_circuits else ""
+        of = f" of {circuit.name}" if len(model.circuits) > 1 else ""
         span = circuit.voltage_max_V - circuit.voltage_min_V
         values = {"resistance_ohm": circuit.resistance_ohm, "voltage_max_V - voltage_min_V": span}
         negative += [f"{name}{of}" for name, value in values.items() if value <= 0.0]

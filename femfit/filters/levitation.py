@@ -167,7 +167,7 @@ def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
     distance : float
         In m.
     """
-    _, currents = model.validity.grid(1, 3 if model.further_circuits else 5)
+    _, currents = model.validity.grid(1, 3 if len(model.circuits) > 1 else 5)
     at = model.magnetics.state_of_circuits(np.full(len(currents), distance), currents.reshape(len(currents), -1))
     inductance = at.inductance + model.series_inductances_H
     if len(model.circuits) == 1:

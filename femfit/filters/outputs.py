@@ -59,7 +59,7 @@ def bias_deviations(model: ActuatorModel, biases: Sequence[str]) -> tuple[list[f
 
 
 def _span(model: ActuatorModel, sensor: AnySensor) -> float:
-    d, i = model.validity.grid(9, 3 if model.further_circuits else 9)
+    d, i = model.validity.grid(9, 3 if len(model.circuits) > 1 else 9)
     states = np.zeros((d.size, model.order))
     states[:, 0], states[:, 2 : 2 + len(model.circuits)] = d, i.reshape(d.size, -1)[:, : len(model.circuits)]
     return float(np.ptp(predict_sensor(model, sensor, states)))

@@ -132,7 +132,7 @@ def fit_model(
     coenergy = _coenergy(rows, constraints, inductance_H, needed=law_fit is None and network is None)
     one_current = len(rows.currents) < 2 and not rows.without_current
     hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
-    circuit, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
+    circuits, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
     others, not_held = other_sensors_of(entry)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
@@ -140,7 +140,7 @@ def fit_model(
         validity=ValidityBox(
             float(rows.distances[0]), float(rows.distances[-1]), float(rows.currents[0]), float(rows.currents[-1])
         ),
-        circuit=circuit,
+        circuits=circuits,
         motion=motion,
         sensor=sensor,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),

@@ -110,7 +110,7 @@ def fit_inductance(
         for basis, unit, value in zip(chosen.basis, chosen.coefficient_units, solution[1:], strict=True)
     )
     magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
-    circuit, motion, notes = circuit_and_motion(entry)
+    circuits, motion, notes = circuit_and_motion(entry)
     model = ActuatorModel(
         name=table.source.rpartition(".")[0] or table.source,
         magnetics=magnetics,
@@ -120,7 +120,7 @@ def fit_inductance(
             min(0.0, float(table.current.min())),
             float(table.current.max()),
         ),
-        circuit=circuit,
+        circuits=circuits,
         motion=motion,
         provenance={
             "fit": {"inductances": table.source, "rows": len(table.inductance), "law": chosen.name},

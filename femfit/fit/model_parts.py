@@ -31,7 +31,7 @@ class _OneSensor:
     sensor: AnySensor
 
 
-Parts = tuple[Circuit | None, Mechanics | None, HallSensor | None, tuple[str, ...]]
+Parts = tuple[tuple[Circuit, ...], Mechanics | None, HallSensor | None, tuple[str, ...]]
 """The parts of a model as far as they are known, and what is missing."""
 
 
@@ -55,22 +55,22 @@ def actuator_entry(
 def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> Parts:
     """What a manifest's actuator entry makes of a model beside its magnetics, and how to give each part missing."""
     has_coil = not rows.without_current or entry.get("resistance_ohm") is not None
-    circuit, motion, notes = circuit_and_motion(entry, rows.flux_linkage is not None, inductance_given, has_coil)
+    circuits, motion, notes = circuit_and_motion(entry, rows.flux_linkage is not None, inductance_given, has_coil)
     element = entry.get("hall")
     if hall is None or not element:
         if has_coil and not entry.get("sensors"):
             how = "draw [sensors.NAME] in the actuator file; one of kind hall needs hall_T in the table as well."
             notes = (*notes, f"No sensor in the model: {how}")
-        return circuit, motion, None, notes
+        return circuits, motion, None, notes
     names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
     values = {name: number(element, name) for name in names}
     sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)
-    return circuit, motion, sensor, notes
+    return circuits, motion, sensor, notes
 
 
 def circuit_and_motion(
     entry: Mapping[str, Any], flux_linkage: bool = True, inductance_given: bool = True, has_coil: bool = True
-) -> tuple[Circuit | None, Mechanics | None, tuple[str, ...]]:
+) -> tuple[tuple[Circuit, ...], Mechanics | None, tuple[str, ...]]:
     """Circuit and motion of an actuator entry, and how to give what is missing.
 
     A circuit needs an inductance: from the table's flux linkage, or given. A pair of magnets lacks no circuit.
@@ -87,13 +87,13 @@ def circuit_and_motion(
         )
     if entry.get("mass_kg") is None:
         notes.append("No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
-    circuit = None
+    circuits: tuple[Circuit, ...] = ()
     if not missing:
         resistance, lowest, highest = (number(entry, key) for key in keys)
         one = (entry.get("circuits") or [{}])[0]
-        circuit = Circuit(resistance, lowest, highest, _drive(one), *_name_and_series(one))
+        circuits = (Circuit(resistance, lowest, highest, _drive(one), *_name_and_series(one)),)
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
-    return circuit, motion, tuple(notes)
+    return circuits, motion, tuple(notes)
 
 
 def mechanics_of(entry: Mapping[str, Any]) -> Mechanics:

@@ -36,8 +36,11 @@ class ActuatorModel(Printed):
     ----------
     magnetics : Magnetics
         Co-energy spline or force law.
-    circuit, motion, sensor : optional
-        Winding and what feeds it, mechanics, Hall element; absent where the sweep's source did not give them.
+    circuits : tuple of Circuit
+        Windings and what feeds them, in the order of their currents; none for a pair of magnets, and where the sweep's
+        source did not give them. With n of several, currents have the shape (..., n).
+    motion, sensor : optional
+        Mechanics, Hall element; absent where the sweep's source did not give them.
     sample_time_s : float
         Period of the controller and filter; a millisecond where neither a drawing nor the device says otherwise.
     reference_distances_m : tuple of float
@@ -47,8 +50,8 @@ class ActuatorModel(Printed):
     effects : tuple of AddedEffect
         Added after comparison with measurements, in the order of adding.
     base : ActuatorModel or None
-        The model without its effects: magnetics, circuit, motion and sensor above are this one's, as the effects change
-        them. None where there are no effects.
+        The model without its effects: magnetics, circuits, motion and sensor above are this one's, as the effects
+        change them. None where there are no effects.
     dynamics : EffectDynamics or None
         The effects at work while something moves or changes; None where there are none.
     coil_temperature_C, magnet_temperature_C : float
@@ -59,8 +62,6 @@ class ActuatorModel(Printed):
         All sensors but the Hall element; :func:`femfit.model.sensors.predict_sensors` says what they read.
     process_noise : ProcessNoise or None
         Found from a record; a filter derives it from the model's misfit where None.
-    further_circuits : tuple of Circuit
-        Those after the first, where there are several; currents have the shape (..., n) then.
 
     Examples
     --------
@@ -77,7 +78,7 @@ class ActuatorModel(Printed):
     name: str
     magnetics: Magnetics
     validity: ValidityBox
-    circuit: Circuit | None = None
+    circuits: tuple[Circuit, ...] = ()
     motion: Mechanics | None = None
     sensor: HallSensor | None = None
     misfit: Misfit | None = None
@@ -92,7 +93,6 @@ class ActuatorModel(Printed):
     kind: ActuatorKind | None = None
     other_sensors: tuple[CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor, ...] = ()
     process_noise: ProcessNoise | None = None
-    further_circuits: tuple[Circuit, ...] = ()
     provenance: Mapping[str, Any] = limited(default_factory=dict)
 
     def __str__(self) -> str:
@@ -225,9 +225,9 @@ class ActuatorModel(Printed):
         return 2 + len(self.circuits) + len(self.memory_names)
 
     @property
-    def circuits(self) -> tuple[Circuit, ...]:
-        """All circuits, in the order of their currents; none without a winding."""
-        return () if self.circuit is None else (self.circuit, *self.further_circuits)
+    def circuit(self) -> Circuit | None:
+        """The only circuit; None where there is none, or more than one."""
+        return self.circuits[0] if len(self.circuits) == 1 else None
 
     @property
     def circuit_names(self) -> tuple[str, ...]:
@@ -248,7 +248,7 @@ class ActuatorModel(Printed):
         """The currents of states of shape (..., order), in the shape that :attr:`magnetics` takes."""
         if not self.circuits:
             return np.zeros(state.shape[:-1])
-        return state[..., 2 : 2 + len(self.circuits)] if self.further_circuits else state[..., 2]
+        return state[..., 2 : 2 + len(self.circuits)] if len(self.circuits) > 1 else state[..., 2]
 
     def require_circuits(self) -> tuple[Circuit, ...]:
         """All circuits, which only a device without a winding may lack; else :class:`MissingPartError`."""
@@ -260,7 +260,7 @@ class ActuatorModel(Printed):
 
     def require_circuit(self) -> Circuit:
         """The only circuit, or :class:`MissingPartError` with the remedy."""
-        if self.further_circuits:
+        if len(self.circuits) > 1:
             raise MissingPartError(
                 f"Model {self.name!r} must have one circuit for this; it has {len(self.circuits)}: "
                 f"{', '.join(one.name for one in self.circuits)}. Take a drawing with one circuit, for example both "
@@ -296,8 +296,9 @@ class ActuatorModel(Printed):
         self.require_motion()
         if not self.require_circuits():
             return
-        inductance = self.magnetics.inductance(*self.validity.grid(9, 3 if self.further_circuits else 9))
-        smallest = float((np.linalg.eigvalsh(inductance) if self.further_circuits else inductance).min())
+        several = len(self.circuits) > 1
+        inductance = self.magnetics.inductance(*self.validity.grid(9, 3 if several else 9))
+        smallest = float((np.linalg.eigvalsh(inductance) if several else inductance).min())
         if not smallest > 0.0:
             raise MissingPartError(
                 f"Model {self.name!r} must have an inductance > 0 for its current to be computed; it goes down to "

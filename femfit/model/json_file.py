@@ -120,7 +120,10 @@ def model_of(model: ActuatorModel | str | Path) -> ActuatorModel:
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
+
+FIRST_AND_FURTHER = 2
+"""Last schema whose circuits stand under two keys, the first under ``circuit``, the others in ``further_circuits``."""
 
 _WORKED_OUT = {"base", "dynamics"}
 """Fields of a model that follow from its base and its effects: the file holds the base itself."""
@@ -135,7 +138,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
                 "To be written, magnetics must be a co-energy spline or a law, and the field at the Hall element a "
                 f"spline; it is {type(held).__name__}."
             )
-    base, changed = model.without_effects, ("magnetics", "circuit", "further_circuits", "motion", "sensor")
+    base, changed = model.without_effects, ("magnetics", "circuits", "motion", "sensor")
     names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
     data = {name: _plain(getattr(base if name in changed else model, name)) for name in names}
     for key in ("other_sensors", "process_noise"):  # as files were before there were any
@@ -185,21 +188,28 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
             f"{source} has schema {version}; this femfit reads up to schema {SCHEMA_VERSION}. "
             "Update femfit, or write the model again with this version."
         )
-    model = _build(Section(source, "", data))
+    model = _build(Section(source, "", data if version > FIRST_AND_FURTHER else _with_one_list(data)))
     _check_values(model, source)
     return model
 
 
+def _with_one_list(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Data of :data:`FIRST_AND_FURTHER` or before with its circuits in one list."""
+    kept = {key: value for key, value in data.items() if key not in {"circuit", "further_circuits"}}
+    first, further = data.get("circuit"), data.get("further_circuits") or []
+    circuits = [*([] if first is None else [first]), *further] if isinstance(further, list) else further
+    return kept | ({"circuits": circuits} if "circuit" in data else {})
+
+
 def _build(top: Section) -> ActuatorModel:
     top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name not in _WORKED_OUT)))
-    circuit, motion = top.optional_section("circuit"), top.optional_section("motion")
-    sensor, misfit = top.optional_section("sensor"), top.optional_section("misfit")
+    motion, sensor, misfit = (top.optional_section(name) for name in ("motion", "sensor", "misfit"))
     kind, noise = top.optional_section("kind"), top.optional_section("process_noise")
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=magnetics_from(top.section("magnetics")),
         validity=_validity_from(top.section("validity")),
-        circuit=_circuit_from(circuit) if circuit else None,
+        circuits=tuple(_circuit_from(one) for one in top.sections("circuits")) if top.data.get("circuits") else (),
         motion=mechanics_from(motion) if motion else None,
         sensor=sensor.record(HallSensor, field=HallSpline(*spline_from(sensor.section("field")))) if sensor else None,
         misfit=misfit.record(Misfit) if misfit else None,
@@ -210,9 +220,6 @@ def _build(top: Section) -> ActuatorModel:
         coil_temperature_C=top.number("coil_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         magnet_temperature_C=top.number("magnet_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
         kind=kind.record(ActuatorKind) if kind else None,
-        further_circuits=tuple(_circuit_from(one) for one in top.sections("further_circuits"))
-        if top.data.get("further_circuits")
-        else (),
         process_noise=noise.record(ProcessNoise) if noise else None,
         other_sensors=sensors_from(top.sections("other_sensors")) if top.data.get("other_sensors") else (),
     )

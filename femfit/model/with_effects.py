@@ -38,12 +38,12 @@ def nominal_of(model: ActuatorModel) -> Nominal:
     largest = [float(np.abs(values).max()) for values in (force, flux)]
     limits = domain.current_limits_A
     at = base.magnetics.state_of_circuits(np.array(0.5 * (d.min() + d.max())), limits.mean(axis=1))
-    sensor, swing, per_ampere = base.sensor, nan, nan
+    circuit, sensor, swing, per_ampere = next(iter(base.circuits), None), base.sensor, nan, nan
     middle = [np.array(0.5 * (low + high)) for low, high in ((d.min(), d.max()), (i.min(), i.max()))]
     if sensor is not None:
         swing = float(np.abs(sensor.voltage(d, i) - sensor.quiescent_V).max())
         per_ampere = float(sensor.field.derivatives(*middle)[2])
-    clamp = (base.circuit.voltage_min_V, base.circuit.voltage_max_V) if base.circuit else (nan,)
+    clamp = (circuit.voltage_min_V, circuit.voltage_max_V) if circuit else (nan,)
     return Nominal(
         distance_min_m=domain.distance_min_m,
         distance_max_m=domain.distance_max_m,
@@ -54,7 +54,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         magnet_share=max(base.share_without_current(), NO_MAGNET) if base.has_magnet else 0.0,
         magnet_drawn=base.kind is not None,
         magnet_known=base.magnet_known,
-        resistance_ohm=base.circuit.resistance_ohm if base.circuit else nan,
+        resistance_ohm=circuit.resistance_ohm if circuit else nan,
         mass_kg=base.motion.mass_kg if base.motion else nan,
         gravity_m_s2=base.motion.gravity_m_s2 if base.motion else nan,
         hall_quiescent_V=sensor.quiescent_V if sensor else nan,
@@ -63,7 +63,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         hall_swing_V=swing,
         voltage_V=max(abs(v) for v in clamp),
         sample_time_s=base.sample_time_s,
-        voltage_driver=base.circuit is None or base.circuit.drive.kind == "voltage",
+        voltage_driver=circuit is None or circuit.drive.kind == "voltage",
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
         springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
         circuits=base.circuit_names if domain.further_A else (),
@@ -185,7 +185,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         magnetics=EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))
         if changed
         else base.magnetics,
-        circuit=circuit,
+        circuits=() if circuit is None else (circuit,),
         motion=motion,
         sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,
         effects=effects,
@@ -209,16 +209,11 @@ def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, .
             f"{len(base.circuits)}. Take them out of its file."
         )
     at = Conditions(nominal, running=True)
-    first, *further = (
-        (replace(one, resistance_ohm=float(resistance_of(one, effects, np.zeros(1), at)[0])) for one in base.circuits)
-        if base.circuits
-        else (None,)
-    )
+    ohms = (float(resistance_of(one, effects, np.zeros(1), at)[0]) for one in base.circuits)
     return replace(
         base,
         magnetics=with_sources(base, effects),
-        circuit=first,
-        further_circuits=tuple(one for one in further if one is not None),
+        circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
         effects=effects,
         base=base,
     )

@@ -86,7 +86,7 @@ def _checked(model: ActuatorModel, circuit: Circuit, profile: Profile | None) ->
         kind: Literal["voltage", "current"] = "current" if circuit.drive.kind == "current" else "voltage"
         return Profile(kind, np.zeros(1), np.zeros(1))
     if circuit.drive.kind == "current" and profile.kind == "voltage":
-        which = f"Circuit {circuit.name!r} of model" if model.further_circuits else "Model"
+        which = f"Circuit {circuit.name!r} of model" if len(model.circuits) > 1 else "Model"
         raise DomainError(
             f"{which} {model.name!r} is driven by a current amplifier; its command must be a current. Give current_A "
             "(--current), or a table with the column current_A."

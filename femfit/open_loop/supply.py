@@ -29,7 +29,7 @@ def motion_at_supply(model: ActuatorModel) -> OpenLoop | None:
         levitated one.
     """
     circuit, motion = model.circuit, model.motion
-    if circuit is None or motion is None or len(model.circuits) > 1 or circuit.drive.kind == "current":
+    if circuit is None or motion is None or circuit.drive.kind == "current":
         return None
     voltage = max((circuit.voltage_max_V, circuit.voltage_min_V), key=abs)
     try:

@@ -68,7 +68,7 @@ def given_voltage(
     reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
     if int(beyond.sum()) == 1:
         reach = amount(float(voltage[beyond][0]), "V")
-    of = f" to {fed.name}" if model.further_circuits else ""
+    of = f" to {fed.name}" if len(model.circuits) > 1 else ""
     head = f"{counted(int(beyond.sum()), 'command')}{of} of {len(voltage)} ({reach}) lie beyond the supply's {limits}"
     favour = _favour(model, time_s, segment, (voltage, clamped), current, distance, beyond, noise, circuit)
     if favour > NEARER:

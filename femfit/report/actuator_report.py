@@ -163,7 +163,7 @@ def _grid(content: ReportContent) -> SweepGrid | None:
 
 def _carried(model: ActuatorModel) -> list[str]:
     """What ``femfit audit`` says of the weight, with a cold and a warm coil."""
-    if model.circuit is None or model.motion is None or model.further_circuits:
+    if model.circuit is None or model.motion is None:
         return []
     return list(dict.fromkeys(str(carried_range(model, celsius)) for celsius in (COLD_C, WARM_C)))
 

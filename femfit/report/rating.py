@@ -100,7 +100,7 @@ def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None
     Forces are the model's, and with a grid also what the model misses the sweep by, so that they agree with its table.
     """
     circuit, box = model.circuit, model.validity
-    if circuit is None or model.validity.further_A:
+    if circuit is None:
         return None
     cold, warm = circuit.resistance_ohm, resistance_at(circuit.resistance_ohm, WARM_C)
     distance = np.linspace(box.distance_min_m, box.distance_max_m, POINTS)

@@ -118,7 +118,7 @@ def improved(model: ActuatorModel, better: Improved) -> ActuatorModel:
         model = replace(model, sensor=replace(model.sensor, output_min_V=-wide, output_max_V=wide, adc_bits=0))
     if better.authority == 1.0:
         return model
-    first, *others = (stronger(circuit, better.authority) for circuit in model.circuits)
+    circuits = tuple(stronger(circuit, better.authority) for circuit in model.circuits)
     box, more = model.validity, better.authority
     wider = replace(
         box,
@@ -126,7 +126,7 @@ def improved(model: ActuatorModel, better: Improved) -> ActuatorModel:
         current_max_A=more * box.current_max_A if box.current_max_A > 0.0 else box.current_max_A,
         further_A=tuple((more * low if low < 0.0 else low, more * high) for low, high in box.further_A),
     )
-    return replace(model, circuit=first, further_circuits=tuple(others), validity=wider)
+    return replace(model, circuits=circuits, validity=wider)
 
 
 def stronger(circuit: Circuit, factor: float) -> Circuit:

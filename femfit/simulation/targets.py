@@ -25,7 +25,7 @@ def covered(model: ActuatorModel) -> ActuatorModel:
         _covered(circuit, *pair) if circuit.drive.kind == "current" else circuit
         for circuit, pair in zip(model.circuits, covered_currents(model).T.tolist(), strict=True)
     ]
-    return replace(model, circuit=circuits[0], further_circuits=tuple(circuits[1:]))
+    return replace(model, circuits=tuple(circuits))
 
 
 def _covered(circuit: Circuit, least_A: float, most_A: float) -> Circuit:

@@ -30,7 +30,7 @@ RUN_TIME_DEPENDENCIES = frozenset({"numpy"})
 
 def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     """Write the package, the model, a description and an example."""
-    if not model.further_circuits:
+    if len(model.circuits) < 2:
         model.require_circuit()  # there is nothing to control without a winding
     model.require_motion()
     chosen_sensors(model, None)

@@ -46,7 +46,7 @@ def test_a_consistent_rig_passes_clean(levitation_model):
     [
         (lambda m: replace(m, reference_distances_m=(0.022, 0.044)), "held_range"),
         (lambda m: replace(m, sample_time_s=0.02), "sample_time"),
-        (lambda m: replace(m, circuit=Circuit(2.69, 3.0, 0.5)), "positive"),
+        (lambda m: replace(m, circuits=(Circuit(2.69, 3.0, 0.5),)), "positive"),
         (lambda m: replace(m, motion=Mechanics(-1e-3)), "positive"),
         (lambda m: replace(law(m), magnetics=replace(law(m).magnetics, constant_inductance_H=0.0)), "inductance"),
         (lambda m: law(m, value=3.6e-5, bounds=(0.0, 1e-7)), "outside_bounds"),
@@ -116,7 +116,7 @@ def test_a_coil_of_steel_alone_carries_its_body_under_either_sign_of_the_current
     pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
     box = replace(levitation_model.validity, current_min_A=-1.4)
     both = replace(levitation_model, magnetics=pot, sensor=None, misfit=None, validity=box)
-    both = replace(both, circuit=Circuit(2.69, -11.0, 11.0))
+    both = replace(both, circuits=(Circuit(2.69, -11.0, 11.0),))
     assert "held_range" in codes(both, "holds")
     cold, warm = carried_range(both), carried_range(both, 100.0)
     assert warm.high_m <= cold.high_m

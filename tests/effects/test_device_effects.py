@@ -26,7 +26,7 @@ def added(name, **parameters):
 def test_a_source_with_an_inner_resistance_is_a_larger_winding_resistance():
     model = solenoid()
     sagging = with_effects(model, [added("supply_sag", inner_resistance=0.1)])
-    larger = replace(model, circuit=replace(model.circuit, resistance_ohm=22.0))
+    larger = replace(model, circuits=(replace(model.circuit, resistance_ohm=22.0),))
     volts = np.array([6.0, 12.0])
     np.testing.assert_allclose(
         state_derivative(sagging, STATE, volts)[:, 2], state_derivative(larger, STATE, volts)[:, 2], rtol=1e-6

@@ -26,7 +26,7 @@ TWICE = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [0, 0, 1.0]])
 @pytest.fixture(scope="module")
 def whole(levitation_model):
     circuit = replace(levitation_model.circuit, inductance_H=2e-3)
-    return replace(levitation_model, other_sensors=SENSORS, sensor=None, circuit=circuit)
+    return replace(levitation_model, other_sensors=SENSORS, sensor=None, circuits=(circuit,))
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_a_filter_asks_for_a_voltage_of_each_circuit(halves):
 def test_magnets_alone_are_followed_by_a_laser(levitation_model):
     kind = ActuatorKind(True, True, False, False, coil=False, saturates=False)
     box = replace(levitation_model.validity, current_max_A=0.0)
-    model = replace(levitation_model, circuit=None, sensor=None, kind=kind, validity=box, other_sensors=(LASER,))
+    model = replace(levitation_model, circuits=(), sensor=None, kind=kind, validity=box, other_sensors=(LASER,))
     filter_ = kalman_filter(model)
     assert filter_.process.names == ("distance_m", "velocity_m_s")
     truth, state = np.array([[0.03, 0.0]]), filter_.start([0.031, 0.0])

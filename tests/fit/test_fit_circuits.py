@@ -78,8 +78,11 @@ def test_the_model_survives_its_file_with_circuits_and_domain(model):
     assert again.circuits[1].drive.diode_V == 0.7
     assert again.validity == model.validity
     np.testing.assert_array_equal(again.force(*BETWEEN), model.force(*BETWEEN))
+    first, further = data["circuits"]
+    early = {key: value for key, value in data.items() if key != "circuits"} | {"schema": 2}
+    assert model_from_dict(early | {"circuit": first, "further_circuits": [further]}).circuits == model.circuits
     with pytest.raises(ModelFileError, match="as many circuits"):
-        model_from_dict(data | {"further_circuits": []})
+        model_from_dict(data | {"circuits": data["circuits"][:1]})
     data["magnetics"]["coefficients"] = [[0.0]]
     with pytest.raises(ModelFileError, match=r"magnetics\.coefficients"):
         model_from_dict(data)

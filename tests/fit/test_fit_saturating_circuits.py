@@ -130,7 +130,7 @@ def test_the_jacobian_of_the_motion_is_that_of_its_equations(model):
 def test_energy_put_in_is_energy_found(model):
     """Without copper losses, the work of the sources is the change of field, motion and height."""
     lossless = [replace(one, resistance_ohm=1e-12) for one in model.circuits]
-    free = replace(model, circuit=lossless[0], further_circuits=tuple(lossless[1:]))
+    free = replace(model, circuits=tuple(lossless))
     state, volts, step, work = np.array([0.5e-3, 0.0, 0.2, 0.1]), np.array([4.0, 3.0]), 2e-6, 0.0
 
     def stored(x):

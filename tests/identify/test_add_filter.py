@@ -98,7 +98,7 @@ def test_a_record_without_commands_has_no_filter_line(model, clean):
 
 def test_the_picture_before_and_after_is_of_filters_that_do_not_read_the_distance(tmp_path):
     device = solenoid()
-    warm = replace(device, circuit=replace(device.circuit, resistance_ohm=1.12 * device.circuit.resistance_ohm))
+    warm = replace(device, circuits=(replace(device.circuit, resistance_ohm=1.12 * device.circuit.resistance_ohm),))
     record = logged([switched([0.0, 0.01], [6.0, 9.0], 0.08, model=warm)])
     write_before_after((device, warm), record, tmp_path / "replay.png")
     assert (tmp_path / "replay.png").stat().st_size > 10_000

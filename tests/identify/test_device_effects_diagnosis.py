@@ -57,7 +57,7 @@ def test_a_flux_that_the_core_keeps_is_told_from_an_ammeters_zero_by_the_voltage
 
 
 def test_a_current_amplifier_has_no_voltage_that_it_could_miss(model, samples):
-    amplifier = replace(model, circuit=replace(model.circuit, drive=Drive("current")))
+    amplifier = replace(model, circuits=(replace(model.circuit, drive=Drive("current")),))
     record = recorded(samples)
     for name in ("driver_gain", "driver_dead_zone", "supply_sag"):
         effect = effect_by_name(name)

@@ -114,7 +114,7 @@ def test_the_current_of_a_held_coil_with_a_shorted_ring_has_its_two_exponentials
 
 
 def test_an_eddy_current_brakes_the_motion(levitation_model):
-    plain = replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=100.0))
+    plain = replace(levitation_model, circuits=(replace(levitation_model.circuit, resistance_ohm=100.0),))
     model = with_effects(plain, [added("eddy_current_lag", ring_share=0.5, time_s=0.02)])
     x = np.array([[0.02, 0.2, 0.0, 0.0, 0.0]])
     y = x[:, :3]

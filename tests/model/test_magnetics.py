@@ -114,7 +114,7 @@ def states():
 
 
 def test_energy_is_conserved_without_resistance_and_gravity(levitation_model):
-    model = replace(levitation_model, circuit=Circuit(1e-300, 0.0, 3.0), motion=Mechanics(4.35e-3, 0.0))
+    model = replace(levitation_model, circuits=(Circuit(1e-300, 0.0, 3.0),), motion=Mechanics(4.35e-3, 0.0))
     state = np.array([[0.025, -0.05, 0.6]])
 
     def energy(s):

@@ -46,7 +46,7 @@ def sprung_model(law_model):
         far_stop=Stop(0.044),
     )
     circuit = replace(law_model.circuit, drive=Drive(diode_V=0.7))
-    return replace(law_model, motion=mechanics, circuit=circuit)
+    return replace(law_model, motion=mechanics, circuits=(circuit,))
 
 
 @pytest.fixture(params=["spline", "law", "sprung"])
@@ -68,7 +68,7 @@ def test_writing_and_reading_keeps_every_digit(model, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
 
 
-@pytest.mark.parametrize("part", ["circuit", "motion", "sensor", "misfit"])
+@pytest.mark.parametrize("part", ["motion", "sensor", "misfit"])
 def test_an_absent_part_stays_absent(model, tmp_path, part):
     write_model(replace(model, **{part: None}), tmp_path / "model.json")
     assert getattr(read_model(tmp_path / "model.json"), part) is None
@@ -85,8 +85,27 @@ def test_every_law_with_its_shape_parameters_survives_the_file(law, levitation_m
 
 def test_a_newer_schema_is_refused_with_both_numbers(model):
     data = model_to_dict(model) | {"schema": 99}
-    with pytest.raises(ModelFileError, match=r"schema 99.*up to schema 2.*Update femfit"):
+    with pytest.raises(ModelFileError, match=r"schema 99.*up to schema 3.*Update femfit"):
         model_from_dict(data, "m.json")
+
+
+def test_a_pair_of_magnets_has_no_circuit_in_its_file_either(model):
+    data = json.loads(json.dumps(model_to_dict(replace(model, circuits=()))))
+    assert data["circuits"] == []
+    assert model_from_dict(data).circuits == ()
+
+
+@pytest.mark.parametrize("schema", [1, 2])
+def test_a_file_of_earlier_schemas_has_its_circuits_under_two_keys(model, schema):
+    data = model_to_dict(model)
+    (one,) = data.pop("circuits")
+    early = data | {"schema": schema, "further_circuits": []}
+    assert model_from_dict(early | {"circuit": one}).circuits == model.circuits
+    assert model_from_dict(early | {"circuit": None}).circuits == ()
+    with pytest.raises(ModelFileError, match=r"circuits\[1\]\.colour"):
+        model_from_dict(early | {"circuit": one, "further_circuits": [one | {"colour": "red"}]})
+    with pytest.raises(ModelFileError, match="circuits must be a list"):
+        model_from_dict(early | {"circuit": one, "further_circuits": 3})
 
 
 def test_effects_that_are_not_known_are_refused(model):
@@ -101,10 +120,10 @@ def test_effects_that_are_not_known_are_refused(model):
         (("motion", "mass_kg"), "4 g", r"motion\.mass_kg must be a finite number > 0; instead received '4 g'"),
         (("motion", "mass_kg"), 0, r"motion\.mass_kg must be a finite number > 0"),
         (("motion", "mass_kg"), True, r"motion\.mass_kg must be a finite number"),
-        (("circuit", "resistance_ohm"), None, r"circuit\.resistance_ohm must be a finite number > 0"),
-        (("circuit", "voltage_max_V"), -1.0, r"circuit\.voltage_max_V must be a finite number >= 0\.5"),
-        (("circuit",), {}, r"circuit\.resistance_ohm must be a finite number > 0; it is missing"),
-        (("circuit", "colour"), "red", r"unknown key circuit\.colour"),
+        (("circuits", 0, "resistance_ohm"), None, r"circuits\[0\]\.resistance_ohm must be a finite number > 0"),
+        (("circuits", 0, "voltage_max_V"), -1.0, r"circuits\[0\]\.voltage_max_V must be a finite number >= 0\.5"),
+        (("circuits",), [{}], r"circuits\[0\]\.resistance_ohm must be a finite number > 0; it is missing"),
+        (("circuits", 0, "colour"), "red", r"unknown key circuits\[0\]\.colour"),
         (("sensor", "adc_bits"), 12.5, r"sensor\.adc_bits must be a whole number"),
         (("sensor", "noise_V"), -1e-3, r"sensor\.noise_V must be a finite number >= 0"),
         (("sensor", "field", "coefficients"), [[1, 2], [3]], r"sensor\.field\.coefficients must be an array"),
@@ -274,14 +293,14 @@ def flat(value):
 
 @pytest.mark.parametrize("drive", [Drive("current"), Drive("current", None, -1.0, 2.0, 500.0), Drive(diode_V=24.7)])
 def test_what_feeds_the_winding_survives_the_file(levitation_model, drive):
-    model = replace(levitation_model, circuit=replace(levitation_model.circuit, drive=drive))
+    model = replace(levitation_model, circuits=(replace(levitation_model.circuit, drive=drive),))
     assert model_from_dict(json.loads(json.dumps(model_to_dict(model)))).circuit.drive == drive
 
 
 def test_a_file_of_a_hanging_body_is_what_it_was(levitation_model):
     data = model_to_dict(levitation_model)
     assert data["motion"] == {"mass_kg": 4.35e-3, "gravity_m_s2": 9.80665}
-    assert set(data["circuit"]) == {"resistance_ohm", "voltage_min_V", "voltage_max_V"}
+    assert set(data["circuits"][0]) == {"resistance_ohm", "voltage_min_V", "voltage_max_V"}
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ SERIES_H = 4e-3
 @pytest.fixture(scope="module")
 def whole(levitation_model):
     """One circuit, with a choke in series."""
-    return replace(levitation_model, circuit=replace(levitation_model.circuit, inductance_H=SERIES_H))
+    return replace(levitation_model, circuits=(replace(levitation_model.circuit, inductance_H=SERIES_H),))
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def magnets(levitation_model):
     """The magnet and the iron alone."""
     kind = ActuatorKind(True, True, False, False, coil=False, saturates=False)
     box = replace(levitation_model.validity, current_max_A=0.0)
-    return replace(levitation_model, circuit=None, sensor=None, kind=kind, validity=box)
+    return replace(levitation_model, circuits=(), sensor=None, kind=kind, validity=box)
 
 
 def a_state(circuits, count=30, alike=False):
@@ -103,7 +103,7 @@ def test_magnets_alone_fall_and_pull_as_their_force_says(magnets):
 
 def test_a_winding_whose_resistance_is_unknown_is_no_pair_of_magnets(levitation_model):
     with pytest.raises(MissingPartError, match="circuit"):
-        replace(levitation_model, circuit=None).require_dynamics()
+        replace(levitation_model, circuits=()).require_dynamics()
 
 
 def test_a_current_sensor_reads_the_circuit_that_it_names(halves):

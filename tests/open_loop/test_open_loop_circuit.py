@@ -67,7 +67,7 @@ def test_the_current_goes_on_through_the_diode_until_it_is_zero(drop):
 def test_a_magnet_that_falls_away_drives_a_current_through_the_diode(levitation_model):
     drop = 5e-3
     circuit = replace(levitation_model.circuit, voltage_min_V=0.0, drive=Drive(diode_V=drop))
-    motion = simulate(replace(levitation_model, circuit=circuit), voltage_V=0.0, start_m=0.02, duration_s=0.06)
+    motion = simulate(replace(levitation_model, circuits=(circuit,)), voltage_V=0.0, start_m=0.02, duration_s=0.06)
     flows = next(event for event in motion.events if event.name == "current_flows")
     constant = float(levitation_model.magnetics.motional_constant(np.array([flows.distance_m]), np.zeros(1))[0])
     assert constant * flows.velocity_m_s == pytest.approx(drop, rel=1e-6)

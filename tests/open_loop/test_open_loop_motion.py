@@ -113,7 +113,7 @@ def test_a_solenoid_with_a_constant_slope_moves_as_an_own_quadrature_says():
 
 @pytest.mark.parametrize("effect", ["", "viscous_friction", "eddy_current_lag", "coil_temperature"])
 def test_without_events_the_motion_is_that_of_the_fixed_step_plant(levitation_model, effect):
-    model = replace(levitation_model, circuit=Circuit(2.69, -3.0, 3.0))
+    model = replace(levitation_model, circuits=(Circuit(2.69, -3.0, 3.0),))
     if effect:
         chosen = effect_by_name(effect)
         usual = {p.name: p.null + 0.2 * (max(p.plausible, key=abs) - p.null) for p in chosen.amplitudes}

@@ -31,7 +31,7 @@ def test_two_halves_switch_as_the_whole_coil(name):
     """With something in series, and each half with half of the voltage, or the same current."""
     drive, kind, on = DRIVES[name]
     whole = solenoid(drive=drive)
-    whole = replace(whole, circuit=replace(whole.circuit, inductance_H=2e-3))
+    whole = replace(whole, circuits=(replace(whole.circuit, inductance_H=2e-3),))
     share = 0.5 if kind == "voltage" else 1.0
     one = simulate(whole, drive=Profile(kind, PULSE, np.array([on, 0.0])), duration_s=0.15)
     command = Profile(kind, PULSE, share * np.array([on, 0.0]))
@@ -101,7 +101,7 @@ def test_an_amplifier_feels_what_the_other_circuit_induces(bearing):
     """One current is held while the other's voltage steps; the voltage that holds it follows the mutual inductance."""
     amplifier = replace(bearing.circuits[1], drive=Drive("current"), voltage_min_V=-24.0)
     held = Mechanics(1e6, 0.0)
-    model = replace(bearing, further_circuits=(amplifier,), motion=held)
+    model = replace(bearing, circuits=(bearing.circuits[0], amplifier), motion=held)
     motion = simulate(model, voltage_V={"lower": 3.0}, current_A={"upper": 0.0}, duration_s=0.002, start_m=0.5e-3)
     inductance = model.inductance(0.5e-3, [0.0, 0.0])
     rate = 3.0 / inductance[0, 0]  # of the first moment
@@ -112,7 +112,7 @@ def test_an_amplifier_feels_what_the_other_circuit_induces(bearing):
 def test_magnets_alone_fall_without_a_command(levitation_model):
     kind = ActuatorKind(True, True, False, False, coil=False, saturates=False)
     box = replace(levitation_model.validity, current_max_A=0.0)
-    model = replace(levitation_model, circuit=None, sensor=None, kind=kind, validity=box)
+    model = replace(levitation_model, circuits=(), sensor=None, kind=kind, validity=box)
     motion = simulate(model, duration_s=0.02, start_m=0.03)
     assert "current_A" not in motion.table
     assert motion.table["distance_m"][-1] > 0.03

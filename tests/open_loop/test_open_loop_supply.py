@@ -56,7 +56,7 @@ def test_a_body_that_the_supply_is_too_weak_for_is_said_to_stay():
 def test_what_nothing_keeps_in_place_or_a_current_feeds_has_no_such_motion():
     levitated = replace(solenoid(), motion=Mechanics(mass_kg=0.02))
     amplifier = on_springs(near_stop=Stop(0.5e-3), far_stop=Stop(5e-3))
-    amplifier = replace(amplifier, circuit=replace(amplifier.circuit, drive=Drive("current")))
+    amplifier = replace(amplifier, circuits=(replace(amplifier.circuit, drive=Drive("current")),))
     assert motion_at_supply(levitated) is None
     assert motion_at_supply(amplifier) is None
     assert motion_at_supply(replace(solenoid(), motion=None)) is None

@@ -15,7 +15,7 @@ COMMANDS = [0.0, 0.01, 0.02, 0.05], [0.0, 24.0, 6.0, 24.0]
 
 def stronger():
     """The same device on a supply of 24 V."""
-    return replace(solenoid(), circuit=replace(solenoid().circuit, voltage_max_V=24.0))
+    return replace(solenoid(), circuits=(replace(solenoid().circuit, voltage_max_V=24.0),))
 
 
 @pytest.mark.parametrize(("truth", "code"), [(stronger(), "beyond-supply"), (solenoid(), "clamped")])
@@ -47,7 +47,7 @@ def test_without_a_current_the_record_cannot_tell():
 
 def test_the_diodes_drop_lasts_until_a_falling_current_has_come_to_its_end():
     model, noise_A = solenoid(), 3e-3
-    model = replace(model, circuit=replace(model.circuit, drive=replace(model.circuit.drive, diode_V=0.7)))
+    model = replace(model, circuits=(replace(model.circuit, drive=replace(model.circuit.drive, diode_V=0.7)),))
     time = 1e-4 * np.arange(400)
     current = np.maximum(0.1 - 8.0 * time, 0.0)
     current[current > 0.0] += np.random.default_rng(1).normal(0.0, noise_A, int((current > 0.0).sum()))

@@ -82,5 +82,5 @@ def test_the_halves_of_a_coil_arrive_at_a_stop_as_the_whole_does():
 
 def test_a_body_without_a_circuit_arrives_at_a_stop():
     box = replace(solenoid().validity, current_min_A=0.0, current_max_A=0.0)
-    _, kept = arriving(replace(solenoid(), circuit=None, validity=box, sample_time_s=2e-4), 0.0)
+    _, kept = arriving(replace(solenoid(), circuits=(), validity=box, sample_time_s=2e-4), 0.0)
     assert kept.shape == (1, 2)

@@ -11,6 +11,7 @@ from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.holding import holding_currents
 from femfit.fit.build import fit_model
 from femfit.model.actuator_kind import ActuatorKind
+from femfit.model.circuit import Drive
 from femfit.model.dynamics import runge_kutta_step
 from femfit.replay.found_noise import with_noise
 from femfit.replay.observe import observe
@@ -73,8 +74,8 @@ def bearing():
     """Nothing reads its upper current by a sensor of the drawing; the record does."""
     gap = {"kind": "position", "name": "gap", "noise": 1e-7, "distances_m": [0, 1], "readings": [0, 1], "unit": "m"}
     model = fit_model(table_of(entry={**ENTRY, "sensors": [gap]})).model
-    bridges = tuple(replace(one, voltage_min_V=-24.0, drive=model.circuit.drive) for one in model.circuits)
-    return replace(model, circuit=bridges[0], further_circuits=bridges[1:], sample_time_s=1e-4)
+    bridges = tuple(replace(one, voltage_min_V=-24.0, drive=Drive()) for one in model.circuits)
+    return replace(model, circuits=bridges, sample_time_s=1e-4)
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +129,7 @@ def test_magnets_alone_need_no_voltage(levitation_model, tmp_path):
     box = replace(levitation_model.validity, current_max_A=0.0)
     model = replace(
         levitation_model,
-        circuit=None,
+        circuits=(),
         sensor=None,
         kind=kind,
         validity=box,

@@ -208,7 +208,7 @@ def test_without_pyvista_the_map_remains_and_the_reason_is_said(other_page):
 
 
 def test_a_current_beyond_the_sweep_has_no_force_at_the_supplys_voltage(rig_content, rig_figures):
-    strong = replace(rig_content.model, circuit=replace(rig_content.model.circuit, voltage_max_V=40.0))
+    strong = replace(rig_content.model, circuits=(replace(rig_content.model.circuit, voltage_max_V=40.0),))
     page = Page(render_report(replace(rig_content, model=strong), rig_figures))
     assert "sweep to that current to know the force at 40 V" in page.text
     assert "At 40 V." not in page.text

@@ -48,7 +48,7 @@ def test_a_moving_coil_is_rated_by_its_own_faces(plunger_content):
 
 def test_forces_beyond_the_models_current_are_taken_at_its_end_and_said_to_be(rating, plunger_content):
     assert not rating.feed("cold").limited
-    weak = replace(plunger_content.model, circuit=replace(plunger_content.model.circuit, voltage_max_V=40.0))
+    weak = replace(plunger_content.model, circuits=(replace(plunger_content.model.circuit, voltage_max_V=40.0),))
     cold = rate(weak, plunger_content.actuator).feed("cold")
     assert cold.limited
     assert cold.drawn_A == weak.validity.current_max_A
@@ -72,7 +72,7 @@ def test_a_model_without_a_drawing_is_rated_at_the_supply_alone(rig_content):
     rating = rate(rig_content.model, None)
     assert rating.feed("rated") is None
     assert rating.reference.name == "warm"
-    assert rate(replace(rig_content.model, circuit=None), None) is None
+    assert rate(replace(rig_content.model, circuits=()), None) is None
 
 
 def test_a_force_in_proportion_to_the_current_is_not_said_to_be_limited_by_saturation(rig_content, plunger_content):
@@ -88,7 +88,7 @@ def test_a_force_in_proportion_to_the_current_is_not_said_to_be_limited_by_satur
 
 def test_a_supply_of_both_signs_is_rated_at_the_one_that_attracts(rig_content):
     model = replace(
-        rig_content.model, circuit=replace(rig_content.model.circuit, voltage_min_V=-3.0, voltage_max_V=3.0)
+        rig_content.model, circuits=(replace(rig_content.model.circuit, voltage_min_V=-3.0, voltage_max_V=3.0),)
     )
     assert rate(model, None).voltage_V == 3.0
     box = replace(model.validity, current_min_A=-1.4)
@@ -103,7 +103,7 @@ def test_a_supply_of_both_signs_is_rated_at_the_one_that_attracts(rig_content):
 def test_forces_at_the_swept_currents_are_those_of_the_sweep(rig_content):
     grid = sweep_grid(rig_content.rows)
     off = replace(grid, force=1.04 * grid.force)  # a model that misses its table by 4 %
-    strong = replace(rig_content.model, circuit=replace(rig_content.model.circuit, voltage_max_V=40.0))
+    strong = replace(rig_content.model, circuits=(replace(rig_content.model.circuit, voltage_max_V=40.0),))
     cold = rate(strong, rig_content.actuator, off).feed("cold")
     assert cold.drawn_A == grid.currents[-1]
     assert cold.force_near_N == pytest.approx(off.force[-1, 0], rel=1e-9)

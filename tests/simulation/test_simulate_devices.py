@@ -34,7 +34,7 @@ def ball(levitation_model):
 
 
 def driven(model, **drive):
-    return replace(model, circuit=replace(model.circuit, drive=Drive(**drive), voltage_min_V=0.0))
+    return replace(model, circuits=(replace(model.circuit, drive=Drive(**drive), voltage_min_V=0.0),))
 
 
 def test_the_balls_unstable_pole_is_that_of_an_inverse_square(ball):
@@ -88,7 +88,9 @@ def test_an_amplifier_follows_its_command_as_its_bandwidth_and_voltage_allow(bal
     far = winding_voltage(model, state, np.array([[50.0]]), model.sample_time_s)
     assert far[0, 0] == model.circuit.voltage_max_V  # as far as the voltage goes
     slow = plant.step(state, np.array([50.0]))[0, 2]
-    at_full = Plant(replace(model, circuit=replace(model.circuit, drive=Drive()))).step(state, np.array([3.0]))[0, 2]
+    at_full = Plant(replace(model, circuits=(replace(model.circuit, drive=Drive()),))).step(state, np.array([3.0]))[
+        0, 2
+    ]
     assert slow == pytest.approx(at_full, rel=1e-12)
 
 

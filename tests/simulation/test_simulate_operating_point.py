@@ -67,7 +67,7 @@ def test_current_for_force_inverts_the_force_where_the_driver_ends_at_zero(levit
     circuit = replace(levitation_model.circuit, voltage_min_V=-3.0, voltage_max_V=0.0)
     pulled_back = replace(
         levitation_model,
-        circuit=circuit,
+        circuits=(circuit,),
         validity=replace(levitation_model.validity, current_min_A=-1.2, current_max_A=0.0),
     )
     d, i = np.meshgrid(np.linspace(0.02, 0.032, 7), np.linspace(-1.0, -0.2, 5))
@@ -75,7 +75,7 @@ def test_current_for_force_inverts_the_force_where_the_driver_ends_at_zero(levit
 
 
 def test_a_distance_beyond_the_clamp_is_refused_with_the_voltage_that_it_needs(levitation_model):
-    weak = replace(levitation_model, circuit=replace(levitation_model.circuit, voltage_max_V=1.5))
+    weak = replace(levitation_model, circuits=(replace(levitation_model.circuit, voltage_max_V=1.5),))
     with pytest.raises(DomainError, match=r"needs \d.* V there"):
         operating_point(weak, 0.030)
 
@@ -86,10 +86,10 @@ def test_a_body_that_nothing_holds_is_refused_by_name(levitation_model):
         design_loop(heavy)
 
 
-@pytest.mark.parametrize("part", ["circuit", "motion", "sensor"])
-def test_a_model_without_a_part_is_refused_with_the_remedy(levitation_model, part):
+@pytest.mark.parametrize(("part", "absent"), [("circuits", ()), ("motion", None), ("sensor", None)])
+def test_a_model_without_a_part_is_refused_with_the_remedy(levitation_model, part, absent):
     with pytest.raises(MissingPartError, match=r"Fit it again with an actuator file"):
-        design_loop(replace(levitation_model, **{part: None}))
+        design_loop(replace(levitation_model, **{part: absent}))
 
 
 def test_targets_are_derived_where_the_model_has_none(levitation_model):
@@ -122,7 +122,7 @@ def test_the_reference_leaves_half_of_the_voltage_to_the_feedback(levitation_mod
     voltage = circuit.resistance_ohm * current_for_force(levitation_model, path.distance, wanted)
     assert voltage.min() > circuit.voltage_min_V + 0.1
     assert voltage.max() < circuit.voltage_max_V - 0.3
-    narrower = replace(levitation_model, circuit=replace(circuit, voltage_min_V=0.7, voltage_max_V=2.5))
+    narrower = replace(levitation_model, circuits=(replace(circuit, voltage_min_V=0.7, voltage_max_V=2.5),))
     assert reference_rate(narrower, targets) < rate
 
 
@@ -147,7 +147,7 @@ def test_a_coil_with_its_leads_reversed_is_held_by_currents_of_the_other_sign(le
         levitation_model,
         magnetics=reversed_magnetics(levitation_model),
         sensor=replace(levitation_model.sensor, field=field),
-        circuit=circuit,
+        circuits=(circuit,),
         validity=box,
     )
     usual, reversed_ = design_loop(levitation_model), design_loop(repelling)
@@ -180,7 +180,7 @@ def test_a_hall_element_that_is_saturated_throughout_is_refused_with_the_remedy(
 
 def test_the_controllers_ask_for_no_current_that_the_model_does_not_cover(levitation_model):
     """A driver of 30 V could hold 11 A: the voltage may be as high while the current changes, and no longer."""
-    strong = replace(levitation_model, circuit=replace(levitation_model.circuit, voltage_max_V=30.0))
+    strong = replace(levitation_model, circuits=(replace(levitation_model.circuit, voltage_max_V=30.0),))
     assert design_loop(strong).model.circuit.voltage_max_V == 30.0
     model = levitation_model
     at_end = np.array([[0.022, 0.0, 0.95 * 1.4]])
@@ -196,7 +196,7 @@ def test_a_coil_that_is_faster_than_the_samples_is_designed_for_as_slow_as_they_
     # An air coil: a twelfth of the inductance, R/L of 2000 rad/s at a period of 0.5 ms.
     fast = replace(
         levitation_model,
-        circuit=replace(levitation_model.circuit, resistance_ohm=32.0, voltage_max_V=36.0, voltage_min_V=6.0),
+        circuits=(replace(levitation_model.circuit, resistance_ohm=32.0, voltage_max_V=36.0, voltage_min_V=6.0),),
     )
     design = design_loop(fast)
     assert design.points[0].coil_pole_rad_s > 1800.0
@@ -217,7 +217,7 @@ def test_a_coil_that_is_faster_than_the_samples_is_designed_for_as_slow_as_they_
 def test_a_coil_that_a_step_cannot_follow_is_refused_with_the_step_that_could(levitation_model):
     circuit = replace(levitation_model.circuit, resistance_ohm=100.0, voltage_max_V=110.0, voltage_min_V=20.0)
     with pytest.raises(FilterError, match=r"steps of at most 0\.3\d* ms.*sample_time_ms"):
-        design_loop(replace(levitation_model, circuit=circuit)).observer("ukf")
+        design_loop(replace(levitation_model, circuits=(circuit,))).observer("ukf")
 
 
 def test_steel_alone_is_held_by_a_driver_of_both_signs_as_by_one_of_positive_voltages(levitation_model):
@@ -228,7 +228,7 @@ def test_steel_alone_is_held_by_a_driver_of_both_signs_as_by_one_of_positive_vol
             levitation_model,
             magnetics=steel,
             validity=replace(levitation_model.validity, current_min_A=1.2 * low, current_max_A=1.2),
-            circuit=replace(levitation_model.circuit, voltage_min_V=3.0 * low, voltage_max_V=3.0),
+            circuits=(replace(levitation_model.circuit, voltage_min_V=3.0 * low, voltage_max_V=3.0),),
             reference_distances_m=(),
         )
         designs.append(design_loop(model))

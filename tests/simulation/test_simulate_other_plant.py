@@ -24,7 +24,7 @@ def held(model, plant, **options):
 def warm(levitation_model):
     """The same actuator with a winding that is 8 K warmer: 3.1 % more resistance."""
     circuit = replace(levitation_model.circuit, resistance_ohm=1.031 * levitation_model.circuit.resistance_ohm)
-    return replace(levitation_model, circuit=circuit, name="warm")
+    return replace(levitation_model, circuits=(circuit,), name="warm")
 
 
 def test_the_model_itself_as_plant_changes_nothing(levitation_model):

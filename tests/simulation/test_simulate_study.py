@@ -167,7 +167,9 @@ def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning
 @pytest.fixture(scope="module")
 def sluggish(levitation_model):
     """A coil whose current answers more slowly than the body falls."""
-    return replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=0.15, voltage_min_V=0.0))
+    return replace(
+        levitation_model, circuits=(replace(levitation_model.circuit, resistance_ohm=0.15, voltage_min_V=0.0),)
+    )
 
 
 def test_what_a_study_must_leave_out_is_known_from_its_design(turning):

@@ -74,7 +74,7 @@ def test_noise_is_named_with_the_noise_that_would_do(optical):
 @pytest.mark.long
 def test_authority_is_named_where_the_force_at_the_limits_does_not_reach(optical):
     """A supply of hardly more than the 0.852 V that hold the body, and noise that asks for more."""
-    weak = replace(optical, circuit=replace(optical.circuit, voltage_max_V=1.02 * 0.852))
+    weak = replace(optical, circuits=(replace(optical.circuit, voltage_max_V=1.02 * 0.852),))
     words = lost(with_laser(weak, noise=60e-3))
     assert words.startswith("The authority: at 22.0 mm")
     assert "times as wide" in words
@@ -82,7 +82,7 @@ def test_authority_is_named_where_the_force_at_the_limits_does_not_reach(optical
 
 def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(optical):
     """1 % above the voltage that holds the body: noise of 5 mV fills it."""
-    weak = replace(optical, circuit=replace(optical.circuit, voltage_max_V=1.01 * 0.852))
+    weak = replace(optical, circuits=(replace(optical.circuit, voltage_max_V=1.01 * 0.852),))
     full = lost_loop(optical)
     assert short_of_room(full) == ""
     loop = lost_loop(with_laser(weak, noise=5e-3))

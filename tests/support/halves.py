@@ -43,7 +43,6 @@ def cut_in_two(model: ActuatorModel) -> ActuatorModel:
             np.stack([alone, 0.5 * flux, 0.5 * flux, own, mutual, own], axis=1),
         ),
         validity=replace(box, further_A=((box.current_min_A, box.current_max_A),)),
-        circuit=replace(half, name=NAMES[0]),
-        further_circuits=(replace(half, name=NAMES[1]),),
+        circuits=tuple(replace(half, name=name) for name in NAMES),
         sensor=None,
     )

@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 
 def warm_log(model):
     """The table of three runs."""
-    warm = replace(model, circuit=replace(model.circuit, resistance_ohm=WARMER * model.circuit.resistance_ohm))
+    warm = replace(model, circuits=(replace(model.circuit, resistance_ohm=WARMER * model.circuit.resistance_ohm),))
     generator, runs = np.random.default_rng(12), []
     row = np.arange(700)
     for number, volts in enumerate((9.0, 8.0, 7.0)):

@@ -34,7 +34,7 @@ def solenoid(mechanics: Mechanics | None = None, drive: Drive | None = None, cel
             DistanceCoordinate(REFERENCE_M, SHIFT_M), TensorSpline(u_knots, i_knots, 4, 2, coefficients)
         ),
         validity=ValidityBox(0.1e-3, 6e-3, -2.0, 2.0),
-        circuit=Circuit(20.0, 0.0 if drive else -12.0, 12.0, drive or Drive()),
+        circuits=(Circuit(20.0, 0.0 if drive else -12.0, 12.0, drive or Drive()),),
         motion=mechanics
         or Mechanics(
             0.025,

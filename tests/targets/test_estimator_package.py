@@ -15,6 +15,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.effects.zeros_and_scales import HALL_OFFSET
 from femfit.fit.build import fit_model
+from femfit.model.circuit import Drive
 from femfit.model.json_file import write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.with_effects import with_effects
@@ -110,8 +111,8 @@ def run_bare(exported: Path, bare_paths: Path, code: str, *arguments: str) -> su
 def test_a_bearing_of_two_circuits_holds_itself_where_only_numpy_is(bare_paths, tmp_path):
     gap = {"kind": "position", "name": "gap", "noise": 2e-7, "distances_m": [0, 1], "readings": [0, 1], "unit": "m"}
     bearing = fit_model(table_of(entry={**ENTRY, "sensors": [gap], "sample_time_s": 1e-4})).model
-    bridges = [replace(one, voltage_min_V=-24.0, drive=bearing.circuit.drive) for one in bearing.circuits]
-    bearing = replace(bearing, circuit=bridges[0], further_circuits=tuple(bridges[1:]))
+    bridges = tuple(replace(one, voltage_min_V=-24.0, drive=Drive()) for one in bearing.circuits)
+    bearing = replace(bearing, circuits=bridges)
     export_estimator(bearing, tmp_path / "out")
     result = run_bare(tmp_path / "out", bare_paths, RUN_EXAMPLE.format(str(tmp_path / "out" / "example.py")))
     assert result.returncode == 0, result.stderr
@@ -291,10 +292,10 @@ def test_a_directory_with_other_files_is_refused_and_left_alone(levitation_model
     assert len(list(tmp_path.iterdir())) == 1
 
 
-@pytest.mark.parametrize("part", ["circuit", "motion", "sensor"])
-def test_a_model_without_a_part_is_refused_before_anything_is_written(levitation_model, tmp_path, part):
-    with pytest.raises(MissingPartError, match=part):
-        export_estimator(replace(levitation_model, **{part: None}), tmp_path / "out")
+@pytest.mark.parametrize(("part", "absent"), [("circuits", ()), ("motion", None), ("sensor", None)])
+def test_a_model_without_a_part_is_refused_before_anything_is_written(levitation_model, tmp_path, part, absent):
+    with pytest.raises(MissingPartError, match=part.rstrip("s")):
+        export_estimator(replace(levitation_model, **{part: absent}), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -326,7 +327,7 @@ def test_the_packages_description_is_valid_toml_with_numpy_as_its_only_dependenc
 
 
 def test_a_coil_too_fast_for_the_filters_step_is_refused_before_anything_is_written(levitation_model, tmp_path):
-    fast = replace(levitation_model, circuit=replace(levitation_model.circuit, resistance_ohm=16e3))  # L/R of 1 us
+    fast = replace(levitation_model, circuits=(replace(levitation_model.circuit, resistance_ohm=16e3),))  # L/R of 1 us
     with pytest.raises(FilterError, match=r"coil has L/R = 0\.001.* ms; the sample time is 0\.5 ms"):
         export_estimator(fast, tmp_path / "estimator")
     assert not (tmp_path / "estimator").exists()
