@@ -24,6 +24,7 @@ from femfit.model.hall_sensor import HallSensor
 from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
 from femfit.model.misfit import Misfit
+from femfit.model.sensors import HALL, reading_of
 from femfit.tables.sweep_table import TABLE_STEM, read_sweep_table
 
 _GRID = (41, 15)
@@ -83,7 +84,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
     if model.circuits and model.motion is not None and not any(one.code == "positive" for one in findings):
         findings += held_by_several(model) if several else held_body(model)
     if model.sensor is not None:
-        findings += _sensor(model.sensor, d, i)
+        findings += _hall(model.sensor, reading_of(model, HALL).rounding, d, i)
     return Audit(tuple(findings))
 
 
@@ -270,7 +271,7 @@ def _rounded(magnetics: Magnetics) -> Magnetics | None:
     return None
 
 
-def _sensor(sensor: HallSensor, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
+def _hall(sensor: HallSensor, rounding: float, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     """Whether the output stays within its range, and what the converter adds to the noise."""
     field = sensor.field.field(d, i)
     volts, where = sensor.voltage(d, i), where_clipped(sensor, d, i, field)
@@ -278,9 +279,10 @@ def _sensor(sensor: HallSensor, d: FloatArray, i: FloatArray) -> list[AuditFindi
     text = f"its output goes from {float(volts.min()):.3g} to {float(volts.max()):.3g} V over the validity domain"
     text += f" and is clipped in {100 * clipped:.2g} % of it: {where}. {REMEDY}" if where else ", within its range."
     findings = [AuditFinding("hall_range", "note" if clipped else "holds", "Hall output", text, None, clipped)]
-    step = sensor.quantisation_step / np.sqrt(12.0)
-    if sensor.noise_V > 0.0 and step > 0.0:
-        text = f"the converter's step adds {amount(step, 'V')} to {amount(sensor.noise_V, 'V')} of noise (both rms)."
-        severity: Severity = "holds" if step < sensor.noise_V else "note"
-        findings.append(AuditFinding("hall_noise", severity, "Hall noise", text, sensor.noise_V, float(step)))
+    if sensor.noise_V > 0.0 and rounding > 0.0:
+        text = (
+            f"the converter's step adds {amount(rounding, 'V')} to {amount(sensor.noise_V, 'V')} of noise (both rms)."
+        )
+        severity: Severity = "holds" if rounding < sensor.noise_V else "note"
+        findings.append(AuditFinding("hall_noise", severity, "Hall noise", text, sensor.noise_V, rounding))
     return findings

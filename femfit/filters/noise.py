@@ -34,7 +34,7 @@ from femfit.filters.theory import unstable_pole
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.circuit import Circuit
 from femfit.model.dynamics import state_derivative
-from femfit.model.hall_sensor import HallSensor
+from femfit.model.sensors import HALL, reading_of
 
 
 @dataclass(frozen=True)
@@ -49,20 +49,8 @@ class FilterNoise:
     sensors: Mapping[str, float] = field(default_factory=dict)
 
 
-def hall_noise(sensor: HallSensor, noise_V: float | None = None) -> float:
-    """Standard deviation of one Hall sample in V, sqrt(sigma^2 + LSB^2 / 12); sigma is the sensor's where None."""
-    white = sensor.noise_V if noise_V is None else noise_V
-    return float(np.hypot(white, sensor.quantisation_step / np.sqrt(12.0)))
-
-
-def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: float | None = None) -> FilterNoise:
-    """Noise of a model at a distance in m, derived as the module says; what a record told of it counts before.
-
-    Parameters
-    ----------
-    noise_V : float or None
-        White noise of the Hall voltage in V; the sensor's own where None.
-    """
+def default_noise(model: ActuatorModel, distance: float | None = None) -> FilterNoise:
+    """Noise of a model at a distance in m, derived as the module says; what a record told of it counts before."""
     circuits, motion = model.require_circuits(), model.require_motion()
     distance = operating_distance(model) if distance is None else distance
     rate = motion_rate(model, distance)
@@ -77,7 +65,7 @@ def default_noise(model: ActuatorModel, distance: float | None = None, noise_V: 
     return FilterNoise(
         acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
         voltage_V=_driver_errors(circuits) if volts is None else volts,
-        hall_V=hall_noise(model.sensor, noise_V) if model.sensor is not None else float("nan"),
+        hall_V=reading_of(model, HALL).white if model.sensor is not None else float("nan"),
     )
 
 

@@ -36,11 +36,28 @@ class Reading:
     name: str
     unit: str
     column: str | None  # Of a record; None where records have no column of this kind
-    white: float  # Standard deviation of one sample, the converter's rounding LSB / sqrt(12) included
+    noise: float  # White noise of one sample before the converter, as a standard deviation
     low: float  # Ends of the range; infinite where there are none
     high: float
-    delay_s: float
-    sample_time_s: float | None
+    bits: int  # Resolution of the converter over that range; 0 for none
+    delay_s: float = 0.0
+    sample_time_s: float | None = None
+
+    @property
+    def step(self) -> float:
+        """One step of the converter; 0 where there is none."""
+        span = self.high - self.low
+        return span / 2.0**self.bits if self.bits and np.isfinite(span) else 0.0
+
+    @property
+    def rounding(self) -> float:
+        """Standard deviation of the converter's rounding, LSB / sqrt(12)."""
+        return self.step / float(np.sqrt(12.0))
+
+    @property
+    def white(self) -> float:
+        """Standard deviation of one sample, the rounding included."""
+        return float(np.hypot(self.noise, self.rounding))
 
 
 def sensors_of(model: ActuatorModel) -> dict[str, AnySensor]:
@@ -84,18 +101,18 @@ def reading_of(model: ActuatorModel, name: str) -> Reading:
     """Unit, column, noise, range and timing of a sensor of a model."""
     sensor = sensor_named(model, name)
     if isinstance(sensor, HallSensor):
-        white = float(np.hypot(sensor.noise_V, sensor.quantisation_step / np.sqrt(12.0)))
-        return Reading(name, "V", "hall_V", white, sensor.output_min_V, sensor.output_max_V, 0.0, None)
+        ends = sensor.output_min_V, sensor.output_max_V
+        return Reading(name, "V", "hall_V", sensor.noise_V, *ends, sensor.adc_bits)
     low = -np.inf if sensor.minimum is None else sensor.minimum
     high = np.inf if sensor.maximum is None else sensor.maximum
-    step = (high - low) / 2.0**sensor.bits if sensor.bits and np.isfinite(high - low) else 0.0
     units = {"current": "A", "acceleration": "m/s^2", "force": "N"}
     unit = sensor.unit if isinstance(sensor, PositionSensor) else units[sensor.kind]
     of_circuit = circuit_currents(model.circuit_names)
     current = of_circuit[current_index(model, sensor) - 2] if isinstance(sensor, CurrentSensor) else None
     columns = {"A": current, "m": "distance_m", "N": "force_N"}
-    white = float(np.hypot(sensor.noise, step / np.sqrt(12.0)))
-    return Reading(name, unit, columns.get(unit), white, low, high, sensor.delay_s, sensor.sample_time_s)
+    return Reading(
+        name, unit, columns.get(unit), sensor.noise, low, high, sensor.bits, sensor.delay_s, sensor.sample_time_s
+    )
 
 
 def predict_sensors(

@@ -1,7 +1,7 @@
 """What a closed loop of a model needs: reference distances, sensors, observers, controllers, derived from the model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, cast, get_args
 
@@ -170,10 +170,9 @@ class LoopDesign:
     @property
     def filter_noise(self) -> FilterNoise:
         """What the filters know of the noise."""
-        base = default_noise(self.model, self.targets_m[0], self.noise.get(HALL))
-        rounding = {one.name: one.step / np.sqrt(12.0) for one in self.loop_sensors()}
-        white = {name: float(np.hypot(value, rounding[name])) for name, value in self.noise.items() if name != HALL}
-        return FilterNoise(base.acceleration_density, base.voltage_V, base.hall_V, base.bias_density, white)
+        base = default_noise(self.model, self.targets_m[0])
+        white = {one.name: one.reading.white for one in self.loop_sensors()}
+        return replace(base, hall_V=white.pop(HALL, base.hall_V), sensors=white)
 
     def observer(self, name: ObserverName, distance_deviation_m: float = FIRST_DEVIATION_M) -> Observer:
         """The observer of this name: a filter for the sensors, or the direct measurement by the first of them.

@@ -99,7 +99,7 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
             later[:, j] = between(none, unit, 1.0 - part, model.sample_time_s) @ slope
             earlier[:, j] = between(unit, none, 1.0 - part, model.sample_time_s) @ slope
     # As in a filter's R: noise that is met once in p samples tells as little as sqrt(p) times as much at each
-    noise = np.array([np.hypot(one.noise, one.step / np.sqrt(12.0)) * np.sqrt(one.period) for one in sensors])
+    noise = np.array([one.reading.white * np.sqrt(one.period) for one in sensors])
     return LinearPlant(A, B, later.T, earlier.T, tuple(delays), noise)
 
 

@@ -196,7 +196,7 @@ def sensor_line(design: LoopDesign) -> str:
     """The sensors with noise, delay and sample time."""
     parts = []
     for one in design.loop_sensors():
-        noise = f"{amount(one.noise, one.reading.unit, 3)} rms" if one.noise else "no noise"
+        noise = f"{amount(one.reading.noise, one.reading.unit, 3)} rms" if one.reading.noise else "no noise"
         late = f", {amount(one.reading.delay_s, 's')} late" if one.delay else ""
         slow = f", every {one.period} samples" if one.period > 1 else ""
         parts.append(f"{sensor_word(one.name)} {noise}{late}{slow}")

@@ -21,7 +21,6 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.device.sensors import Sensor
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.hall_sensor import HallSensor
 from femfit.model.sensors import AnySensor, Reading, predict_sensor, reading_of, sensor_named
 from femfit.simulation.constants import UNKNOWN_NOISE_PART
 
@@ -32,8 +31,6 @@ class LoopSensor:
 
     reading: Reading
     sensor: AnySensor  # Without its delay, which the loop makes
-    noise: float  # White, of one sample, without the converter's rounding
-    bits: int
     delay: float  # In samples
     period: int  # Samples from one reading to the next
 
@@ -41,12 +38,6 @@ class LoopSensor:
     def name(self) -> str:
         """The sensor's."""
         return self.reading.name
-
-    @property
-    def step(self) -> float:
-        """One step of the converter; 0 where there is none."""
-        span = self.reading.high - self.reading.low
-        return span / 2.0**self.bits if self.bits and np.isfinite(span) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +63,10 @@ def loop_sensors(
     found = []
     for name in names:
         sensor = sensor_named(model, name)
-        reading = reading_of(model, name)
+        reading = replace(reading_of(model, name), noise=noise[name])
         period = 1 if reading.sample_time_s is None else max(1, round(reading.sample_time_s / sample_time_s))
         prompt = replace(sensor, delay_s=0.0) if isinstance(sensor, Sensor) else sensor
-        bits = sensor.adc_bits if isinstance(sensor, HallSensor) else sensor.bits
-        found.append(LoopSensor(reading, prompt, noise[name], bits, reading.delay_s / sample_time_s, period))
+        found.append(LoopSensor(reading, prompt, reading.delay_s / sample_time_s, period))
     return tuple(found)
 
 
@@ -106,8 +96,8 @@ def sensor_noise(
                 f"The noise of a sample must be >= 0 {reading.unit}; instead received {white:g} {reading.unit} of "
                 f"{name}. Leave it out for the model's."
             )
-        own = sensor.noise_V if isinstance(sensor, HallSensor) else sensor.noise
-        result[name] = white if white is not None else own or UNKNOWN_NOISE_PART * span_of(model, sensor, reading)
+        unknown_part = UNKNOWN_NOISE_PART * span_of(model, sensor, reading)
+        result[name] = white if white is not None else reading.noise or unknown_part
     return result
 
 
@@ -204,7 +194,7 @@ def read_sensors(
             white, lost = np.tile(white, errors.blocks), np.tile(lost, errors.blocks)
         mine = np.asarray(errors.faulty) == k
         off = np.where(mine, errors.offset + np.multiply(errors.drift_per_s, time), 0.0)
-        reading = convert(sensor, values[:, k] + off + errors.noise_scale * sensor.noise * white)
+        reading = convert(sensor, values[:, k] + off + errors.noise_scale * sensor.reading.noise * white)
         low = sensor.reading.low if np.isfinite(sensor.reading.low) else np.nan
         reading = np.where(mine & (lost < errors.dropout_probability), low, reading)
         stuck = mine & np.asarray(time >= errors.stuck_after_s) & np.isfinite(last[:, k])
@@ -214,9 +204,9 @@ def read_sensors(
 
 def convert(sensor: LoopSensor, values: FloatArray) -> FloatArray:
     """Clip to the reading's range and round to the converter's steps."""
-    low, high = sensor.reading.low, sensor.reading.high
-    clipped = np.clip(values, low, high)
-    if not sensor.step:
+    reading = sensor.reading
+    clipped = np.clip(values, reading.low, reading.high)
+    if not reading.step:
         return np.asarray(clipped)
-    codes = np.minimum(np.round((clipped - low) / sensor.step), 2.0**sensor.bits - 1.0)
-    return np.asarray(low + sensor.step * codes)
+    codes = np.minimum(np.round((clipped - reading.low) / reading.step), 2.0**reading.bits - 1.0)
+    return np.asarray(reading.low + reading.step * codes)

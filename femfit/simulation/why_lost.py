@@ -165,8 +165,8 @@ def _of_authority(loop: LostLoop, better: Improved, holds: Callable[[Improved], 
 def _of_noise(loop: LostLoop, better: Improved, holds: Callable[[Improved], bool]) -> str:
     part = _least(HARDLY, 1.0, lambda value: holds(replace(better, noise=value)))
     sensors = loop.design.loop_sensors()
-    now = ", ".join(f"{one.name} {amount(one.noise, one.reading.unit, 3)}" for one in sensors)
-    then = ", ".join(f"{one.name} {amount(part * one.noise, one.reading.unit, 2)}" for one in sensors)
+    now = ", ".join(f"{one.name} {amount(one.reading.noise, one.reading.unit, 3)}" for one in sensors)
+    then = ", ".join(f"{one.name} {amount(part * one.reading.noise, one.reading.unit, 2)}" for one in sensors)
     return f"The sensors' noise: {now} rms; with {then} the same runs hold"
 
 

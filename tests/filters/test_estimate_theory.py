@@ -12,11 +12,12 @@ from femfit.filters.direct import hall_inverse
 from femfit.filters.extended import ExtendedFilter
 from femfit.filters.holding import holding_current
 from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import default_noise, hall_noise, initial_covariance, process_covariance
+from femfit.filters.noise import default_noise, initial_covariance, process_covariance
 from femfit.filters.process import FilterProcess
 from femfit.filters.theory import noise_ratio_bound, unstable_pole
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.bspline import TensorSpline
+from femfit.model.sensors import reading_of
 
 RANDOM = np.random.default_rng(8)
 
@@ -83,14 +84,16 @@ def test_a_distance_at_which_nothing_holds_the_body_is_refused(levitation_model)
         holding_current(levitation_model, 0.060)
 
 
-def test_hall_noise_adds_the_converters_rounding(levitation_model):
+def test_the_noise_of_a_reading_adds_the_converters_rounding(levitation_model):
     sensor = levitation_model.sensor
     step = 5.0 / 4096
     exact = RANDOM.uniform(1.0, 4.0, 400_000)
     error = step * np.round((exact + sensor.noise_V * RANDOM.normal(size=exact.size)) / step) - exact
     # Standard error of a standard deviation from 4e5 samples is 0.11 %.
-    assert hall_noise(sensor) == pytest.approx(error.std(), rel=5e-3)
-    assert hall_noise(replace(sensor, adc_bits=0)) == sensor.noise_V
+    assert reading_of(levitation_model, "hall").white == pytest.approx(error.std(), rel=5e-3)
+    assert default_noise(levitation_model).hall_V == reading_of(levitation_model, "hall").white
+    bare = replace(levitation_model, sensor=replace(sensor, adc_bits=0))
+    assert reading_of(bare, "hall").white == sensor.noise_V
 
 
 def test_a_misfit_that_is_no_part_of_the_weight_is_not_taken_for_an_unknown_one(levitation_model):
@@ -109,7 +112,6 @@ def test_default_noise_scales_as_its_derivation_says(levitation_model):
     assert base.acceleration_density == pytest.approx(2.0 * (2.3e-4 * 9.80665) ** 2 / pole, rel=1e-12)
     worse = replace(levitation_model, misfit=replace(levitation_model.misfit, force_rms_of_weight=2.3e-3))
     assert default_noise(worse).acceleration_density == pytest.approx(100.0 * base.acceleration_density, rel=1e-12)
-    assert default_noise(levitation_model, noise_V=1.0).hall_V == pytest.approx(1.0, rel=1e-6)
 
 
 def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):

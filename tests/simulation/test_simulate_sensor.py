@@ -48,25 +48,25 @@ def free(levitation_model, sensor):
 
 def test_twelve_bits_over_five_volts_are_steps_of_one_and_a_fifth_millivolts(levitation_model):
     (one,) = of(levitation_model)
-    assert one.step == pytest.approx(1.2207e-3, rel=1e-4)
+    assert one.reading.step == pytest.approx(1.2207e-3, rel=1e-4)
     volts = np.linspace(0.1, 4.9, 100_001)
-    codes = convert(one, volts) / one.step
+    codes = convert(one, volts) / one.reading.step
     np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)
     error = convert(one, volts) - volts
-    assert np.abs(error).max() <= 0.5 * one.step * (1 + 1e-9)
-    assert error.std() == pytest.approx(one.step / np.sqrt(12.0), rel=1e-3)
+    assert np.abs(error).max() <= 0.5 * one.reading.step * (1 + 1e-9)
+    assert error.std() == pytest.approx(one.reading.step / np.sqrt(12.0), rel=1e-3)
 
 
 def test_the_output_is_clipped_to_its_range(levitation_model, sensor):
     (one,) = of(levitation_model)
-    top = sensor.output_max_V - one.step  # the largest code
+    top = sensor.output_max_V - one.reading.step  # the largest code
     np.testing.assert_allclose(convert(one, np.array([-1.0, 9.0])), [sensor.output_min_V, top])
 
 
 def test_no_converter_leaves_the_voltage_alone(free):
     (one,) = of(free)
     np.testing.assert_array_equal(convert(one, np.array([1.23456789])), [1.23456789])
-    assert one.step == 0.0
+    assert one.reading.step == 0.0
 
 
 def test_white_noise_has_its_deviation_and_no_correlation(free):
