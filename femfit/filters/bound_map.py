@@ -22,6 +22,7 @@ from femfit.core.errors import FilterError
 from femfit.core.printed import Printed
 from femfit.filters.constants import MAP_POINTS, OBSERVED_SHARE, SETTLING_STEPS, TEST_SAMPLES
 from femfit.filters.error_bound import next_covariance, output_jacobians, without_stops
+from femfit.filters.fine_steps import in_fine_steps
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import FilterNoise
 from femfit.filters.process import FilterProcess
@@ -144,7 +145,8 @@ def bound_map(
     least = min(max(0.0, box.current_min_A), box.current_max_A)
     i = np.linspace(least, box.current_max_A, MAP_POINTS) if currents_A is None else np.asarray(currents_A, np.float64)
     box.require(d[:, None], i)
-    process = levitation_process(without_stops(model), sensors=sensors, noise=noise)
+    free = without_stops(model)
+    process = in_fine_steps(free, levitation_process(free, sensors=sensors, noise=noise, explicit=False))
     frequency = 1.0 / (TEST_SAMPLES * process.step_s) if test_frequency_Hz is None else test_frequency_Hz
     if not 0.0 < frequency <= 0.5 / process.step_s:
         raise FilterError(

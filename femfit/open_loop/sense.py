@@ -6,7 +6,7 @@ wrong model adds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from femfit.core.random_numbers import random_generator
 from femfit.filters.bound_map import BoundMap, bound_map
 from femfit.filters.error_bound import bound_along, without_stops
 from femfit.filters.filter import Filter
+from femfit.filters.fine_steps import in_fine_steps
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -29,7 +30,6 @@ from femfit.open_loop.command import commanded
 from femfit.open_loop.profile import Profile
 from femfit.open_loop.result import OpenLoop
 from femfit.open_loop.simulate import simulate
-from femfit.replay.build_filter import in_fine_steps
 
 REST_S, ON_S = 0.02, 0.06
 """Conventional: time before the step of the voltage, and after it, where no drive is given."""
@@ -163,12 +163,13 @@ def sense(
     step, end = model.sample_time_s, float(base.time_s[-1])
     motion = simulate(model, drive=given, duration_s=end, sample_time_s=step)
     table = motion.table
-    built = in_fine_steps(model, kalman_filter(model, sensors=sensors, explicit=False))
+    built = kalman_filter(model, sensors=sensors, explicit=False)
+    built = replace(built, process=in_fine_steps(model, built.process))
     states = np.zeros((len(table["time_s"]), built.process.order))
     states[:, 0], states[:, 1], states[:, 2] = table["distance_m"], table["velocity_m_s"], table["current_A"]
     volts = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
     rms, claimed = _errors(model, built, states, volts, runs, random_generator(rng))
-    free = in_fine_steps(without_stops(model), built).process
+    free = in_fine_steps(without_stops(model), built.process)
     return Sensing(
         motion=motion,
         sensors=tuple(sensors),

@@ -24,9 +24,9 @@ from femfit.filters.cholesky import cholesky
 from femfit.filters.error_bound import without_stops
 from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterState
+from femfit.filters.fine_steps import in_fine_steps
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import currents_of_same_flux
-from femfit.replay.build_filter import in_fine_steps
 from femfit.replay.constants import APART, BEYOND, CERTAIN, LEAST_CONFIDENCE, LEAST_UNSEATED, SEAT_BEFORE
 from femfit.replay.prepare import Prepared
 from femfit.replay.run_filter import Replayed
@@ -140,7 +140,7 @@ def run_rivals(
     """The likelihood of the readings for a body that seats at each candidate, and for one that goes on."""
     stop, outward, replayed = at
     model, log = prepared.model, prepared.log
-    free = in_fine_steps(without_stops(model), built)
+    free = replace(built, process=in_fine_steps(without_stops(model), built.process))
     runs = len(candidates) + 1
     start, last = rows
     state = built.start(np.tile(replayed.mean[start], (runs, 1)), replayed.covariance[start])

@@ -128,3 +128,12 @@ def test_the_frequency_that_is_said_is_that_of_the_whole_samples_that_were_used(
     places = {"sensors": ("current",), "distances_m": (2e-3,), "currents_A": (0.4,)}
     found = bound_map(model, test_voltage_V=1.0, test_frequency_Hz=0.4 / STEP_S, **places)
     assert found.test_frequency_Hz == pytest.approx(0.5 / STEP_S)
+
+
+def test_a_coil_faster_than_half_a_sample_has_a_map_of_what_finer_samples_would_tell(model):
+    """L/R is a tenth of this sample: the current is a new, settled one at each, and tells the force's work alone."""
+    quick = replace(model, sample_time_s=10.0 * inductance(2e-3) / 20.0)
+    places = {"sensors": ("current",), "distances_m": (2e-3,), "currents_A": (0.0, 0.4), "noise": SILENT}
+    found = bound_map(quick, **places)
+    assert found.blind[0, 0]
+    assert np.isfinite(found.deviation_m).all()

@@ -10,8 +10,8 @@ import femfit as ff
 from femfit.core.errors import FilterError
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.error_bound import without_stops
-from femfit.model.dynamics import state_jacobian
 from femfit.filters.fine_steps import in_fine_steps
+from femfit.model.dynamics import state_jacobian
 from tests.support.halves import cut_in_two
 from tests.support.solenoids import solenoid
 
@@ -83,5 +83,5 @@ def test_the_halves_of_a_coil_arrive_at_a_stop_as_the_whole_does():
 
 def test_a_body_without_a_circuit_arrives_at_a_stop():
     box = replace(solenoid().validity, current_min_A=0.0, current_max_A=0.0)
-    _, kept = arriving(replace(solenoid(), circuit=None, validity=box, sample_time_s=2e-4), 0.0)
+    _, kept = arriving(replace(solenoid(), circuits=(), validity=box, sample_time_s=2e-4), 0.0)
     assert kept.shape == (1, 2)
