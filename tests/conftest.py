@@ -9,10 +9,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
+from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.field.sweep import run_sweep
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
 from femfit.model.hall_sensor import HallSensor

@@ -106,7 +106,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     drawing = read_drawing(data, directory or Path(), problems)
     coils = read_coils(data, drawing, problems)
     supply, diode = read_supply(data, problems)
-    circuits = read_circuits(data, coils, supply, diode, problems)
+    circuits, coils = read_circuits(data, coils, supply, diode, problems)
     mechanics = read_mechanics(data, body, problems)
     sensors = read_sensors(data, circuits, problems)
     axes = read_axes(data, [circuit.name for circuit in circuits], problems)

@@ -6,12 +6,12 @@ distance d it stands shifted by +d.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from femfit.core.amount import amount, amount_range
 from femfit.core.constants import MU_0
 from femfit.core.errors import MissingPartError
 from femfit.core.printed import Printed
+from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import AnySensor, HallElement
 
@@ -92,29 +92,8 @@ class Coil:
     wire_diameter_m: float | None = None  # Bare copper diameter, where the file gives it
     name: str = "coil"
     moves: bool = False  # Whether it is part of the moving part
-
-
-@dataclass(frozen=True)
-class Drive:
-    """What feeds a circuit: a voltage source with limits, or a current amplifier."""
-
-    kind: Literal["voltage", "current"] = "voltage"
-    minimum: float = 0.0  # In V or A; negative for a bridge
-    maximum: float = 0.0
-    # Forward drop in V of the diode that a one-sided driver's current goes on through; None where it has no diode
-    diode_V: float | None = None
-    bandwidth_Hz: float | None = None  # Of a current amplifier; None: as fast as the voltage allows
-
-
-@dataclass(frozen=True)
-class Circuit:
-    """Coils in series and what feeds them: U = R i + L i' + d(flux linkage)/dt."""
-
-    name: str
-    coils: tuple[tuple[str, float], ...]  # Names of the coils and the sign, +1 or -1, that each is connected with
-    resistance_ohm: float  # Of all coils and what is in series with them
-    inductance_H: float = 0.0  # In series, outside of the field
-    drive: Drive = Drive()
+    circuit: str = "coil"  # Name of the circuit that it is connected in
+    sign: float = 1.0  # Sense in which it is connected, +1 or -1
 
 
 @dataclass(frozen=True)
@@ -155,7 +134,7 @@ class Actuator(Printed):
     sensors : tuple
         Of :mod:`femfit.device.sensors`.
     circuits : tuple of Circuit
-        In the order of the sweep's currents; each coil belongs to one.
+        In the order of the sweep's currents; each coil names its own.
     mechanics : Mechanics
         The moving mass, and what acts on it beside the magnetic force.
     supply : Supply or None

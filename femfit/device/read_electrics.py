@@ -1,13 +1,16 @@
 """Windings, circuits and the driver of an actuator file."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import inf, isfinite
 from typing import Any
 
+from femfit.device.circuit import Circuit, Drive
 from femfit.device.complaints import did_you_mean, joined, read_table
 from femfit.device.decimals import scaled
 from femfit.device.drawing import Drawing, DrawnWinding, check_name, coil_tables, table_at
 from femfit.device.outlines import flattened
-from femfit.device.parts import Circuit, Coil, Drive, Supply
+from femfit.device.parts import Coil, Supply
 from femfit.device.schema import CoilEntry, SupplyEntry
 from femfit.device.schema_device import CircuitEntry, WindingEntry
 from femfit.device.winding import smallest_winding_area, wire_resistance
@@ -48,7 +51,7 @@ def _coil(entry: CoilEntry, winding: DrawnWinding, problems: list[str]) -> Coil 
     outline = winding.part.outline  # its arcs become chords: nothing of a winding is singular at a corner
     corners = tuple((scaled(r), scaled(z)) for r, z in flattened(outline.corners, outline.bulges))
     diameter = None if entry.wire_diameter_mm is None else scaled(entry.wire_diameter_mm)
-    return Coil(corners, entry.turns, resistance, diameter, winding.part.name, winding.moves)
+    return Coil(corners, entry.turns, resistance, diameter, winding.part.name, winding.moves, circuit=winding.part.name)
 
 
 def read_supply(data: Mapping[str, Any], problems: list[str]) -> tuple[Supply | None, float | None]:
@@ -70,16 +73,17 @@ def read_circuits(
     supply: Supply | None,
     diode_V: float | None,
     problems: list[str],
-) -> tuple[Circuit, ...]:
-    """The circuits in their order; without a table, one a coil."""
+) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
+    """The circuits in their order, without a table one a coil, and the coils as they are connected in them."""
     tables = table_at(data, "circuits")
     if not tables:
         if coils and supply is None and "supply" not in data:
             problems.append("supply is missing. Give the driver as a table [supply], or limits in [circuits.NAME].")
-        drive = Drive() if supply is None else Drive("voltage", supply.voltage_min_V, supply.voltage_max_V, diode_V)
-        return tuple(Circuit(coil.name, ((coil.name, 1.0),), coil.resistance_ohm, drive=drive) for coil in coils)
+        limits = (-inf, inf) if supply is None else (supply.voltage_min_V, supply.voltage_max_V)
+        drive = Drive(diode_V=diode_V)
+        return tuple(Circuit(coil.resistance_ohm, *limits, drive, coil.name) for coil in coils), tuple(coils)
     by_name = {coil.name: coil for coil in coils}
-    owners: dict[str, str] = {}
+    connected: dict[str, Coil] = {}
     circuits, found = [], len(problems)
     for name, table in tables.items():
         path = joined("circuits", name)
@@ -87,20 +91,22 @@ def read_circuits(
         entry = read_table(CircuitEntry, table, path, problems)
         if entry is None:
             continue
-        signs = _signs(entry, path, by_name, owners, problems)
-        drive = _drive(entry, path, supply, diode_V, "supply" in data, problems)
-        resistance = sum(by_name[coil].resistance_ohm for coil, _ in signs) + entry.external_resistance_ohm
-        circuits.append(Circuit(name, signs, resistance, scaled(entry.external_inductance_mH), drive))
-    left = [coil for coil in by_name if coil not in owners]
+        own = _connect(entry, name, by_name, connected, problems)
+        limits = _voltages(entry, path, supply, "supply" in data, problems)
+        drive = _drive(entry, path, limits[0], diode_V, problems)
+        resistance = sum(coil.resistance_ohm for coil in own) + entry.external_resistance_ohm
+        circuits.append(Circuit(resistance, *limits, drive, name, scaled(entry.external_inductance_mH)))
+    left = [coil for coil in by_name if coil not in connected]
     if left and len(problems) == found:
         problems.append(f"circuits must connect every coil; {', '.join(left)} is in none. Name it in one of them.")
-    return tuple(circuits)
+    return tuple(circuits), tuple(connected.get(coil.name, coil) for coil in coils)
 
 
-def _signs(
-    entry: CircuitEntry, path: str, known: Mapping[str, Coil], owners: dict[str, str], problems: list[str]
-) -> tuple[tuple[str, float], ...]:
-    signs = []
+def _connect(
+    entry: CircuitEntry, circuit: str, known: Mapping[str, Coil], connected: dict[str, Coil], problems: list[str]
+) -> list[Coil]:
+    """The coils of a circuit, which join those that are connected already."""
+    path, own = joined("circuits", circuit), []
     for given in entry.coils:
         name, sign = (given[1:], -1.0) if given.startswith("-") else (given, 1.0)
         if name not in known:
@@ -108,43 +114,44 @@ def _signs(
                 f"{path}.coils must name coils of this file; {given[:60]!r} is none.{did_you_mean(name, known)} "
                 f"Known: {', '.join(known) or 'none'}."
             )
-        elif name in owners:
-            problems.append(f"{path}.coils must leave out {name}, which is in {owners[name]}. Name it in one alone.")
+        elif name in connected:
+            owner = joined("circuits", connected[name].circuit)
+            problems.append(f"{path}.coils must leave out {name}, which is in {owner}. Name it in one alone.")
         else:
-            owners[name] = path
-            signs.append((name, sign))
-    return tuple(signs)
+            connected[name] = replace(known[name], circuit=circuit, sign=sign)
+            own.append(connected[name])
+    return own
 
 
-def _drive(
-    entry: CircuitEntry,
-    path: str,
-    supply: Supply | None,
-    diode_V: float | None,
-    given: bool,
-    problems: list[str],
-) -> Drive:
-    if entry.drive == "current":
-        if entry.current_min_A is None or entry.current_max_A is None:
-            problems.append(
-                f'{path}.current_min_A and current_max_A must be given for drive = "current". Give the amplifier\'s '
-                "limits."
-            )
-            return Drive("current")
-        _check_limits(path, "current", "A", entry.current_min_A, entry.current_max_A, problems)
-        return Drive("current", entry.current_min_A, entry.current_max_A, bandwidth_Hz=entry.bandwidth_Hz)
+def _voltages(
+    entry: CircuitEntry, path: str, supply: Supply | None, given: bool, problems: list[str]
+) -> tuple[float, float]:
+    """The limits of a circuit, or else the supply's; behind a current amplifier they may be open."""
     low = entry.voltage_min_V if entry.voltage_min_V is not None or supply is None else supply.voltage_min_V
     high = entry.voltage_max_V if entry.voltage_max_V is not None or supply is None else supply.voltage_max_V
     if low is None or high is None:
-        if supply is not None or not given:
+        if entry.drive == "voltage" and (supply is not None or not given):
             problems.append(
                 f"{path} must have voltage_min_V and voltage_max_V, or the file [supply]. Give one of them."
             )
-        return Drive()
+        return -inf, inf
     _check_limits(path, "voltage", "V", low, high, problems)
-    drop = entry.diode_V if entry.diode_V is not None else diode_V
-    _check_diode(path, entry.diode_V, low, problems)
-    return Drive("voltage", low, high, drop)
+    return low, high
+
+
+def _drive(entry: CircuitEntry, path: str, lowest_V: float, diode_V: float | None, problems: list[str]) -> Drive:
+    if entry.drive == "voltage":
+        if isfinite(lowest_V):
+            _check_diode(path, entry.diode_V, lowest_V, problems)
+        return Drive(diode_V=entry.diode_V if entry.diode_V is not None else diode_V)
+    low, high = entry.current_min_A, entry.current_max_A
+    if low is None or high is None:
+        problems.append(
+            f'{path}.current_min_A and current_max_A must be given for drive = "current". Give the amplifier\'s limits.'
+        )
+    else:
+        _check_limits(path, "current", "A", low, high, problems)
+    return Drive("current", None, low, high, entry.bandwidth_Hz)
 
 
 def _check_limits(path: str, what: str, unit: str, low: float, high: float, problems: list[str]) -> None:

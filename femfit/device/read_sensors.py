@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from femfit.device.circuit import Circuit
 from femfit.device.complaints import did_you_mean, joined, read_part, read_table
 from femfit.device.decimals import scaled
 from femfit.device.drawing import check_name, table_at, unit_vector
 from femfit.device.outlines import flattened
-from femfit.device.parts import Circuit
 from femfit.device.read_outline import outline
 from femfit.device.schema import HallEntry, HallPlace
 from femfit.device.schema_device import (

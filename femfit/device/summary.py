@@ -1,12 +1,14 @@
 """The actuator as a sweep's manifest records it: what a model needs beside the table, and the actuator again."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from math import isfinite
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from femfit.core.atomic import json_ready
 from femfit.core.errors import ActuatorFileError
 from femfit.device.parts import Actuator, NonlinearMaterial, Region
 from femfit.device.schema import NAME_PATTERN
@@ -23,11 +25,10 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         "description": actuator.description,
         "mass_kg": actuator.mechanics.mass_kg,
         **_of_one_circuit(actuator),
-        "supply_V": [actuator.supply.voltage_min_V, actuator.supply.voltage_max_V] if actuator.supply else None,
         "sample_time_s": actuator.supply.sample_time_s if actuator.supply else None,
         "reference_distances_m": list(actuator.reference_distances_m),
         "hall": None if actuator.hall is None else asdict(actuator.hall),
-        "circuits": [asdict(circuit) for circuit in actuator.circuits],
+        "circuits": [json_ready(asdict(circuit)) for circuit in actuator.circuits],
         "coils": [{"name": one.name, "turns": one.turns, "moves": one.moves} for one in actuator.coils],
         "mechanics": asdict(actuator.mechanics),
         "sensors": [asdict(sensor) for sensor in actuator.sensors],
@@ -48,12 +49,8 @@ def _of_one_circuit(actuator: Actuator) -> dict[str, Any]:
     """The numbers of an actuator with one circuit whose driver's voltages are known; nothing for others."""
     if len(actuator.circuits) != 1:
         return {}
-    circuit, supply = actuator.circuits[0], actuator.supply
-    if circuit.drive.kind == "voltage":
-        lowest, highest = circuit.drive.minimum, circuit.drive.maximum
-    elif supply is not None:  # what a current amplifier has to give
-        lowest, highest = supply.voltage_min_V, supply.voltage_max_V
-    else:
+    (circuit,) = actuator.circuits
+    if not isfinite(circuit.voltage_max_V - circuit.voltage_min_V):
         return {}
     of_coil = {}
     if len(actuator.coils) == 1:
@@ -61,8 +58,8 @@ def _of_one_circuit(actuator: Actuator) -> dict[str, Any]:
     return {
         "resistance_ohm": circuit.resistance_ohm,
         **of_coil,
-        "voltage_min_V": lowest,
-        "voltage_max_V": highest,
+        "voltage_min_V": circuit.voltage_min_V,
+        "voltage_max_V": circuit.voltage_max_V,
     }
 
 
@@ -108,16 +105,46 @@ def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
 
 
 def _of_this_version(record: dict[str, Any]) -> dict[str, Any]:
-    """Records of one coil, one Hall element and a mass alone, as they were written before there were more."""
-    if "coil" not in record or not isinstance(record["coil"], Mapping):
+    """Records in which a circuit named its coils, and those of one coil, one Hall element and a mass alone."""
+    if isinstance(record.get("coil"), Mapping):
+        record = _of_one_coil(record)
+    circuits, coils, supply = record.get("circuits") or (), record.get("coils") or (), record.get("supply") or {}
+    if not all(isinstance(one, Mapping) for one in (*circuits, *coils, supply)):
         return record
+    own = {name: {"circuit": one.get("name"), "sign": sign} for one in circuits for name, sign in one.get("coils", ())}
+    limits = (supply["voltage_min_V"], supply["voltage_max_V"]) if supply else None
+    return record | {
+        "coils": [{**coil, **own.get(coil.get("name"), {})} for coil in coils],
+        "circuits": [circuit_of_this_version(one, limits) for one in circuits],
+    }
+
+
+def circuit_of_this_version(record: Mapping[str, Any], supply_V: Sequence[float] | None) -> dict[str, Any]:
+    """A circuit's record without what is null; its drive held the limits in earlier versions, and it named its coils.
+
+    Parameters
+    ----------
+    supply_V : sequence of float or None
+        Lowest and highest voltage behind the current amplifiers of earlier versions.
+    """
+    drive, limits = dict(record.get("drive") or {}), {}
+    if "minimum" in drive:
+        low, high = drive.pop("minimum"), drive.pop("maximum")
+        if drive.get("kind") == "current":
+            drive |= {"current_min_A": low, "current_max_A": high}
+            low, high = supply_V or (None, None)
+        limits = {"voltage_min_V": low, "voltage_max_V": high}
+    known = {**limits, **record, "drive": drive}
+    return {key: value for key, value in known.items() if value is not None and key != "coils"}
+
+
+def _of_one_coil(record: dict[str, Any]) -> dict[str, Any]:
     coil, hall, supply = record.pop("coil"), record.pop("hall", None), record.get("supply") or {}
     moving = dict(record.get("moving") or {})
-    drive = {"minimum": supply.get("voltage_min_V", 0.0), "maximum": supply.get("voltage_max_V", 0.0)}
-    circuit = {"name": "coil", "coils": [["coil", 1.0]], "resistance_ohm": coil.get("resistance_ohm"), "drive": drive}
+    limits = {key: supply.get(key, 0.0) for key in ("voltage_min_V", "voltage_max_V")}
     return record | {
         "coils": [coil],
-        "circuits": [circuit],
+        "circuits": [{"resistance_ohm": coil.get("resistance_ohm"), **limits}],
         "sensors": [] if hall is None else [hall],
         "mechanics": {"mass_kg": moving.pop("mass_kg", None)},
         "moving": moving,

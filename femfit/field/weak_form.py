@@ -85,9 +85,9 @@ def source_loads(space: H1, actuator: Actuator, *, moving: bool = False) -> Floa
         The product of a circuit's row with a solution is that solution's flux linkage.
     """
     loads = [_magnet_load(space, actuator, "moving:" if moving else "")]
-    coils = {coil.name: _coil_load(space, coil) for coil in actuator.coils if coil.moves or not moving}
+    coils = [(coil, _coil_load(space, coil)) for coil in actuator.coils if coil.moves or not moving]
     for circuit in actuator.circuits:
-        signed = [sign * coils[name] for name, sign in circuit.coils if name in coils]
+        signed = [coil.sign * load for coil, load in coils if coil.circuit == circuit.name]
         loads.append(np.sum(signed, axis=0) if signed else np.zeros(space.ndof))
     return np.array(loads)
 

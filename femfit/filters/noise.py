@@ -20,6 +20,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
+from femfit.device.circuit import Circuit
 from femfit.filters.constants import (
     BIAS_DENSITY,
     DRIVER_ERROR,
@@ -32,7 +33,6 @@ from femfit.filters.constants import (
 )
 from femfit.filters.theory import unstable_pole
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
 from femfit.model.dynamics import state_derivative
 from femfit.model.sensors import HALL, reading_of
 

@@ -10,16 +10,15 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from femfit.core.errors import TableError, UsageError
+from femfit.device.circuit import Circuit
 from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics
-from femfit.device.parts import Drive as DrawnDrive
 from femfit.device.sensors import AnySensor, HallElement, PickupCoil
-from femfit.device.summary import sweep_manifest_entry
+from femfit.device.summary import circuit_of_this_version, sweep_manifest_entry
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit, Drive
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.sensors import OtherSensor
 
@@ -89,9 +88,8 @@ def circuit_and_motion(
         notes.append("No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
     circuits: tuple[Circuit, ...] = ()
     if not missing:
-        resistance, lowest, highest = (number(entry, key) for key in keys)
         one = (entry.get("circuits") or [{}])[0]
-        circuits = (Circuit(resistance, lowest, highest, _drive(one), *_name_and_series(one)),)
+        circuits = (_circuit(entry, {**one, **{key: number(entry, key) for key in keys}}),)
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     return circuits, motion, tuple(notes)
 
@@ -106,34 +104,16 @@ def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[C
     recorded = {one.get("name"): one for one in entry.get("circuits") or ()}
     if not set(names) <= set(recorded):
         return (), (f"No circuits in the model: give --actuator ACTUATOR.toml with {', '.join(names)}.",)
-    circuits, without = [], []
-    for name in names:
-        one = recorded[name]
-        drawn, drive = _recorded(DrawnDrive, "drive", one.get("drive") or {}), _drive(one)
-        amplifier = drive.kind == "current"
-        limits = entry.get("supply_V") if amplifier else (drawn.minimum, drawn.maximum)
-        if not limits:
-            without.append(name)
-            continue
-        low, high = map(float, limits)
-        circuits.append(Circuit(number(one, "resistance_ohm"), low, high, drive, *_name_and_series(one)))
+    circuits = tuple(_circuit(entry, recorded[name]) for name in names)
+    without = [one.name for one in circuits if not np.isfinite(one.voltage_max_V - one.voltage_min_V)]
     if without:
         unknown = f"No circuits in the model: the voltage limits behind {', '.join(without)} are unknown."
         return (), (f"{unknown} Give [supply] in the actuator file, and --actuator ACTUATOR.toml.",)
-    return tuple(circuits), ()
+    return circuits, ()
 
 
-def _name_and_series(circuit: Mapping[str, Any]) -> tuple[str, float]:
-    """Name and series inductance in H of a circuit's record; the usual ones where it says nothing."""
-    return str(circuit.get("name") or "coil"), float(circuit.get("inductance_H") or 0.0)
-
-
-def _drive(circuit: Mapping[str, Any]) -> Drive:
-    """What feeds a winding, as the drawing has it; a bridge where the circuit's record says nothing."""
-    drawn = _recorded(DrawnDrive, "drive", circuit.get("drive") or {})
-    if drawn.kind == "voltage":
-        return Drive(diode_V=drawn.diode_V)
-    return Drive("current", None, drawn.minimum, drawn.maximum, drawn.bandwidth_Hz)
+def _circuit(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Circuit:
+    return _recorded(Circuit, "circuit", circuit_of_this_version(record, entry.get("supply_V")))
 
 
 def other_sensors_of(entry: Mapping[str, Any]) -> tuple[tuple[OtherSensor, ...], tuple[str, ...]]:

@@ -13,12 +13,12 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.printed import Printed
 from femfit.core.sweep_columns import circuit_currents
+from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.circuit import Circuit
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import Magnetics

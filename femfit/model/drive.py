@@ -15,8 +15,8 @@ from math import pi
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.device.circuit import Circuit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
 
 
 def command_limits(circuit: Circuit, *, current: bool | None = None) -> tuple[float, float]:

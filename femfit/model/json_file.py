@@ -14,6 +14,7 @@ from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import ModelFileError
 from femfit.core.outputs import MODEL, require_outputs
 from femfit.core.paths import path_of
+from femfit.device.circuit import BRIDGE, Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.sensors import Sensor
 from femfit.effects.catalogue import effect_by_name
@@ -21,7 +22,6 @@ from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import BRIDGE, Circuit, Drive
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.hall import HallSpline

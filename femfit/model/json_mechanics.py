@@ -3,8 +3,8 @@
 from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING
 
+from femfit.device.circuit import Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
-from femfit.model.circuit import Drive
 from femfit.model.json_section import Section
 
 if TYPE_CHECKING:

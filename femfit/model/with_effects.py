@@ -11,13 +11,13 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError
+from femfit.device.circuit import Circuit
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.of_circuits import OF_THE_WHOLE, source_scales
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, stops_of
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.coenergy_table import CoenergyTable

@@ -8,8 +8,8 @@ import numpy as np
 
 from femfit.core.amount import amount_range
 from femfit.core.errors import DomainError, UsageError
+from femfit.device.circuit import Circuit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
 from femfit.open_loop.feed import Winding
 from femfit.open_loop.profile import Interpolation, Profile, read_profiles
 

@@ -21,7 +21,7 @@ from math import pi
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.model.circuit import Circuit
+from femfit.device.circuit import Circuit
 from femfit.model.drive import command_limits
 from femfit.open_loop.equations import Equations, Point
 

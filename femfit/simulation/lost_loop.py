@@ -7,8 +7,8 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray
 from femfit.core.errors import DomainError, FilterError
+from femfit.device.circuit import Circuit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.loop import LoopResult

@@ -9,9 +9,9 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError
+from femfit.device.circuit import Circuit
 from femfit.device.sensors import PositionSensor
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
 from femfit.model.drive import circuit_terms, command_limits
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named

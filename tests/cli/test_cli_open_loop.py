@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from femfit.model.circuit import Drive
+from femfit.device.circuit import Drive
 from femfit.model.json_file import write_model
 from support.command import femfit
 from support.halves import cut_in_two

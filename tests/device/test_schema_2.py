@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 import pytest
 
+from femfit.core.atomic import json_ready
 from femfit.core.errors import ActuatorFileError
 from femfit.device.load import actuator_from_toml
 from femfit.device.mechanics import ForceTable, Spring, Stop
@@ -151,9 +152,9 @@ def test_a_voice_coil_is_read_in_si_units():
     actuator = actuator_from_toml(VOICE_COIL)
     (coil,), (circuit,) = actuator.coils, actuator.circuits
     assert (coil.name, coil.moves, coil.turns) == ("voice", True, 100)
-    assert circuit.coils == (("voice", -1.0),)
+    assert (coil.circuit, coil.sign) == (circuit.name, -1.0)
     assert circuit.resistance_ohm == pytest.approx(4.8)
-    assert (circuit.drive.kind, circuit.drive.minimum, circuit.drive.maximum) == ("current", -2, 2)
+    assert (circuit.drive.kind, circuit.drive.current_min_A, circuit.drive.current_max_A) == ("current", -2, 2)
     mechanics = actuator.mechanics
     assert (mechanics.mass_kg, mechanics.gravity_m_s2, mechanics.coulomb_N) == (0.012, 0.0, 0.02)
     assert mechanics.springs == (Spring(1500.0), ForceTable((-0.004, 0.0, 0.002), (2.0, 0.0, -1.0)))
@@ -190,9 +191,33 @@ def test_two_coils_have_a_circuit_and_currents_each():
 @pytest.mark.parametrize("text", [VOICE_COIL, PAIR, BEARING])
 def test_a_record_rebuilds_the_actuator_and_the_manifest_is_json(text):
     actuator = actuator_from_toml(text)
-    record = json.loads(json.dumps(asdict(actuator), allow_nan=False))
+    record = json.loads(json.dumps(json_ready(asdict(actuator)), allow_nan=False))
     assert actuator_from_record(record, "record") == actuator
     json.dumps(sweep_manifest_entry(actuator), allow_nan=False)
+
+
+def test_records_of_earlier_versions_have_the_coils_in_their_circuit_and_the_limits_in_its_drive():
+    actuator = actuator_from_toml(VOICE_COIL)
+    record = json_ready(asdict(actuator))
+    (circuit,), (coil,) = record["circuits"], record["coils"]
+    kept = {key: circuit[key] for key in ("name", "resistance_ohm", "inductance_H")}
+    drive = {"kind": "current", "minimum": -2.0, "maximum": 2.0, "diode_V": None}
+    drive["bandwidth_Hz"] = circuit["drive"]["bandwidth_Hz"]
+    early = {**kept, "coils": [[coil["name"], coil.pop("sign")]], "drive": drive}
+    assert coil.pop("circuit") == circuit["name"]
+    assert actuator_from_record(record | {"circuits": [early]}, "record") == actuator
+
+
+def test_the_voltages_behind_an_amplifier_are_its_circuits_or_else_the_supplys():
+    (open_ended,) = actuator_from_toml(VOICE_COIL).circuits
+    assert (open_ended.voltage_min_V, open_ended.voltage_max_V) == (-math.inf, math.inf)
+    supply = "[supply]\nvoltage_min_V = -12\nvoltage_max_V = 12\n"
+    (fed,) = actuator_from_toml(VOICE_COIL + supply).circuits
+    assert (fed.voltage_min_V, fed.voltage_max_V) == (-12.0, 12.0)
+    limits = 'drive = "current"\nvoltage_min_V = -48\nvoltage_max_V = 48\n'
+    own = actuator_from_toml(VOICE_COIL.replace('drive = "current"\n', limits) + supply)
+    assert (own.circuits[0].voltage_min_V, own.circuits[0].voltage_max_V) == (-48.0, 48.0)
+    assert sweep_manifest_entry(own)["voltage_max_V"] == 48.0
 
 
 MISTAKES = {

@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import FitError, TableError, UsageError
+from femfit.device.circuit import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.fit.law_fit import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
-from femfit.model.circuit import Drive
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics
 from femfit.model.misfit import Misfit

@@ -177,9 +177,10 @@ def test_a_table_without_circuits_gives_the_magnetics_and_says_what_is_missing()
     assert "lower, upper" in fit.notes[0]
 
 
-def test_an_amplifier_has_the_supply_behind_it():
+def test_an_amplifier_of_an_earlier_manifest_has_the_supply_behind_it():
     amplifier = {"kind": "current", "minimum": -1.0, "maximum": 2.0, "bandwidth_Hz": 500.0}
-    entry = {**ENTRY, "circuits": [CIRCUITS[0], {**CIRCUITS[1], "drive": amplifier}]}
+    early = {"name": "upper", "resistance_ohm": 1.2, "drive": amplifier}
+    entry = {**ENTRY, "circuits": [CIRCUITS[0], early]}
     upper = fit_model(table_of(entry={**entry, "supply_V": [-12.0, 48.0]})).model.circuits[1]
     assert (upper.voltage_min_V, upper.voltage_max_V) == (-12.0, 48.0)
     assert (upper.drive.kind, upper.drive.current_max_A, upper.drive.bandwidth_Hz) == ("current", 2.0, 500.0)

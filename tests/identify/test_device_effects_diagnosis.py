@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.device.circuit import Drive
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import diagnose
@@ -12,7 +13,6 @@ from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.place import placed
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.circuit import Drive
 from support.campaign import campaign
 from support.closed_loop import closed_loop, recorded
 from support.solenoids import solenoid

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.laws.catalogue import BUILT_IN
-from femfit.model.circuit import Circuit
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.dynamics import (
     euler_jacobian,

@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femfit.core.errors import DomainError, MissingPartError, ModelFileError, OutputError
+from femfit.device.circuit import Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.sensors import ForceSensor
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Drive
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError, TableError, UsageError
+from femfit.device.circuit import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.model.circuit import Drive
 from femfit.model.validity import ValidityBox
 from femfit.open_loop.profile import Profile, read_profiles
 from femfit.open_loop.simulate import simulate

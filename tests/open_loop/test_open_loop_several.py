@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import TableError, UsageError
+from femfit.device.circuit import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.circuit import Drive
 from femfit.open_loop.profile import Profile, read_profiles
 from femfit.open_loop.simulate import simulate
 from femfit.report.open_loop_figure import open_loop_figure

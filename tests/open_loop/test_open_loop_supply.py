@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from femfit.device.circuit import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.model.circuit import Drive
 from femfit.open_loop.simulate import simulate
 from femfit.open_loop.supply import motion_at_supply
 from support.solenoids import solenoid

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from femfit.core.constants import MU_0
-from femfit.device.parts import Circuit, Coil
+from femfit.device.circuit import Circuit
+from femfit.device.parts import Coil
 from femfit.device.sensors import HallElement
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
@@ -39,13 +40,14 @@ def test_a_maxwell_pair_in_one_circuit_makes_a_uniform_gradient():
     # Two loops of opposite current, sqrt(3) radii apart: B_z = 48 / 49 sqrt(3 / 7) mu_0 i z / R^2, but for z^5.
     radius = 0.1
     half = 0.5 * math.sqrt(3.0) * radius
-    coils = [thin_coil(radius, half, name="upper"), thin_coil(radius, -half, name="lower")]
+    upper, lower = thin_coil(radius, half, name="upper"), thin_coil(radius, -half, name="lower")
+    coils = [dataclasses.replace(upper, circuit="pair"), dataclasses.replace(lower, circuit="pair", sign=-1.0)]
     gradient = 48.0 / 49.0 * math.sqrt(3.0 / 7.0) * MU_0 / radius**2
     for height in (0.01, 0.02):
         actuator = device(
             "maxwell-pair",
             coils=coils,
-            circuits=(Circuit("pair", (("upper", 1.0), ("lower", -1.0)), 1.0),),
+            circuits=(Circuit(1.0, name="pair"),),
             moving=[magnet(1e-6, 0.005, 0.005)],
             currents=((0.0, 1.0),),
             distances=(0.3,),
@@ -57,10 +59,10 @@ def test_a_maxwell_pair_in_one_circuit_makes_a_uniform_gradient():
 def test_coils_in_series_are_one_coil_of_all_their_turns():
     whole = Coil(rectangle(0.01, 0.02, -0.02, 0.0), 300.0, 1.0)
     halves = [
-        Coil(rectangle(0.01, 0.02, -0.01, 0.0), 150.0, 1.0, name="upper"),
-        Coil(rectangle(0.01, 0.02, -0.02, -0.01), 150.0, 1.0, name="lower"),
+        Coil(rectangle(0.01, 0.02, -0.01, 0.0), 150.0, 1.0, name="upper", circuit="both"),
+        Coil(rectangle(0.01, 0.02, -0.02, -0.01), 150.0, 1.0, name="lower", circuit="both"),
     ]
-    series = (Circuit("both", (("upper", 1.0), ("lower", 1.0)), 2.0),)
+    series = (Circuit(2.0, name="both"),)
     body = [magnet(1.3, 0.006, 0.005)]
     one = device("one", coils=[whole], moving=body, currents=((0.0, 1.0),), distances=(0.01,))
     two = device("two", coils=halves, circuits=series, moving=body, currents=((0.0, 1.0),), distances=(0.01,))

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
+from femfit.device.circuit import Drive
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.holding import holding_currents
 from femfit.fit.build import fit_model
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.circuit import Drive
 from femfit.model.dynamics import runge_kutta_step
 from femfit.replay.found_noise import with_noise
 from femfit.replay.observe import observe

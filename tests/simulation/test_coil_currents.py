@@ -9,7 +9,7 @@ from femfit.model.drive import circuit_terms
 from femfit.simulation.observers import coil_currents
 from support.bearing import CIRCUITS, ENTRY, table_of
 
-BRIDGES = [{**circuit, "drive": {"kind": "voltage", "minimum": -24.0, "maximum": 24.0}} for circuit in CIRCUITS]
+BRIDGES = [{**circuit, "voltage_min_V": -24.0, "drive": {}} for circuit in CIRCUITS]
 
 
 @pytest.mark.parametrize("currents", [(1.0, -0.5), (0.0, 1.5)])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
+from femfit.device.circuit import Drive
 from femfit.device.mechanics import Spring, Stop
 from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.model.circuit import Drive
 from femfit.model.drive import current_targets, winding_voltage
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.simulation.close_loop import close_loop

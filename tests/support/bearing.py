@@ -12,13 +12,16 @@ CIRCUITS = [
         "name": "lower",
         "resistance_ohm": 1.5,
         "inductance_H": 0.0,
-        "drive": {"kind": "voltage", "minimum": -24.0, "maximum": 24.0},
+        "voltage_min_V": -24.0,
+        "voltage_max_V": 24.0,
     },
     {
         "name": "upper",
         "resistance_ohm": 1.2,
         "inductance_H": 1e-3,
-        "drive": {"kind": "voltage", "minimum": 0.0, "maximum": 24.0, "diode_V": 0.7},
+        "voltage_min_V": 0.0,
+        "voltage_max_V": 24.0,
+        "drive": {"diode_V": 0.7},
     },
 ]
 ENTRY = {"name": "bearing", "mass_kg": 0.5, "circuits": CIRCUITS, "mechanics": {"gravity_m_s2": -9.81}}

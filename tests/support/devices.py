@@ -2,10 +2,11 @@
 
 import dataclasses
 
+from femfit.device.circuit import Circuit
 from femfit.device.materials import LIBRARY
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import circle
-from femfit.device.parts import Actuator, Circuit, Coil, LinearMaterial, MovingPart, Region, Supply, SweepAxes
+from femfit.device.parts import Actuator, Coil, LinearMaterial, MovingPart, Region, Supply, SweepAxes
 from support.actuators import rectangle
 
 STEEL = LIBRARY["steel_1010"].material
@@ -16,7 +17,8 @@ IRON = LinearMaterial("iron", 1000.0)
 def device(name, *, fixed=(), coils=(), moving=(), currents=((0.0,),), distances, circuits=None, sensors=()):
     """An actuator of regions and coils, each coil in a circuit of its own unless circuits are given."""
     if circuits is None:
-        circuits = tuple(Circuit(coil.name, ((coil.name, 1.0),), 1.0) for coil in coils)
+        coils = [dataclasses.replace(coil, circuit=coil.name) for coil in coils]
+        circuits = tuple(Circuit(1.0, name=coil.name) for coil in coils)
     axes = SweepAxes(tuple(currents[0]), tuple(distances), tuple(map(tuple, currents[1:])))
     return Actuator(
         name=name,

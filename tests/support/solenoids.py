@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from femfit.device.circuit import Circuit, Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline, basis_matrix
-from femfit.model.circuit import Circuit, Drive
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline, Magnetics
 from femfit.model.validity import ValidityBox

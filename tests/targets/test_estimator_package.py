@@ -10,12 +10,12 @@ import pytest
 
 import femfit
 from femfit.core.errors import FilterError, MissingPartError, RunDirectoryError, UsageError
+from femfit.device.circuit import Drive
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.effects.zeros_and_scales import HALL_OFFSET
 from femfit.fit.build import fit_model
-from femfit.model.circuit import Drive
 from femfit.model.json_file import write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.with_effects import with_effects

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
 from femfit.effects.stop_position import REST
@@ -15,7 +16,6 @@ from femfit.identify.series.noise import SensorNoise, carried, propagated
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.circuit import Circuit
 from femfit.records.noise import converter_step, white_noise
 
 

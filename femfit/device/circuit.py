@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from dataclasses import field as limited
+from math import inf
 from typing import Literal
 
 # Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
@@ -30,11 +31,13 @@ BRIDGE = Drive()
 
 @dataclass(frozen=True)
 class Circuit:
-    """The winding and its driver: U = R i + d(flux linkage)/dt."""
+    """Coils in series and their driver: U = R i + L_s i' + d(flux linkage)/dt."""
 
+    # Of all coils and what is in series with them
     resistance_ohm: float = limited(metadata={"positive": True})
-    voltage_min_V: float
-    voltage_max_V: float = limited(metadata={"not_below": "voltage_min_V"})
+    # Of the supply; a drawing without one leaves them open behind a current amplifier, a model has both
+    voltage_min_V: float = -inf
+    voltage_max_V: float = limited(default=inf, metadata={"not_below": "voltage_min_V"})
     drive: Drive = BRIDGE
     name: str = "coil"
-    inductance_H: float = 0.0  # In series, outside of the field
+    inductance_H: float = 0.0  # L_s, in series, outside of the field
