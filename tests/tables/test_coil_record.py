@@ -43,6 +43,13 @@ def test_what_is_written_is_read_in_blocks(name, table, tmp_path):
     assert all(block.current is None for block in blocks)
 
 
+def test_a_csv_file_has_ten_digits_one_header_and_nothing_where_nothing_was_read(tmp_path):
+    values = [1.0, np.nan, -0.0, 1e-12 / 3.0, np.inf, 123456.7890123]
+    table = pd.DataFrame({"time_s": np.arange(6.0), "hall_T": values})
+    expected = table.to_csv(index=False, float_format="%.10g")
+    assert written(table, tmp_path / "a.csv").read_text() == expected
+
+
 def test_a_sound_card_records_a_coil(tmp_path):
     samples = np.rint(2**14 * np.sin(0.1 * np.arange(900)))
     wavfile.write(tmp_path / "a.wav", 44100, samples.astype(np.int16))
