@@ -3,7 +3,8 @@
 An effect acts at the stages that it gives a function for, in this order:
 
 =============  =====================================================================================================
-``setting``    the bench: recorded distance and current -> those that the body and the winding really have
+``setting``    the bench: recorded distance and current, each by itself -> those that body and winding really have;
+               a sensor of the model reads what is recorded
 ``coenergy``   the magnetics: W' -> W', from which force, flux linkage, back-EMF and Hall field follow together
 ``force``      further force on the moving part, along ``force_N`` (positive towards the electromagnet)
 ``circuit``    resistance of the winding and voltage that the driver really applies

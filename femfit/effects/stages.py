@@ -3,20 +3,56 @@
 from collections.abc import Iterable, Mapping
 from functools import partial
 
+import numpy as np
+
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
+_PROBE, _UNDONE, _STEPS = 1e-3, 1e-10, 20
+"""Numerical: step of a difference, and change at which a setting counts as undone, in parts of the range."""
+
 
 def true_setting(
     effects: Iterable[AddedEffect], distance: FloatArray, current: FloatArray, conditions: Conditions
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and current that body and winding have where these were recorded."""
+    """Distance and current that body and winding have where these were recorded, of several circuits (..., n)."""
+    names = conditions.nominal.circuits
     for added in effects:
-        if added.effect.setting is not None:
-            distance, current = added.effect.setting(distance, current, conditions, added.parameters)
+        setting, p = added.effect.setting, added.parameters
+        if setting is None:
+            continue
+        if not names:
+            distance, current = setting(distance, current, conditions, p)
+            continue
+        k = names.index(added.effect.of) if added.effect.of else 0
+        distance, own = setting(distance, current[..., k], conditions, p)
+        current = np.stack([own if j == k else current[..., j] for j in range(len(names))], axis=-1)
     return distance, current
+
+
+def recorded_setting(
+    effects: Iterable[AddedEffect], distance: FloatArray, current: FloatArray, conditions: Conditions
+) -> tuple[FloatArray, FloatArray]:
+    """Distance and current that are recorded where body and winding have these: :func:`true_setting` undone.
+
+    By Newton's steps; the first is exact for zeros, scales and delays.
+    """
+    effects, nominal = tuple(effects), conditions.nominal
+    spans = nominal.travel_m or 1.0, nominal.peak_current_A or 1.0
+    read = distance, current
+    for _ in range(_STEPS):
+        moved = read[0] + _PROBE * spans[0], read[1] + _PROBE * spans[1]
+        seen, beyond = (true_setting(effects, *one, conditions) for one in (read, moved))
+        change = [
+            (true - here) * (_PROBE * span) / (there - here)
+            for true, here, there, span in zip((distance, current), seen, beyond, spans, strict=True)
+        ]
+        read = read[0] + change[0], read[1] + change[1]
+        if all(np.abs(one).max(initial=0.0) <= _UNDONE * span for one, span in zip(change, spans, strict=True)):
+            break
+    return read
 
 
 def changed_coenergy(inner: CoenergySeries, effects: Iterable[AddedEffect], conditions: Conditions) -> CoenergySeries:

@@ -14,6 +14,7 @@ from femfit.filters.process import Output
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.float_steps import float_reading
 from femfit.model.hall_sensor import HallSensor
+from femfit.model.recorded import records_as_it_is
 from femfit.model.sensors import HALL, AnySensor, current_index, piece_slope, predict_sensor, reading_of, sensor_named
 
 
@@ -75,6 +76,8 @@ def _slope(model: ActuatorModel, sensor: AnySensor, bias: int | None) -> partial
     late = model.memory_names or (model.dynamics is not None and model.dynamics.late)
     if isinstance(sensor, HallSensor):
         return None if late else partial(_hall_slope, sensor, bias)
+    if not records_as_it_is(model):
+        return None
     if isinstance(sensor, CurrentSensor):
         return partial(_current_slope, sensor, current_index(model, sensor), bias)
     return partial(_position_slope, sensor, bias) if isinstance(sensor, PositionSensor) else None

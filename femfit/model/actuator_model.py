@@ -16,7 +16,7 @@ from femfit.core.sweep_columns import circuit_currents
 from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
-from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C
+from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.effect_dynamics import EffectDynamics
@@ -53,7 +53,9 @@ class ActuatorModel(Printed):
         The model without its effects: magnetics, circuits, motion and sensor above are this one's, as the effects
         change them. None where there are no effects.
     dynamics : EffectDynamics or None
-        The effects at work while something moves or changes; None where there are none.
+        The effects at work while something moves or changes; None where there are none, or several circuits.
+    conditions : Conditions or None
+        Under which plant and filters have the effects act; None where there are none.
     coil_temperature_C, magnet_temperature_C : float
         At which plant and filters run; matters only to effects that know temperatures.
     kind : ActuatorKind or None
@@ -88,6 +90,7 @@ class ActuatorModel(Printed):
     effects: tuple[AddedEffect, ...] = ()
     base: "ActuatorModel | None" = None
     dynamics: EffectDynamics | None = None
+    conditions: Conditions | None = None
     coil_temperature_C: float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
     kind: ActuatorKind | None = None

@@ -17,6 +17,7 @@ from femfit.model.coordinate import FloatPlaces
 from femfit.model.hall import HallSpline
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import CoenergySpline
+from femfit.model.recorded import records_as_it_is
 from femfit.model.sensors import current_index
 
 Columns = list[list[float]]
@@ -133,6 +134,8 @@ def float_reading(
     if isinstance(sensor, HallSensor):
         covered = model.dynamics is None and type(sensor.field) is HallSpline
         return FloatHallVoltage(sensor, bias) if covered else None
+    if not records_as_it_is(model):
+        return None
     if isinstance(sensor, CurrentSensor):
         return FloatLinear(sensor.gain, sensor.offset, None, bias, current_index(model, sensor))
     if isinstance(sensor, PositionSensor) and len(sensor.distances_m) == 2:

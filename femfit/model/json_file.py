@@ -125,7 +125,7 @@ SCHEMA_VERSION = 3
 FIRST_AND_FURTHER = 2
 """Last schema whose circuits stand under two keys, the first under ``circuit``, the others in ``further_circuits``."""
 
-_WORKED_OUT = {"base", "dynamics"}
+_WORKED_OUT = {"base", "dynamics", "conditions"}
 """Fields of a model that follow from its base and its effects: the file holds the base itself."""
 
 

@@ -85,12 +85,8 @@ def _read_of_circuits(
     """Readings of a body held at rest; currents of shape (rows, n), arguments else as of ``predict_readings``."""
     base, added = model.without_effects, tuple(effects)
     names = base.magnetics.names  # type: ignore[attr-defined]
-    d, i = np.asarray(distance, dtype=np.float64), np.array(currents, dtype=np.float64)
-    for one in added:
-        if one.effect.setting is not None:
-            k = names.index(one.effect.of) if one.effect.of else 0
-            d, own = one.effect.setting(d, i[:, k], conditions, one.parameters)
-            i[:, k] = own
+    d, i = np.asarray(distance, dtype=np.float64), np.asarray(currents, dtype=np.float64)
+    d, i = true_setting(added, d, i, conditions)
     magnetics = with_sources(base, added)
     values = {"force_N": magnetics.force(d, i)}
     values |= dict(zip(flux_columns(names), magnetics.flux_linkage(d, i).T, strict=True))

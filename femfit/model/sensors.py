@@ -1,7 +1,8 @@
 """What the sensors of a model read in a state, beside the Hall element's voltage: one prediction for all of them.
 
 A position sensor reads its characteristic of the distance, a current sensor gain i + offset, an acceleration sensor
-d'' (zero at rest, gravity's share being taken off), and a force sensor the magnetic force. A reading that is
+d'' (zero at rest, gravity's share being taken off), and a force sensor the magnetic force; distance, current and force
+are those that the effects of the model have recorded. A reading that is
 late by tau belongs to the distance d - tau v. What current and velocity change within the delay is left out: it is of
 second order in the distance, and a current sensor's delay is better undone in the record.
 """
@@ -19,6 +20,7 @@ from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import hall_voltage, state_derivative
 from femfit.model.hall_sensor import HallSensor
+from femfit.model.recorded import recorded_force, recorded_state
 
 OtherSensor: TypeAlias = CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor
 """A sensor that reads the state of a model without a field of its own."""
@@ -145,14 +147,15 @@ def predict_sensor(
     if isinstance(sensor, HallSensor):
         return hall_voltage(model, state, time)
     if isinstance(sensor, CurrentSensor):
-        return np.asarray(sensor.gain * state[..., current_index(model, sensor)] + sensor.offset)
+        seen = recorded_state(model, state, time)
+        return np.asarray(sensor.gain * seen[..., current_index(model, sensor)] + sensor.offset)
     if sensor.delay_s:
         state = state.copy()
         state[..., 0] -= sensor.delay_s * state[..., 1]
     if isinstance(sensor, PositionSensor):
-        return characteristic(sensor, state[..., 0])
+        return characteristic(sensor, recorded_state(model, state, time)[..., 0])
     if isinstance(sensor, ForceSensor):
-        return model.magnetics.force(state[..., 0], model.currents_of(state))
+        return recorded_force(model, state, time)
     volts = np.zeros(() if len(model.circuits) == 1 else (len(model.circuits),))
     rates = state_derivative(model, state, volts)  # the voltage does not reach the acceleration
     motion, found = model.require_motion(), rates[..., 1]

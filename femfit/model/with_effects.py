@@ -191,6 +191,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         effects=effects,
         base=base,
         dynamics=dynamics,
+        conditions=at,
         coil_temperature_C=model.coil_temperature_C,
         magnet_temperature_C=model.magnet_temperature_C,
     )
@@ -216,6 +217,7 @@ def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, .
         circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
         effects=effects,
         base=base,
+        conditions=at,
     )
 
 

@@ -15,6 +15,7 @@ from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.noise import operating_distance
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.recorded import true_setting_of
 from femfit.model.sensors import OtherSensor, Reading, reading_of, sensor_named, sensors_of
 from femfit.records.constants import BLOCK, STILL
 from femfit.records.noise import converter_step, white_noise
@@ -69,6 +70,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     current = model.currents_of(np.column_stack([distance, distance, each]))
     spread_m = _sample_noise(series, "distance_m", distance)
     spreads_A = [_sample_noise(series, name, each[:, k]) for k, name in enumerate(columns)]
+    distance, current = true_setting_of(model, distance, current)
     rests = find_rests(model, time, segment, distance, current, spread_m)
     given = [
         given_voltage(model, time, segment, recorded[command], current, distance, (spreads_A[k], spread_m), k)
@@ -85,7 +87,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         inputs=inputs[:, 0] if len(commands) == 1 else inputs,
         readings=np.stack([one.values for one in kept], axis=1),
         begins=begins,
-        guesses=_guesses(model, recorded, each),
+        guesses=_guesses(model, distance, current.reshape(each.shape)),
         held=_held(rests, readings),
         limits=np.stack([one.limit for one in kept], axis=1),
         side=np.stack([one.side for one in kept], axis=1),
@@ -223,13 +225,12 @@ def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[fl
     return guess, [Finding("guessed-noise", "info", said, "Give it with --noise.", column=str(reading.column))]
 
 
-def _guesses(model: ActuatorModel, recorded: dict[str, FloatArray], currents: FloatArray) -> FloatArray:
+def _guesses(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> FloatArray:
     """Recorded distance and currents, kept in the model's domain; else the far stop or the operating point."""
     box, motion = model.validity, model.require_motion()
     samples, circuits = currents.shape
     result = np.zeros((samples, 2 + circuits))
     rest = operating_distance(model) if motion.far_stop is None else motion.far_stop.distance_m
-    distance = recorded.get("distance_m", np.full(samples, np.nan))
     result[:, 0] = np.clip(np.where(np.isfinite(distance), distance, rest), box.distance_min_m, box.distance_max_m)
     result[:, 2:] = np.clip(np.nan_to_num(currents), *box.current_limits_A[:circuits].T)
     return result

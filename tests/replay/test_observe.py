@@ -7,8 +7,11 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import FilterError, MissingPartError, TableError
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
 from femfit.filters.filter_state import FilterOutcome
 from femfit.model.sensors import predict_sensors, reading_of
+from femfit.model.with_effects import with_effects
 from femfit.replay.found_noise import FoundNoise, NoiseEstimate, with_noise
 from tests.support.replays import STEP_S, TRUE, damped, logs, series
 from tests.support.solenoids import solenoid
@@ -302,3 +305,24 @@ def test_dry_friction_that_the_model_lacks_is_told_from_other_noise():
     assert found.friction.force_N == pytest.approx(0.03, rel=0.35)
     assert "is friction" in "\n".join(found.lines())
     assert ff.observe(rough, record).noise.friction is None
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "record", "state"),
+    [
+        ("current_offset", {"offset": 0.01}, lambda d, v, i: (d, i - 0.02), 2),  # of 2 A
+        ("current_gain", {"gain_error": 0.03}, lambda d, v, i: (d, i / 1.03), 2),
+        ("distance_scale", {"scale_error": 0.03}, lambda d, v, i: (d / 1.03, i), 0),
+        ("position_delay", {"delay_s": 2e-3}, lambda d, v, i: (d - 2e-3 * v, i), 0),
+    ],
+)
+def test_a_sensor_with_an_error_is_followed_once_the_model_has_its_effect(log, name, parameters, record, state):
+    truth, exact = log
+    d, i = record(exact.rows["distance_m"], truth[:, 1], exact.rows["current_A"])
+    wrong = changed(exact, distance_m=d, current_A=i)
+    effect = AddedEffect(effect_by_name(name), parameters)
+    seen = [ff.observe(model, wrong, find=False).filters[0] for model in (damped(), with_effects(damped(), [effect]))]
+    before, after = (np.sqrt(np.mean((one.replayed.mean[500:, state] - truth[500:, state]) ** 2)) for one in seen)
+    assert after < 0.5 * before
+    for judged in seen[1].innovations:
+        assert judged.mean_square == pytest.approx(1.0, abs=0.1)  # 4000 samples: 0.02

@@ -12,6 +12,7 @@ from femfit.core.finding import Finding
 from femfit.identify.readings.plausible import at_ends_of_range, suspect_settings, within_domain
 from femfit.identify.series.constants import ON_STOP
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.recorded import true_setting_of
 from femfit.records.noise import white_noise
 from femfit.records.rests import Rest, find_rests
 from femfit.records.supply import given_voltage
@@ -74,6 +75,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     noise_A, noise_m = (
         series.declared_noise.get(name, white_noise(columns[name], segment)) for name in ("current_A", "distance_m")
     )
+    distance, current = true_setting_of(model, distance, current)
     rests = find_rests(model, time, segment, distance, current, noise_m)
     findings += rests.findings
     if model.circuit is not None:
