@@ -146,9 +146,8 @@ def _sample_time(model: ActuatorModel) -> float:
     largest = np.array([box.current_max_A, *(high for _, high in box.further_A)])
     constants = [model.sample_time_s / 0.1]
     if model.circuits:
-        resistance = np.array([one.resistance_ohm for one in model.circuits])
-        inductance = model.magnetics.inductance(d, np.zeros((15, len(largest))))
-        constants.append(float(np.linalg.eigvals(inductance / resistance[:, None]).real.min()))
+        inductance = model.magnetics.inductance(d, np.zeros((15, len(largest)))) + model.series_inductances_H
+        constants.append(float(np.linalg.eigvals(inductance / model.resistances_ohm[:, None]).real.min()))
     if model.motion is not None:
         steepest = float(np.max(np.abs(model.magnetics.force_gradient(d, np.tile(largest, (15, 1))))))
         constants.append(float(np.sqrt(model.motion.mass_kg / steepest)) if steepest > 0.0 else np.inf)

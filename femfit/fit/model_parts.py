@@ -164,7 +164,8 @@ def sample_time(model: ActuatorModel) -> float:
     )
     constants = []
     if model.circuit is not None:
-        constants.append(float(np.min(model.magnetics.inductance(d, i))) / model.circuit.resistance_ohm)
+        inductance = float(np.min(model.magnetics.inductance(d, i))) + model.circuit.inductance_H
+        constants.append(inductance / model.circuit.resistance_ohm)
     if model.motion is not None:
         steepest = float(np.max(np.abs(model.magnetics.force_gradient(d, i))))
         constants.append(float(np.sqrt(model.motion.mass_kg / steepest)) if steepest > 0.0 else np.inf)

@@ -181,7 +181,7 @@ def _stroke_rows(rating: Rating) -> list[tuple[str, ...]]:
             significant(1e3 * rating.distance_m[k], 3),
             *(significant(rating.forces_N[feed.name][k], 3) for feed in rating.feeds),
             significant(1e3 * rating.inductance_H[k], 3),
-            significant(1e3 * rating.inductance_H[k] / rating.cold_ohm, 3),
+            significant(1e3 * rating.time_constant_s(rating.inductance_H)[k], 3),
             significant(rating.motor_constant[k], 3),
         )
         for k in rating.levels

@@ -83,7 +83,7 @@ def coil_figure(rating: Rating) -> "Figure":
     for name, current, inductance, colour, line in curves:
         said = words("coil", name, current=significant(current))
         panels[0].plot(x, 1e3 * inductance, line, color=colour, label=said)
-        panels[1].plot(x, 1e3 * inductance / rating.cold_ohm, line, color=colour, label=said)
+        panels[1].plot(x, 1e3 * rating.time_constant_s(inductance), line, color=colour, label=said)
     panels[2].plot(x, rating.motor_constant, color=BLUE)
     for ax, name in zip(panels, ("inductance", "time", "motor_constant"), strict=True):
         label(ax, "coil", "distance", name)

@@ -69,6 +69,7 @@ class Rating:
     # At the rated current and at the smallest current in size
     inductance_H: FloatArray
     idle_inductance_H: FloatArray
+    series_H: float  # In series with the coil, outside of the field
     motor_constant: FloatArray  # dF/di over the root of the cold resistance at the rated current, N/sqrt(W)
     # What gives off the heat: the cylinder around the fixed part, or a moving coil by its own faces; None without a
     # drawing, and then no current is rated
@@ -87,6 +88,10 @@ class Rating:
         feed = self.feed("rated") or self.feed("warm")
         assert feed is not None  # noqa: S101 - rate() makes a warm feed always
         return feed
+
+    def time_constant_s(self, inductance_H: FloatArray) -> FloatArray:
+        """(L + L_s) / R of the cold circuit."""
+        return np.asarray((inductance_H + self.series_H) / self.cold_ohm)
 
     @property
     def levels(self) -> FloatArray:
@@ -148,6 +153,7 @@ def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None
         forces_N=forces,
         inductance_H=model.inductance(distance, reference),
         idle_inductance_H=model.inductance(distance, drawn(0.0)),
+        series_H=circuit.inductance_H,
         motor_constant=np.asarray(slope) / np.sqrt(cold),
         surface_m2=surface,
     )

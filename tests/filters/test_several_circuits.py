@@ -40,6 +40,16 @@ def as_halves(covariance):
     return TWICE @ covariance @ TWICE.T + 1e-15 * np.outer(apart, apart)
 
 
+@pytest.mark.parametrize("kind", ["ekf", "ukf"])
+def test_the_filters_current_rises_with_the_inductance_in_series(whole, kind):
+    """A step of Euler's from rest, by U / (L + L_s)."""
+    built, start = kalman_filter(whole, kind), np.array([0.024, 0.0, 0.5])
+    volts = whole.circuit.resistance_ohm * start[2] + 1.0
+    moved = built.step(built.start(start), volts, np.full(2, np.nan)).mean[0, 2] - start[2]
+    inductance = float(whole.inductance(*start[[0, 2]])) + 2e-3
+    assert moved == pytest.approx(whole.sample_time_s / inductance, rel=1e-3)
+
+
 @pytest.mark.parametrize(("kind", "digits"), [("ekf", 1e-6), ("ukf", 1e-4)])
 def test_the_filter_of_the_halves_is_that_of_the_whole(whole, halves, kind, digits):
     """With the same errors of start and process; unscented points of four states lie farther out than of three."""

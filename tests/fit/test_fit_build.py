@@ -260,11 +260,14 @@ def test_a_coefficient_whose_interval_holds_zero_is_not_printed_as_a_number(tabl
     assert str(result).count("not determined by this table") == undetermined
 
 
-@pytest.mark.parametrize(("length", "period"), [(1.0, 5e-4), (10.0, 5e-3), (0.01, 5e-6)])
-def test_a_period_that_no_file_gives_follows_from_the_coil_and_the_body(length, period):
-    # L/R is 16 mH / 2.69 ohm = 6 ms, ten times as much and a hundredth; the body is slower throughout
+@pytest.mark.parametrize(
+    ("length", "series_H", "period"), [(1.0, 0.0, 5e-4), (10.0, 0.0, 5e-3), (0.01, 0.0, 5e-6), (0.01, 0.05, 2e-5)]
+)
+def test_a_period_that_no_file_gives_follows_from_the_coil_and_the_body(length, series_H, period):
+    # L/R is 16 mH / 2.69 ohm = 6 ms, ten times as much, a hundredth, and with 50 mH in series four times that
     actuator = {key: value for key, value in ACTUATOR.items() if key != "sample_time_s"}
     actuator |= {"resistance_ohm": 2.69 / length, "mass_kg": MASS * max(1.0, length) ** 2}
+    actuator |= {"circuits": [{"name": "coil", "inductance_H": series_H}]}
     assert fit_model(full_table(actuator=actuator)).model.sample_time_s == pytest.approx(period)
 
 

@@ -50,6 +50,16 @@ def test_balances_of_an_undisturbed_record_close_far_below_what_effects_do(model
     assert np.sqrt(np.mean(volts**2)) < 5e-6 * 3.0
 
 
+def test_the_voltage_of_an_inductance_in_series_is_balanced_too(model):
+    coil = replace(model, circuits=(replace(model.circuit, inductance_H=0.02),))  # as much as the winding's own
+    samples = closed_loop(coil, seconds=1.0)
+    for gain_error in (0.0, 0.1):
+        read = samples.assign(current_A=samples["current_A"] / (1.0 + gain_error))
+        observations = series_observations(coil, recorded(read, distance_m=0.0, current_A=0.0))
+        left = observations.value - observations.predict([added("current_gain", gain_error=gain_error)])
+        assert np.sqrt(np.mean(left[observations.of("voltage_balance_V")] ** 2)) < 2e-5 * 3.0
+
+
 @pytest.mark.parametrize("how", [{}, {"lost": 0.02}, {"converter_A": 5e-3}, {"distance_m": 3e-5, "current_A": 4e-3}])
 def test_the_scatter_of_the_balances_is_what_the_sensors_noise_makes(model, clean, how):
     observations = series_observations(model, recorded(clean, seed=1, runs=range(1, 7), **how))

@@ -9,11 +9,14 @@ from femfit.core.differences import central_differences
 from femfit.core.errors import MissingPartError
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import CurrentSensor
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.dynamics import euler_step, runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.float_steps import float_euler_step
 from femfit.model.sensors import predict_sensors, reading_of
 from femfit.model.validity import ValidityBox
+from femfit.model.with_effects import with_effects
 from support.halves import NAMES, cut_in_two
 
 SERIES_H = 4e-3
@@ -75,7 +78,10 @@ def test_two_halves_fed_alike_move_as_the_whole(whole, halves):
 
 def test_an_inductance_in_series_slows_the_current_of_one_circuit(whole, levitation_model):
     """Held at one place, the current rises with the time constant (L + L_s) / R."""
-    for model, series in ((levitation_model, 0.0), (whole, SERIES_H)):
+    sag = effect_by_name("supply_sag")
+    under_effects = with_effects(whole, [AddedEffect(sag, sag.null())])
+    assert under_effects.dynamics.drives
+    for model, series in ((levitation_model, 0.0), (whole, SERIES_H), (under_effects, SERIES_H)):
         held = replace(model, motion=Mechanics(1e9, 0.0))
         ohms = model.circuit.resistance_ohm
         inductance = float(model.inductance(0.03, 0.5)) + series  # the same at every current

@@ -21,19 +21,24 @@ DENSE_A = 1e-8
 """Between the integrator's steps its interpolation is a little worse than 1e-9 of the range, 4 A."""
 
 
-def coil(drive=None):
+def coil(drive=None, series_H=0.0):
     """A winding of 10 mH and 20 ohm beside a body that rests."""
-    return replace(solenoid(HELD, drive), magnetics=NoField())
+    model = replace(solenoid(HELD, drive), magnetics=NoField())
+    return replace(model, circuits=(replace(model.circuit, inductance_H=series_H),))
 
 
 def pulse(kind, on, off, end=0.01):
     return Profile(kind, np.array([0.0, end]), np.array([on, off]))
 
 
-def test_a_step_of_voltage_charges_the_winding_with_l_over_r():
-    found = simulate(coil(), voltage_V=10.0, duration_s=0.005).table
-    np.testing.assert_allclose(found["current_A"], 0.5 * (1.0 - np.exp(-2000.0 * found["time_s"])), atol=DENSE_A)
+@pytest.mark.parametrize("series_H", [0.0, 0.03])
+def test_a_step_of_voltage_charges_the_winding_and_what_is_in_series_with_l_over_r(series_H):
+    motion = simulate(coil(series_H=series_H), voltage_V=10.0, duration_s=0.005)
+    found, inductance = motion.table, 0.01 + series_H
+    rising = 1.0 - np.exp(-20.0 / inductance * found["time_s"])
+    np.testing.assert_allclose(found["current_A"], 0.5 * rising, atol=DENSE_A)
     np.testing.assert_allclose(found["voltage_V"], 10.0)
+    assert motion.energy.magnetic_J == pytest.approx(0.5 * inductance * found["current_A"][-1] ** 2, rel=1e-6)
 
 
 def test_a_ramp_of_voltage_is_followed_and_cut_at_the_supply():

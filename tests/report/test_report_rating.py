@@ -62,6 +62,13 @@ def test_the_motor_constant_is_the_slope_of_the_force_over_the_root_of_the_resis
     assert rating.motor_constant[40] == pytest.approx(slope / np.sqrt(rating.cold_ohm), rel=1e-3)
 
 
+def test_the_time_constant_is_that_of_coil_and_what_is_in_series(rig_content):
+    choke = replace(rig_content.model, circuits=(replace(rig_content.model.circuit, inductance_H=0.05),))
+    without, with_it = rate(rig_content.model, None), rate(choke, None)
+    longer = with_it.time_constant_s(with_it.inductance_H) - without.time_constant_s(without.inductance_H)
+    np.testing.assert_allclose(longer, 0.05 / without.cold_ohm)
+
+
 def test_an_actuator_with_a_magnet_is_also_fed_with_nothing(rig_content, rating):
     assert rating.feed("idle") is None
     idle = rate(rig_content.model, rig_content.actuator).feed("idle")

@@ -33,13 +33,18 @@ def test_a_body_without_field_falls_by_half_g_t_squared(levitation_model):
     assert fallen[:2] == pytest.approx([0.02 + 0.5 * g * time**2, g * time], rel=1e-12)  # RK4 is exact on parabolas
 
 
-def test_a_coil_without_motion_charges_with_the_time_constant_l_over_r(levitation_model):
-    model = replace(levitation_model, magnetics=NoField())
-    states = trajectory(model, np.array([[0.02, 0.0, 0.0]]), np.ones(1), 20)
-    time = 20 * model.sample_time_s
-    resistance = model.circuit.resistance_ohm
+@pytest.mark.parametrize("series_H", [0.0, 0.03])
+def test_a_coil_without_motion_charges_with_the_time_constant_l_over_r(levitation_model, series_H):
+    circuit = replace(levitation_model.circuit, inductance_H=series_H)
+    model = replace(levitation_model, magnetics=NoField(), circuits=(circuit,))
+    state, plant = np.array([[0.02, 0.0, 0.0]]), Plant(with_force_scale(model, np.array([1.1])))
+    states = trajectory(model, state, np.ones(1), 20)
+    for _ in range(20):
+        state = plant.step(state, np.ones(1))
+    time, resistance = 20 * model.sample_time_s, circuit.resistance_ohm
     # RK4 with R h/L = 0.13 a step: (0.13)^5/120 = 3e-7 a step
-    assert states[-1, 0, 2] == pytest.approx((1.0 - np.exp(-resistance / 0.01 * time)) / resistance, rel=1e-5)
+    charged = (1.0 - np.exp(-resistance / (0.01 + series_H) * time)) / resistance
+    assert [states[-1, 0, 2], state[0, 2]] == pytest.approx([charged, charged], rel=1e-5)
 
 
 @pytest.mark.parametrize("distance", [0.022, 0.026, 0.030])

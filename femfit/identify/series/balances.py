@@ -3,7 +3,7 @@
 Over each window, with means <.> by its test function (:mod:`femfit.identify.series.weights`),
 
     force     m_0 (g - <d''>)  =  (m_0 / m) <F(d, i)> + m_0 (<d''> of the true less of the recorded d)
-    voltage   <U>              =  <R i> + <d lambda/dt> + <U - U_applied>
+    voltage   <U>              =  <R i> + <d (lambda + L_s i)/dt> + <U - U_applied>
 
 The left sides are measured, the right sides the model's; an effect changes the right sides alone. Nothing is integrated
 over time, so that an unstable plant in a closed loop is no harder than a stable one.
@@ -80,7 +80,8 @@ def model_balances(
         result[FORCE_BALANCE] = share * (weights.mean @ point.force) + inertia
     if base.circuit is not None:
         drop = _drop(base.circuit.resistance_ohm, motion, point, effects)
-        result[VOLTAGE_BALANCE] = weights.mean @ drop + weights.slope @ point.series.derivative(0, 1)
+        linked = point.series.derivative(0, 1) + base.circuit.inductance_H * point.current
+        result[VOLTAGE_BALANCE] = weights.mean @ drop + weights.slope @ linked
     return result
 
 

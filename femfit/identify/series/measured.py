@@ -23,7 +23,8 @@ from femfit.records.noise import converter_step, white_noise
 class SampleField:
     """Magnetics and Hall voltage at the N samples with derivatives in distance and current; zero where unusable.
 
-    -force_i is the flux linkage's derivative in distance.
+    -force_i is the flux linkage's derivative in distance. Flux linkage and inductance are those of the circuit, with
+    what is in series outside of the field.
     """
 
     force: FloatArray
@@ -47,6 +48,8 @@ def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
         return result
 
     d_w, dd_w, di_w, i_w, ii_w = base.magnetics.coenergy_derivatives(d, i, ((1, 0), (2, 0), (1, 1), (0, 1), (0, 2)))
+    if base.circuit is not None:
+        i_w, ii_w = i_w + base.circuit.inductance_H * i, ii_w + base.circuit.inductance_H
     hall = [np.zeros_like(d)] * 3
     if base.sensor is not None:
         hall = [base.sensor.sensitivity_V_per_T * part for part in base.sensor.field.derivatives(d, i)]
