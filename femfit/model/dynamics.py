@@ -91,6 +91,12 @@ def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, ste
     return state + step * state_derivative(model, state, voltage)
 
 
+def midpoint_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """One step at the rates of its middle, to which Euler's method leads: of second order."""
+    middle = euler_step(model, state, voltage, 0.5 * step)
+    return state + step * state_derivative(model, middle, voltage)
+
+
 def runge_kutta_step(
     model: ActuatorModel,
     state: FloatArray,
@@ -193,3 +199,10 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
 def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
     """Jacobian of :func:`euler_step`."""
     return np.eye(state.shape[-1]) + step * state_jacobian(model, state, voltage)
+
+
+def midpoint_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """Jacobian of :func:`midpoint_step`."""
+    middle = euler_step(model, state, voltage, 0.5 * step)
+    there = euler_jacobian(model, state, voltage, 0.5 * step)
+    return np.eye(state.shape[-1]) + step * state_jacobian(model, middle, voltage) @ there

@@ -24,29 +24,30 @@ Columns = list[list[float]]
 
 
 @dataclass(frozen=True, eq=False)
-class FloatEulerStep:
-    """(columns, voltage) -> columns one explicit Euler step later, columns beyond the current passed on.
+class FloatStep:
+    """(columns, voltage) -> columns one step later, by Euler's method or the midpoint method.
 
-    The body is kept between the stops.
+    Columns beyond the current are passed on, and the body is kept between the stops.
     """
 
     model: ActuatorModel
+    midpoint: bool = False
 
-    def __reduce__(self) -> tuple[type["FloatEulerStep"], tuple[ActuatorModel]]:
-        return FloatEulerStep, (self.model,)
+    def __reduce__(self) -> tuple[type["FloatStep"], tuple[ActuatorModel, bool]]:
+        return FloatStep, (self.model, self.midpoint)
 
     @cached_property
     def _numbers(
         self,
-    ) -> tuple[float, float, float, float, float, FloatPlaces, FloatFunction, tuple[float, float, float]]:
+    ) -> tuple[float, float, float, float, FloatPlaces, FloatFunction, tuple[float, float, float]]:
         model, magnetics = self.model, self.model.magnetics
-        assert isinstance(magnetics, CoenergySpline)  # noqa: S101  float_euler_step asks
+        assert isinstance(magnetics, CoenergySpline)  # noqa: S101  float_step asks
         circuit, motion = model.require_circuit(), model.require_motion()
         derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
         electrical = circuit.resistance_ohm, circuit.inductance_H, motion.mass_kg, motion.gravity_m_s2
         linear = motion.linear_terms
-        assert linear is not None  # noqa: S101  float_euler_step asks
-        return (*electrical, model.sample_time_s, magnetics.coordinate.in_floats(), derivatives, linear)
+        assert linear is not None  # noqa: S101  float_step asks
+        return (*electrical, magnetics.coordinate.in_floats(), derivatives, linear)
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
@@ -54,19 +55,16 @@ class FloatEulerStep:
 
     def __call__(self, columns: Columns, voltage: float) -> Columns:
         """Columns one step later."""
-        resistance, series, mass, gravity, step, place, derivatives, linear = self._numbers
-        constant, per_distance, per_velocity = linear
         distance, velocity, current, *others = columns
-        u, approach = place(distance)
-        values = derivatives(u, current)
-        moved_d, moved_v, moved_i = [], [], []
-        for k, (slope, mixed, inductance) in enumerate(values):
-            d, v, i = distance[k], velocity[k], current[k]
-            per_metre = approach[k]
-            moved_d.append(d + step * v)
-            further = constant + per_distance * d + per_velocity * v
-            moved_v.append(v + step * (gravity + (further - per_metre * slope) / mass))
-            moved_i.append(i + step * ((voltage - resistance * i + per_metre * mixed * v) / (inductance + series)))
+        rates = self._rates(distance, velocity, current, voltage)
+        step = self.model.sample_time_s
+        if self.midpoint:
+            half = 0.5 * step
+            middle = (_advanced(distance, rates[0], half), _advanced(velocity, rates[1], half))
+            rates = self._rates(*middle, _advanced(current, rates[2], half), voltage)
+        moved_d = _advanced(distance, rates[0], step)
+        moved_v = _advanced(velocity, rates[1], step)
+        moved_i = _advanced(current, rates[2], step)
         if self._ends != (-inf, inf):
             near, far = self._ends
             for k, d in enumerate(moved_d):
@@ -75,12 +73,31 @@ class FloatEulerStep:
                     moved_v[k] = max(moved_v[k], 0.0) if d <= near else min(moved_v[k], 0.0)
         return [moved_d, moved_v, moved_i, *others]
 
+    def _rates(
+        self, distance: list[float], velocity: list[float], current: list[float], voltage: float
+    ) -> tuple[list[float], list[float], list[float]]:
+        """Time derivatives of the three states."""
+        resistance, series, mass, gravity, place, derivatives, linear = self._numbers
+        constant, per_distance, per_velocity = linear
+        u, approach = place(distance)
+        accelerations, currents = [], []
+        for k, (slope, mixed, inductance) in enumerate(derivatives(u, current)):
+            v, per_metre = velocity[k], approach[k]
+            further = constant + per_distance * distance[k] + per_velocity * v
+            accelerations.append(gravity + (further - per_metre * slope) / mass)
+            currents.append((voltage - resistance * current[k] + per_metre * mixed * v) / (inductance + series))
+        return velocity, accelerations, currents
 
-def float_euler_step(model: ActuatorModel) -> FloatEulerStep | None:
+
+def _advanced(values: list[float], rates: list[float], step: float) -> list[float]:
+    return [value + step * rate for value, rate in zip(values, rates)]  # noqa: B905  of one length
+
+
+def float_step(model: ActuatorModel, *, midpoint: bool = False) -> FloatStep | None:
     """The step of a model; None where this module does not cover it."""
     covered = model.dynamics is None and type(model.magnetics) is CoenergySpline
     covered = covered and len(model.circuits) == 1 and model.require_motion().linear_terms is not None
-    return FloatEulerStep(model) if covered else None
+    return FloatStep(model, midpoint) if covered else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.levitation import fastest_time_constant
 from femfit.filters.theory import unstable_pole
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.dynamics import euler_step
+from femfit.model.dynamics import euler_step, midpoint_step
 from femfit.model.sensors import predict_sensors
 from support.halves import cut_in_two
 
@@ -51,9 +51,11 @@ def test_the_filters_current_rises_with_the_inductance_in_series(whole, kind):
 
 
 @pytest.mark.parametrize(("kind", "digits"), [("ekf", 1e-6), ("ukf", 1e-4)])
-def test_the_filter_of_the_halves_is_that_of_the_whole(whole, halves, kind, digits):
+def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
     """With the same errors of start and process; unscented points of four states lie farther out than of three."""
-    one, two = (kalman_filter(model, kind) for model in (whole, halves))
+    # So fast that the whole is moved by the midpoint method as its halves are, whose currents differ by leakage alone
+    whole = replace(whole, circuits=(replace(whole.circuit, resistance_ohm=3.0 * whole.circuit.resistance_ohm),))
+    one, two = (kalman_filter(model, kind) for model in (whole, cut_in_two(whole)))
     process = replace(two.process, process_covariance=as_halves(one.process.process_covariance))
     two = replace(two, process=process)
     start = np.array([0.024, 0.0, 0.5])
@@ -61,7 +63,7 @@ def test_the_filter_of_the_halves_is_that_of_the_whole(whole, halves, kind, digi
     truth, generator = np.array([[0.0245, 0.01, 0.52]]), np.random.default_rng(2)
     for _ in range(40):
         volts = generator.uniform(0.5, 3.0)
-        truth = euler_step(whole, truth, np.array([volts]), whole.sample_time_s)
+        truth = midpoint_step(whole, truth, np.array([volts]), whole.sample_time_s)
         readings = predict_sensors(whole, truth)[0] + generator.standard_normal(2) * [2e-5, 2e-3]
         first = one.step(first[0], volts, readings), two.step(first[1], [0.5 * volts, 0.5 * volts], readings)
     deviation = np.sqrt(np.diag(first[0].covariance[0]))

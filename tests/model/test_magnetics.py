@@ -12,6 +12,8 @@ from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.dynamics import (
     euler_jacobian,
     euler_step,
+    midpoint_jacobian,
+    midpoint_step,
     runge_kutta_step,
     state_derivative,
     state_jacobian,
@@ -134,8 +136,9 @@ def test_energy_is_conserved_without_resistance_and_gravity(levitation_model):
     [
         (state_derivative, state_jacobian),
         (lambda m, x, u: euler_step(m, x, u, 5e-4), lambda m, x, u: euler_jacobian(m, x, u, 5e-4)),
+        (lambda m, x, u: midpoint_step(m, x, u, 5e-4), lambda m, x, u: midpoint_jacobian(m, x, u, 5e-4)),
     ],
-    ids=["derivative", "euler"],
+    ids=["derivative", "euler", "midpoint"],
 )
 def test_jacobians_are_difference_quotients(levitation_model, states, function, jacobian):
     state, voltage = states
@@ -149,6 +152,21 @@ def test_jacobians_are_difference_quotients(levitation_model, states, function, 
         # In units of what each state's typical change does to each component.
         scale = np.abs(exact[:, :, k] * width).max(axis=0) + 1e-9
         assert (np.abs(found - exact[:, :, k] * width) / scale).max() < 1e-6
+
+
+def test_the_midpoint_method_converges_with_the_second_order(levitation_model):
+    start, voltage = np.array([[0.024, 0.02, 0.4]]), np.array([1.5])
+
+    def moved(steps):
+        state = start
+        for _ in range(steps):
+            state = midpoint_step(levitation_model, state, voltage, 0.016 / steps)
+        return state
+
+    exact = runge_kutta_step(levitation_model, start, voltage, 0.016, substeps=512)
+    coarse, fine = (np.abs(moved(steps) - exact)[0] for steps in (32, 64))
+    # Asymptotic ratio 2^2; 10 % of an order for the pre-asymptotic part.
+    np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)
 
 
 def test_runge_kutta_converges_with_the_fourth_order(levitation_model):

@@ -11,8 +11,8 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.filters.holding import holding_current
 from femfit.filters.noise import default_noise
-from femfit.model.dynamics import euler_step, runge_kutta_step, state_derivative, state_jacobian
-from femfit.model.float_steps import float_euler_step
+from femfit.model.dynamics import euler_step, midpoint_step, runge_kutta_step, state_derivative, state_jacobian
+from femfit.model.float_steps import float_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import design_backstepping
@@ -54,9 +54,11 @@ def test_the_jacobian_has_the_slopes_of_springs_and_friction(levitation_model, c
 def test_one_step_in_floats_is_the_step_in_arrays(levitation_model):
     model = replace(levitation_model, motion=replace(SPRUNG, springs=SPRUNG.springs[:1]))
     states = np.array([[0.023, 0.1, 0.5], [0.031, -0.2, 0.9]])
-    stepped = float_euler_step(model)(states.T.tolist(), 1.2)
+    stepped = float_step(model)(states.T.tolist(), 1.2)
     np.testing.assert_allclose(np.array(stepped).T, euler_step(model, states, np.full(2, 1.2), 5e-4), rtol=1e-13)
-    assert float_euler_step(replace(model, motion=SPRUNG)) is None  # a table goes by arrays
+    stepped = float_step(model, midpoint=True)(states.T.tolist(), 1.2)
+    np.testing.assert_allclose(np.array(stepped).T, midpoint_step(model, states, np.full(2, 1.2), 5e-4), rtol=1e-13)
+    assert float_step(replace(model, motion=SPRUNG)) is None  # a table goes by arrays
 
 
 def test_effects_leave_the_springs_at_work(levitation_model):
