@@ -78,6 +78,12 @@ class LoopSummary(Printed):
         return self.outcomes.get(LoopOutcome.HELD.name, 0)
 
     @property
+    def expects_absent_errors(self) -> bool:
+        """Whether innovations stay below their band in a plant that is the model, which has no process noise."""
+        found, own = self.normalised_innovation_squared, self.plant is None and self.experiment.force_scale == 1.0
+        return own and found is not None and found < self.innovation_band.lower
+
+    @property
     def loop(self) -> tuple[ControllerName, str]:
         """Controller and observer."""
         return self.experiment.controller, self.experiment.observer
@@ -109,6 +115,11 @@ class LoopSummary(Printed):
                 f"  squared errors of the filter's predictions are {self.normalised_innovation_squared:.3f} of what it "
                 f"expects (a filter that knows its errors: {band.lower:.3f} to {band.upper:.3f}, 95 %)"
             )
+            if self.expects_absent_errors:
+                lines.append(
+                    "  less than expected, because the filter allows for errors of force and voltage that a plant "
+                    "which is the model itself does not have"
+                )
         return lines
 
     def data(self) -> dict[str, Any]:
