@@ -18,15 +18,11 @@ class Drive:
 
     kind: Literal["voltage", "current"] = "voltage"
     # Forward drop of the freewheel diode in V, with that of a Zener diode in series; None for a bridge
-    diode_V: float | None = None
+    diode_V: float | None = limited(default=None, metadata={"lower": 0.0})
     # Of a current amplifier; without limits it follows every command, without a bandwidth as fast as its voltage allows
     current_min_A: float | None = None
     current_max_A: float | None = None
-    bandwidth_Hz: float | None = None
-
-
-BRIDGE = Drive()
-"""Gives voltages of both signs, as far as the circuit's limits go."""
+    bandwidth_Hz: float | None = limited(default=None, metadata={"positive": True})
 
 
 @dataclass(frozen=True)
@@ -38,6 +34,7 @@ class Circuit:
     # Of the supply; a drawing without one leaves them open behind a current amplifier, a model has both
     voltage_min_V: float = -inf
     voltage_max_V: float = limited(default=inf, metadata={"not_below": "voltage_min_V"})
-    drive: Drive = BRIDGE
+    drive: Drive = Drive()  # A bridge: voltages of both signs, as far as the limits go
     name: str = "coil"
-    inductance_H: float = 0.0  # L_s, in series, outside of the field
+    # L_s, in series, outside of the field
+    inductance_H: float = limited(default=0.0, metadata={"lower": 0.0, "absent": 0.0})

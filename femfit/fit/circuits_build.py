@@ -15,7 +15,7 @@ from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_fit import fit_circuits
 from femfit.fit.constants import COARSE
 from femfit.fit.misfit import as_written, import_notes
-from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number, other_sensors_of
+from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number, other_sensors_of, sample_time
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel
@@ -70,7 +70,7 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
         kind=kind_of(entry),
         other_sensors=others,
     )
-    period = number(entry, "sample_time_s") if entry.get("sample_time_s") else _sample_time(model)
+    period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
     model = replace(model, sample_time_s=period)
     model = replace(model, misfit=misfit_of_circuits(as_written(model), rows))
     first_rows = FitRows(
@@ -137,20 +137,3 @@ def misfit_of_circuits(model: ActuatorModel, rows: CircuitRows) -> Misfit:
         force_share=rms(force) / rms(rows.force),
         flux_linkage_share=rows.worst_flux_share(missed),
     )
-
-
-def _sample_time(model: ActuatorModel) -> float:
-    """A tenth of the fastest of the circuits' L/R and the body's sqrt(m / |dF/dd|), at no more than 1 ms."""
-    box = model.validity
-    d = np.linspace(box.distance_min_m, box.distance_max_m, 15)
-    largest = np.array([box.current_max_A, *(high for _, high in box.further_A)])
-    constants = [model.sample_time_s / 0.1]
-    if model.circuits:
-        inductance = model.magnetics.inductance(d, np.zeros((15, len(largest)))) + model.series_inductances_H
-        constants.append(float(np.linalg.eigvals(inductance / model.resistances_ohm[:, None]).real.min()))
-    if model.motion is not None:
-        steepest = float(np.max(np.abs(model.magnetics.force_gradient(d, np.tile(largest, (15, 1))))))
-        constants.append(float(np.sqrt(model.motion.mass_kg / steepest)) if steepest > 0.0 else np.inf)
-    shortest = 0.1 * min(constants)
-    decade = 10.0 ** np.floor(np.log10(shortest) + 1e-9)
-    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step <= shortest / decade * (1.0 + 1e-9)))

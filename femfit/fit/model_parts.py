@@ -150,22 +150,20 @@ def _recorded(kind: type[Part], name: str, record: Mapping[str, Any]) -> Part:
 def sample_time(model: ActuatorModel) -> float:
     """The controller's period in s where no file gives it; the model's own where it has neither circuit nor motion.
 
-    A tenth of the coil's smallest L/R or of the body's smallest sqrt(m / |dF/dd|), whichever is shorter, rounded down
-    to 1, 2 or 5 times a power of ten.
+    A tenth of the smallest L/R, of several circuits the least eigenvalue of R^-1 L, or of the body's smallest
+    sqrt(m / |dF/dd|), whichever is shorter, rounded down to 1, 2 or 5 times a power of ten.
 
     References
     ----------
     K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), section 2.9: 4 to 10 samples a
     rise time.
     """
-    box = model.validity
-    d, i = np.meshgrid(
-        np.linspace(box.distance_min_m, box.distance_max_m, 15), np.linspace(box.current_min_A, box.current_max_A, 15)
-    )
+    d, i = model.validity.grid(15, 5 if model.validity.further_A else 15)
     constants = []
-    if model.circuit is not None:
-        inductance = float(np.min(model.magnetics.inductance(d, i))) + model.circuit.inductance_H
-        constants.append(inductance / model.circuit.resistance_ohm)
+    if model.circuits:
+        at = model.magnetics.state_of_circuits(d, i.reshape(len(d), -1))
+        inductance = at.inductance + model.series_inductances_H
+        constants.append(float(np.linalg.eigvals(inductance / model.resistances_ohm[:, None]).real.min()))
     if model.motion is not None:
         steepest = float(np.max(np.abs(model.magnetics.force_gradient(d, i))))
         constants.append(float(np.sqrt(model.motion.mass_kg / steepest)) if steepest > 0.0 else np.inf)

@@ -14,7 +14,7 @@ from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import ModelFileError
 from femfit.core.outputs import MODEL, require_outputs
 from femfit.core.paths import path_of
-from femfit.device.circuit import BRIDGE, Circuit, Drive
+from femfit.device.circuit import Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.sensors import Sensor
 from femfit.effects.catalogue import effect_by_name
@@ -231,9 +231,8 @@ def _circuit_from(section: Section) -> Circuit:
     drive = section.optional_section("drive")
     return section.record(
         Circuit,
-        drive=drive_from(drive) if drive else BRIDGE,
+        drive=drive_from(drive) if drive else Drive(),
         name=section.text("name") if "name" in section.data else "coil",
-        inductance_H=section.number("inductance_H", lower=0.0, absent=0.0),
     )
 
 

@@ -74,15 +74,7 @@ def _stop_from(section: Section) -> Stop:
 
 def drive_from(section: Section) -> Drive:
     """What feeds the winding."""
-    section.refuse_others(tuple(f.name for f in fields(Drive)))
     kind = section.text("kind")
     if kind not in {"voltage", "current"}:
         raise section.refusal("kind", "voltage or current")
-    bandwidth = section.data.get("bandwidth_Hz")
-    return Drive(
-        kind="current" if kind == "current" else "voltage",
-        diode_V=None if section.data.get("diode_V") is None else section.number("diode_V", lower=0.0),
-        current_min_A=section.optional_number("current_min_A"),
-        current_max_A=section.optional_number("current_max_A"),
-        bandwidth_Hz=None if bandwidth is None else section.number("bandwidth_Hz", positive=True),
-    )
+    return section.record(Drive, kind=kind)

@@ -56,9 +56,9 @@ class Section:
             raise self.refusal(key, needed)
         return float(value)
 
-    def optional_number(self, key: str) -> float | None:
-        """A finite number, or None where the member is null or absent."""
-        return None if self.data.get(key) is None else self.number(key)
+    def optional_number(self, key: str, *, lower: float = -np.inf, positive: bool = False) -> float | None:
+        """A number as of :meth:`number`, or None where the member is null or absent."""
+        return None if self.data.get(key) is None else self.number(key, lower=lower, positive=positive)
 
     def integer(self, key: str, lower: int, upper: int) -> int:
         """A whole number within bounds."""
@@ -88,11 +88,12 @@ class Section:
             raise self.refusal(key, "a text")
         return value
 
-    def record(self, kind: type[Record], **given: object) -> Record:
+    def record(self, kind: type[Record], /, **given: object) -> Record:
         """The members as a dataclass, by the types of its fields and the limits in their metadata.
 
-        ``positive``, ``lower`` and ``within`` limit a number, ``not_below`` names the field that it must reach; members
-        that are not plain numbers, texts or truths are ``given``.
+        ``positive``, ``lower`` and ``within`` limit a number, ``absent`` stands for one that is not there, and
+        ``not_below`` names the field that it must reach; members that are not plain numbers, texts or truths are
+        ``given``.
         """
         self.refuse_others(tuple(f.name for f in fields(kind)))
         hints = get_type_hints(kind)
@@ -111,7 +112,7 @@ class Section:
         plain = {str: self.text, bool: self.truth}.get(hint)  # type: ignore[call-overload]
         if plain is not None:
             return plain(key)
-        return self.number(key, **limits) if hint is float else self.optional_number(key)
+        return self.number(key, **limits) if hint is float else self.optional_number(key, **limits)
 
     def section(self, key: str) -> "Section":
         """A nested object."""
