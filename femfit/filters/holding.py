@@ -17,6 +17,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.magnetics import ForceOfCurrents
 
 HARDLY_MOVES = 0.01
 """Conventional: a bias at which no current gives this part of the largest dF/di of the domain leaves the force without
@@ -33,6 +34,9 @@ CORRECTIONS = 8
 
 CONVERGED = 1e-12
 """Derived: change of the currents, over the largest, that rounding makes."""
+
+NEAR = 1e-6
+"""Derived: so near to the currents of least heat it costs the square of this more, and the force is balanced after."""
 
 
 def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray | None = None) -> FloatArray:
@@ -96,7 +100,7 @@ def nearest_currents(
         Where to look alone, as far as a way leads downhill from there.
     """
     if start is not None:
-        return _descended(model, distance, force, bias, limits, np.clip(start, *limits.T))
+        return _descended(model, distance, force, bias, limits, np.clip(start, *limits.T), NEAR)
     found = _descended(model, distance, force, bias, limits, np.tile(bias, (len(distance), 1)))
     corners = np.stack(np.meshgrid(*limits), axis=-1).reshape(-1, len(limits))
     # Of the domain, for in the middle of a symmetric bearing every corner pulls with nothing
@@ -105,7 +109,14 @@ def nearest_currents(
     for row in np.flatnonzero(np.abs(force - model.magnetics.force(distance, found)) > balanced):
         starts = np.vstack([found[row], corners])
         at, wanted = np.full((2, len(starts)), [distance[row : row + 1], force[row : row + 1]])
-        ends = _descended(model, at, wanted, bias, limits, _balanced(model, at, wanted, starts, limits))
+        ends = _descended(
+            model,
+            at,
+            wanted,
+            bias,
+            limits,
+            _balanced(model.magnetics.at_distances(at), wanted, starts, model.resistances_ohm, limits),
+        )
         short = np.maximum(np.abs(wanted - model.magnetics.force(at, ends)), balanced[row])
         heat = np.sum(model.resistances_ohm * (ends - bias) ** 2, axis=1)
         found[row] = ends[np.lexsort((heat, short))[0]]
@@ -119,48 +130,48 @@ def _descended(
     bias: FloatArray,
     limits: FloatArray,
     currents: FloatArray,
+    converged: float = CONVERGED,
 ) -> FloatArray:
     """From some currents down to the nearest ones of least heat.
 
     The bias is projected on the force's tangent plane again and again, with circuits that are at their limits leaving
     what is missing to the others; a step after which heat and missing force are not less is halved.
     """
-    ohms, tolerance = model.resistances_ohm, CONVERGED * float(np.abs(limits).max())
-    at, part = model.magnetics.state(distance, currents), np.ones(len(distance))
+    ohms, tolerance = model.resistances_ohm, converged * float(np.abs(limits).max())
+    pull, part = model.magnetics.at_distances(distance), np.ones(len(distance))
+    given, slope = pull(currents)
     for _ in range(STEPS):
-        slope, missing = at.motional_constant, force - at.force
+        missing = force - given
         wanted, mu = _projected(slope, missing + np.sum(slope * currents, axis=1), bias, ohms, limits)
         step = part[:, None] * (wanted - currents)
         if np.abs(step).max() <= tolerance:
             break
-        tried = model.magnetics.state(distance, currents + step)
+        tried, tried_slope = pull(currents + step)
         # Twice the multiplier 2 mu of the force: then a short enough step lowers heat and missing force together
         weight = 4.0 * np.abs(mu)
         before = np.sum(ohms * (currents - bias) ** 2, axis=1) + weight * np.abs(missing)
-        after = np.sum(ohms * (currents + step - bias) ** 2, axis=1) + weight * np.abs(force - tried.force)
+        after = np.sum(ohms * (currents + step - bias) ** 2, axis=1) + weight * np.abs(force - tried)
         better = after <= before
         part = np.where(better, np.minimum(2.0 * part, 1.0), 0.5 * part)
         currents = np.where(better[:, None], currents + step, currents)
-        at = tried if better.all() else model.magnetics.state(distance, currents)
-    return _balanced(model, distance, force, currents, limits)
+        given, slope = np.where(better, tried, given), np.where(better[:, None], tried_slope, slope)
+    return _balanced(pull, force, currents, ohms, limits)
 
 
 def _balanced(
-    model: ActuatorModel, distance: FloatArray, force: FloatArray, currents: FloatArray, limits: FloatArray
+    pull: ForceOfCurrents, force: FloatArray, currents: FloatArray, ohms: FloatArray, limits: FloatArray
 ) -> FloatArray:
     """The nearest currents that give the force, by Newton's steps as long as these come nearer to it."""
-    at = model.magnetics.state(distance, currents)
+    given, slope = pull(currents)
     for _ in range(CORRECTIONS):
-        slope, missing = at.motional_constant, force - at.force
-        wanted, _ = _projected(
-            slope, missing + np.sum(slope * currents, axis=1), currents, model.resistances_ohm, limits
-        )
-        tried = model.magnetics.state(distance, wanted)
-        nearer = np.abs(force - tried.force) < np.abs(missing)
+        missing = force - given
+        wanted, _ = _projected(slope, missing + np.sum(slope * currents, axis=1), currents, ohms, limits)
+        tried, tried_slope = pull(wanted)
+        nearer = np.abs(force - tried) < np.abs(missing)
         if not nearer.any():
             break
         currents = np.where(nearer[:, None], wanted, currents)
-        at = tried if nearer.all() else model.magnetics.state(distance, currents)
+        given, slope = np.where(nearer, tried, given), np.where(nearer[:, None], tried_slope, slope)
     return currents
 
 

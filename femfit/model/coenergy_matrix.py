@@ -13,7 +13,7 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import factorial
 
 import numpy as np
@@ -21,7 +21,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.magnetics import MagneticSlopes, MagneticState
+from femfit.model.magnetics import ForceOfCurrents, MagneticSlopes, MagneticState
 from femfit.model.several_magnetics import SeveralMagnetics
 
 
@@ -38,38 +38,41 @@ class CoenergyMatrix(SeveralMagnetics):
 
     def matrix(self, distance: FloatArray, order: int = 0) -> FloatArray:
         """M, or its derivative in d of first or second order, at distances of any shape, (..., n + 1, n + 1)."""
+        return self._matrices(distance, order)[0]
+
+    def _matrices(self, distance: FloatArray, *orders: int) -> list[FloatArray]:
         distance = np.asarray(distance, dtype=np.float64)
-        u, first, second = (part.ravel() for part in self.coordinate.with_slopes(distance))
-        inner = self._breaks[1:-1].searchsorted(u, "right")
-        step = u - self._breaks[inner]
+        u, first, second = (part.ravel()[:, None] for part in self.coordinate.with_slopes(distance))
+        inner = self._breaks[1:-1].searchsorted(u[:, 0], "right")
+        step = u - self._breaks[inner, None]
         cells = self._cells[inner]  # (points, powers, entries)
 
         def along(k: int) -> FloatArray:
             value = np.zeros((len(u), cells.shape[2]))
             for power in range(self.u_degree, k - 1, -1):
-                value = value * step[:, None] + cells[:, power] * (factorial(power) // factorial(power - k))
+                value = value * step + cells[:, power] * (factorial(power) // factorial(power - k))
             return value
 
-        if order == 0:
-            entries = along(0)
-        elif order == 1:
-            entries = first[:, None] * along(1)
-        else:
-            entries = first[:, None] ** 2 * along(2) + second[:, None] * along(1)
-        return np.asarray(entries[:, self._places].reshape(*distance.shape, *self._places.shape))
+        def entries(order: int) -> FloatArray:
+            if order == 0:
+                return along(0)
+            return first * along(1) if order == 1 else first**2 * along(2) + second * along(1)
+
+        shape = (*distance.shape, *self._places.shape)
+        return [entries(order)[:, self._places].reshape(shape) for order in orders]
 
     def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """F = -dW'/dd in N, of shape (...)."""
-        v = self._with_one(current)
+        v = _with_one(current)
         return np.asarray(-0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance, 1), v))
 
     def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """dW'/di_k in Wb, of shape (..., n)."""
-        return np.asarray(np.einsum("...ab,...b->...a", self.matrix(distance)[..., 1:, :], self._with_one(current)))
+        return np.asarray(np.einsum("...ab,...b->...a", self.matrix(distance)[..., 1:, :], _with_one(current)))
 
     def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
-        return np.asarray(-np.einsum("...ab,...b->...a", self.matrix(distance, 1)[..., 1:, :], self._with_one(current)))
+        return np.asarray(-np.einsum("...ab,...b->...a", self.matrix(distance, 1)[..., 1:, :], _with_one(current)))
 
     def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """d(flux linkage_j)/di_k in H, of shape (..., n, n)."""
@@ -79,25 +82,28 @@ class CoenergyMatrix(SeveralMagnetics):
 
     def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-        v = self._with_one(current)
+        v = _with_one(current)
         return np.asarray(0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance), v))
 
     def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """dF/dd in N/m, of shape (...)."""
-        v = self._with_one(current)
+        v = _with_one(current)
         return np.asarray(-0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance, 2), v))
 
     def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
         """Force (...), motional constants (..., n) and inductances (..., n, n) together."""
-        v = self._with_one(current)
-        pull = np.einsum("...ab,...b->...a", self.matrix(distance, 1), v)
-        return MagneticState(
-            -0.5 * np.einsum("...a,...a->...", v, pull), -pull[..., 1:], self.inductance(distance, current)
-        )
+        whole, rising = self._matrices(distance, 0, 1)
+        force, motional_constant = _force_and_motional_constant(rising, current)
+        shape = (*motional_constant.shape, len(self.names))
+        return MagneticState(force, motional_constant, np.broadcast_to(whole[..., 1:, 1:], shape).copy())
+
+    def at_distances(self, distance: FloatArray) -> ForceOfCurrents:
+        """As the base class's, with the matrices found once."""
+        return partial(_force_and_motional_constant, self.matrix(distance, 1))
 
     def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """Slopes along the distance; nothing saturates, so that those of the inductances along the currents are 0."""
-        v = self._with_one(currents)
+        v = _with_one(currents)
         rising = self.matrix(distance, 1)
         curved = np.einsum("...ab,...b->...a", self.matrix(distance, 2), v)
         inductance = self.inductance(distance, currents)
@@ -109,10 +115,6 @@ class CoenergyMatrix(SeveralMagnetics):
             inductance_gradient=np.broadcast_to(rising[..., 1:, 1:], inductance.shape),
             inductance_slope=np.zeros((*inductance.shape, len(self.names))),
         )
-
-    def _with_one(self, current: FloatArray) -> FloatArray:
-        current = np.asarray(current, dtype=np.float64)
-        return np.concatenate([np.ones((*current.shape[:-1], 1)), current], axis=-1)
 
     @cached_property
     def _places(self) -> IntArray:
@@ -135,3 +137,15 @@ class CoenergyMatrix(SeveralMagnetics):
             for k in range(self.u_degree + 1)
         ]
         return np.stack(rows, axis=1)
+
+
+def _with_one(current: FloatArray) -> FloatArray:
+    current = np.asarray(current, dtype=np.float64)
+    return np.concatenate([np.ones((*current.shape[:-1], 1)), current], axis=-1)
+
+
+def _force_and_motional_constant(rising: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """From dM/dd."""
+    v = _with_one(current)
+    pull = np.einsum("...ab,...b->...a", rising, v)
+    return np.asarray(-0.5 * np.einsum("...a,...a->...", v, pull)), -pull[..., 1:]

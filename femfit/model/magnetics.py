@@ -15,7 +15,7 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -50,6 +50,10 @@ class MagneticSlopes:
     motional_gradient: FloatArray  # dk_m/dd in N/(A m), shape (..., n)
     inductance_gradient: FloatArray  # dL/dd in H/m, shape (..., n, n)
     inductance_slope: FloatArray  # dL_jk/di_l in H/A, shape (..., n, n, n)
+
+
+ForceOfCurrents = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""Force (...) in N and motional constants (..., n) in N/A of currents (..., n) in A."""
 
 
 class Magnetics(ABC):
@@ -101,6 +105,15 @@ class Magnetics(ABC):
         """Force, motional constant and inductance together, at the price of little more than one."""
         d_w, di_w, ii_w = self.coenergy_derivatives(distance, current, ((1, 0), (1, 1), (0, 2)))
         return MagneticState(force=-d_w, motional_constant=-di_w, inductance=ii_w)
+
+    def at_distances(self, distance: FloatArray) -> ForceOfCurrents:
+        """Force and motional constants as functions of the circuits' currents, for a search where the body stays."""
+
+        def force(currents: FloatArray) -> tuple[FloatArray, FloatArray]:
+            state = self.state_of_circuits(distance, currents)
+            return state.force, state.motional_constant
+
+        return force
 
     def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """The same with an axis of circuits, none of them included.

@@ -49,6 +49,17 @@ def a_state(circuits, count=30, alike=False):
 
 
 @pytest.mark.parametrize("name", ["whole", "halves", "magnets"])
+def test_force_and_motional_constants_at_distances_that_stay_are_those_of_the_state(request, name):
+    model = request.getfixturevalue(name)
+    states = a_state(len(model.circuits))
+    distance, currents = states[:, 0], states[:, 2:]
+    at = model.magnetics.state_of_circuits(distance, currents)
+    force, motional_constant = model.magnetics.at_distances(distance)(currents)
+    np.testing.assert_allclose(force, at.force, rtol=1e-12)
+    np.testing.assert_allclose(motional_constant, at.motional_constant, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["whole", "halves", "magnets"])
 def test_the_jacobian_is_that_of_differences(request, name):
     model = request.getfixturevalue(name)
     n = len(model.circuits)
