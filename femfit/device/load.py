@@ -105,8 +105,8 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     reference = _section(ReferenceEntry, data, "reference", problems)
     drawing = read_drawing(data, directory or Path(), problems)
     coils = read_coils(data, drawing, problems)
-    supply, diode = read_supply(data, problems)
-    circuits, coils = read_circuits(data, coils, supply, diode, problems)
+    supply = read_supply(data, problems)
+    circuits, coils = read_circuits(data, coils, supply, problems)
     mechanics = read_mechanics(data, body, problems)
     sensors = read_sensors(data, circuits, problems)
     axes = read_axes(data, [circuit.name for circuit in circuits], problems)
@@ -126,7 +126,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         mechanics=mechanics,
         sweep=axes.in_si(),
         circuits=circuits,
-        supply=supply,
+        sample_time_s=scaled(supply.sample_time_ms) if supply and supply.sample_time_ms is not None else None,
         sensors=sensors,
         reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),
         tolerance=solver.tolerance if solver else None,

@@ -6,6 +6,7 @@ distance d it stands shifted by +d.
 """
 
 from dataclasses import dataclass, replace
+from math import isfinite
 
 from femfit.core.amount import amount, amount_range
 from femfit.core.constants import MU_0
@@ -104,15 +105,6 @@ class MovingPart:
 
 
 @dataclass(frozen=True)
-class Supply:
-    """The driver's range and, where the file gives it, the controller's period."""
-
-    voltage_min_V: float
-    voltage_max_V: float
-    sample_time_s: float | None = None
-
-
-@dataclass(frozen=True)
 class SweepAxes:
     """The grid of the sweep."""
 
@@ -137,8 +129,8 @@ class Actuator(Printed):
         In the order of the sweep's currents; each coil names its own.
     mechanics : Mechanics
         The moving mass, and what acts on it beside the magnetic force.
-    supply : Supply or None
-        The driver, where there is a circuit.
+    sample_time_s : float or None
+        The controller's period, where the file gives it.
     reference_distances_m : tuple of float
         Steps of the closed-loop reference; empty: derived from the model.
     tolerance : float or None
@@ -148,7 +140,7 @@ class Actuator(Printed):
     --------
     >>> import femfit as ff
     >>> actuator = ff.read_actuator("rig.toml")
-    >>> actuator.mechanics.mass_kg, actuator.supply.voltage_max_V
+    >>> actuator.mechanics.mass_kg, actuator.circuits[0].voltage_max_V
     (0.00435, 3.0)
     """
 
@@ -159,7 +151,7 @@ class Actuator(Printed):
     mechanics: Mechanics
     sweep: SweepAxes
     circuits: tuple[Circuit, ...] = ()
-    supply: Supply | None = None
+    sample_time_s: float | None = None
     sensors: tuple[AnySensor, ...] = ()
     description: str = ""
     reference_distances_m: tuple[float, ...] = ()
@@ -186,8 +178,15 @@ class Actuator(Printed):
         """The first Hall element, if there is one."""
         return next((sensor for sensor in self.sensors if isinstance(sensor, HallElement)), None)
 
+    @property
+    def supplies_V(self) -> tuple[tuple[float, float], ...]:  # noqa: N802  the unit
+        """Lowest and highest voltages behind the circuits, each pair once, where they are known."""
+        limits = ((one.voltage_min_V, one.voltage_max_V) for one in self.circuits)
+        return tuple(dict.fromkeys(pair for pair in limits if isfinite(pair[1] - pair[0])))
+
     def __str__(self) -> str:
-        sweep, supply = self.sweep, self.supply
+        sweep = self.sweep
+        supplies = [f"{low:g} to {high:g} V" for low, high in self.supplies_V]
         currents, distances = (
             f"{len(values)} {name} {amount_range(min(values), max(values), unit, 3)}"
             for values, name, unit in ((sweep.currents_A, "currents", "A"), (sweep.distances_m, "distances", "m"))
@@ -203,7 +202,7 @@ class Actuator(Printed):
                 f"{coil.name} of {coil.turns:g} turns, {amount(coil.resistance_ohm, 'ohm', 3)}{', moving' * coil.moves}"
                 for coil in self.coils
             ),
-            f"supply {supply.voltage_min_V:g} to {supply.voltage_max_V:g} V" if supply else "no supply",
+            f"supply {', '.join(supplies)}" if supplies else "no supply",
             f"sensors: {', '.join(f'{one.name} ({one.kind})' for one in self.sensors) or 'none'}",
             f"sweep: {currents}, {distances}",
         ]

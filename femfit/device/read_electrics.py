@@ -10,7 +10,7 @@ from femfit.device.complaints import did_you_mean, joined, read_table
 from femfit.device.decimals import scaled
 from femfit.device.drawing import Drawing, DrawnWinding, check_name, coil_tables, table_at
 from femfit.device.outlines import flattened
-from femfit.device.parts import Coil, Supply
+from femfit.device.parts import Coil
 from femfit.device.schema import CoilEntry, SupplyEntry
 from femfit.device.schema_device import CircuitEntry, WindingEntry
 from femfit.device.winding import smallest_winding_area, wire_resistance
@@ -54,28 +54,22 @@ def _coil(entry: CoilEntry, winding: DrawnWinding, problems: list[str]) -> Coil 
     return Coil(corners, entry.turns, resistance, diameter, winding.part.name, winding.moves, circuit=winding.part.name)
 
 
-def read_supply(data: Mapping[str, Any], problems: list[str]) -> tuple[Supply | None, float | None]:
-    """The driver that circuits without limits of their own have, and the drop of its freewheel diode."""
+def read_supply(data: Mapping[str, Any], problems: list[str]) -> SupplyEntry | None:
+    """The driver of the circuits without one of their own, and the controller's period."""
     if not isinstance(data.get("supply"), dict):
-        return None, None
+        return None
     entry = read_table(SupplyEntry, data["supply"], "supply", problems)
-    if entry is None:
-        return None, None
-    _check_limits("supply", "voltage", "V", entry.voltage_min_V, entry.voltage_max_V, problems)
-    _check_diode("supply", entry.diode_V, entry.voltage_min_V, problems)
-    period = None if entry.sample_time_ms is None else scaled(entry.sample_time_ms)
-    return Supply(entry.voltage_min_V, entry.voltage_max_V, period), entry.diode_V
+    if entry is not None:
+        _check_limits("supply", "voltage", "V", entry.voltage_min_V, entry.voltage_max_V, problems)
+        _check_diode("supply", entry.diode_V, entry.voltage_min_V, problems)
+    return entry
 
 
 def read_circuits(
-    data: Mapping[str, Any],
-    coils: Sequence[Coil],
-    supply: Supply | None,
-    diode_V: float | None,
-    problems: list[str],
+    data: Mapping[str, Any], coils: Sequence[Coil], supply: SupplyEntry | None, problems: list[str]
 ) -> tuple[tuple[Circuit, ...], tuple[Coil, ...]]:
     """The circuits in their order, without a table one a coil, and the coils as they are connected in them."""
-    tables = table_at(data, "circuits")
+    tables, diode_V = table_at(data, "circuits"), supply.diode_V if supply is not None else None
     if not tables:
         if coils and supply is None and "supply" not in data:
             problems.append("supply is missing. Give the driver as a table [supply], or limits in [circuits.NAME].")
@@ -124,7 +118,7 @@ def _connect(
 
 
 def _voltages(
-    entry: CircuitEntry, path: str, supply: Supply | None, given: bool, problems: list[str]
+    entry: CircuitEntry, path: str, supply: SupplyEntry | None, given: bool, problems: list[str]
 ) -> tuple[float, float]:
     """The limits of a circuit, or else the supply's; behind a current amplifier they may be open."""
     low = entry.voltage_min_V if entry.voltage_min_V is not None or supply is None else supply.voltage_min_V

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from math import isfinite
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -25,7 +24,7 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         "description": actuator.description,
         "mass_kg": actuator.mechanics.mass_kg,
         **_of_one_circuit(actuator),
-        "sample_time_s": actuator.supply.sample_time_s if actuator.supply else None,
+        "sample_time_s": actuator.sample_time_s,
         "reference_distances_m": list(actuator.reference_distances_m),
         "hall": None if actuator.hall is None else asdict(actuator.hall),
         "circuits": [json_ready(asdict(circuit)) for circuit in actuator.circuits],
@@ -50,7 +49,7 @@ def _of_one_circuit(actuator: Actuator) -> dict[str, Any]:
     if len(actuator.circuits) != 1:
         return {}
     (circuit,) = actuator.circuits
-    if not isfinite(circuit.voltage_max_V - circuit.voltage_min_V):
+    if not actuator.supplies_V:
         return {}
     of_coil = {}
     if len(actuator.coils) == 1:
@@ -108,12 +107,13 @@ def _of_this_version(record: dict[str, Any]) -> dict[str, Any]:
     """Records in which a circuit named its coils, and those of one coil, one Hall element and a mass alone."""
     if isinstance(record.get("coil"), Mapping):
         record = _of_one_coil(record)
-    circuits, coils, supply = record.get("circuits") or (), record.get("coils") or (), record.get("supply") or {}
+    circuits, coils, supply = record.get("circuits") or (), record.get("coils") or (), record.pop("supply", None) or {}
     if not all(isinstance(one, Mapping) for one in (*circuits, *coils, supply)):
         return record
     own = {name: {"circuit": one.get("name"), "sign": sign} for one in circuits for name, sign in one.get("coils", ())}
     limits = (supply["voltage_min_V"], supply["voltage_max_V"]) if supply else None
     return record | {
+        "sample_time_s": supply.get("sample_time_s", record.get("sample_time_s")),
         "coils": [{**coil, **own.get(coil.get("name"), {})} for coil in coils],
         "circuits": [circuit_of_this_version(one, limits) for one in circuits],
     }

@@ -18,12 +18,12 @@ Value = TypeVar("Value")
 Constant: TypeAlias = float | Mapping[str, float] | None
 """One number, or one by the name of a circuit."""
 
-Drive: TypeAlias = Profile | Mapping[str, Profile] | str | Path | None
+Command: TypeAlias = Profile | Mapping[str, Profile] | str | Path | None
 """A profile, or one by the name of a circuit, or a table."""
 
 
 def commanded(
-    model: ActuatorModel, drive: Drive, voltage: Constant, current: Constant, interpolation: Interpolation
+    model: ActuatorModel, drive: Command, voltage: Constant, current: Constant, interpolation: Interpolation
 ) -> tuple[Profile, ...]:
     """A profile for each circuit, in their order; one that nothing is said of has no voltage, or no current."""
     circuits = model.require_circuits()

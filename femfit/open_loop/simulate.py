@@ -13,7 +13,7 @@ from femfit.core.sweep_columns import circuit_currents, flux_columns, voltage_co
 from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
-from femfit.open_loop.command import Constant, Drive, beyond_limits, commanded
+from femfit.open_loop.command import Command, Constant, beyond_limits, commanded
 from femfit.open_loop.energy import balance
 from femfit.open_loop.equations import equations_of
 from femfit.open_loop.feed import CONDUCTING, Feed, Winding
@@ -34,7 +34,7 @@ SAMPLES = 2000
 def simulate(
     model: ActuatorModel | str | Path,
     *,
-    drive: Drive = None,
+    drive: Command = None,
     voltage_V: Constant = None,
     current_A: Constant = None,
     duration_s: float | None = None,

@@ -54,7 +54,7 @@ def test_the_suspension_sweeps_the_488_points_of_the_paper_in_exact_decimals(nam
 
 def test_the_rig_and_the_printed_suspension_differ_only_in_their_coil():
     printed, rig = (read_actuator(GEOMETRY / f"{name}.toml") for name in ("emaws", "emaws-rig"))
-    for part in ("fixed", "moving", "supply", "sweep", "hall"):
+    for part in ("fixed", "moving", "supplies_V", "sample_time_s", "sweep", "hall"):
         assert getattr(printed, part) == getattr(rig, part)
     assert (printed.coil.turns, rig.coil.turns) == (30, 308)
     # eq. (32): R / L = 165.6 1/s and 1 / L = 61.61 1/H, R to the three digits the file gives

@@ -206,6 +206,9 @@ def test_records_of_earlier_versions_have_the_coils_in_their_circuit_and_the_lim
     early = {**kept, "coils": [[coil["name"], coil.pop("sign")]], "drive": drive}
     assert coil.pop("circuit") == circuit["name"]
     assert actuator_from_record(record | {"circuits": [early]}, "record") == actuator
+    supply = {"voltage_min_V": -12.0, "voltage_max_V": 12.0, "sample_time_s": 1e-4}
+    fed = actuator_from_record(record | {"circuits": [early], "supply": supply}, "record")
+    assert (fed.sample_time_s, fed.supplies_V) == (1e-4, ((-12.0, 12.0),))
 
 
 def test_the_voltages_behind_an_amplifier_are_its_circuits_or_else_the_supplys():

@@ -85,7 +85,7 @@ def test_circuit_and_mass_come_from_an_actuator_file_unless_they_are_given(tmp_p
     assert done.returncode == 0, done.stderr
     model = read_model(tmp_path / "model.json")
     assert model.circuit.resistance_ohm == drawn.coil.resistance_ohm
-    assert model.circuit.voltage_max_V == drawn.supply.voltage_max_V
+    assert model.circuit.voltage_max_V == drawn.circuits[0].voltage_max_V
     assert model.motion.mass_kg == 0.06
 
 

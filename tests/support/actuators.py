@@ -4,7 +4,7 @@ from pathlib import Path
 
 from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
-from femfit.device.parts import Actuator, Coil, LinearMaterial, MovingPart, Region, Supply, SweepAxes
+from femfit.device.parts import Actuator, Coil, LinearMaterial, MovingPart, Region, SweepAxes
 from femfit.device.sensors import HallElement
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
@@ -27,10 +27,9 @@ def assembly(*, moving, distances, fixed=(), coil=None, turns=1.0, hall=None):
         name="assembly",
         fixed=tuple(fixed),
         coils=(Coil(coil or rectangle(0.2, 0.21, -0.21, -0.2), turns, 1.0),),
-        circuits=(Circuit(1.0),),
+        circuits=(Circuit(1.0, 0.0, 1.0),),
         moving=MovingPart(tuple(moving)),
         mechanics=Mechanics(0.1),
-        supply=Supply(0.0, 1.0),
         sweep=SweepAxes((0.0, 1.0), tuple(distances)),
         sensors=() if hall is None else (HallElement(*hall),),
     )

@@ -6,7 +6,7 @@ from femfit.device.circuit import Circuit
 from femfit.device.materials import LIBRARY
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import circle
-from femfit.device.parts import Actuator, Coil, LinearMaterial, MovingPart, Region, Supply, SweepAxes
+from femfit.device.parts import Actuator, Coil, LinearMaterial, MovingPart, Region, SweepAxes
 from support.actuators import rectangle
 
 STEEL = LIBRARY["steel_1010"].material
@@ -18,7 +18,7 @@ def device(name, *, fixed=(), coils=(), moving=(), currents=((0.0,),), distances
     """An actuator of regions and coils, each coil in a circuit of its own unless circuits are given."""
     if circuits is None:
         coils = [dataclasses.replace(coil, circuit=coil.name) for coil in coils]
-        circuits = tuple(Circuit(1.0, name=coil.name) for coil in coils)
+        circuits = tuple(Circuit(1.0, -12.0, 12.0, name=coil.name) for coil in coils)
     axes = SweepAxes(tuple(currents[0]), tuple(distances), tuple(map(tuple, currents[1:])))
     return Actuator(
         name=name,
@@ -28,7 +28,6 @@ def device(name, *, fixed=(), coils=(), moving=(), currents=((0.0,),), distances
         mechanics=Mechanics(0.1),
         sweep=axes,
         circuits=circuits,
-        supply=Supply(-12.0, 12.0) if circuits else None,
         sensors=tuple(sensors),
     )
 
