@@ -51,7 +51,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         raise TableError(
             f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
             f"{', '.join(series.given)}. Record {' and '.join(lacking)}, or say which column it is with --column "
-            f"HEADER={lacking[0]}."
+            f"HEADER={lacking[0]}. {_left_out(series)}".rstrip()
         )
     model, findings = with_recorded_sensors(model, series), list(series.findings)
     names = _chosen(model, series, sensors)
@@ -121,6 +121,10 @@ def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence
     return tuple(name for name, one in columns.items() if one in series.given and one not in without)
 
 
+def _left_out(series: TimeSeries) -> str:
+    return " ".join(str(one) for one in series.findings if one.code == "unused-column")
+
+
 def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> tuple[str, ...]:
     usable = recorded_sensors(model, series)
     wanted = tuple(usable) if sensors is None else tuple(sensors)
@@ -131,7 +135,8 @@ def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         raise TableError(
             f"A filter needs the readings of its sensors ({', '.join(lacking) or 'one at least'}); {series.source} "
             f"holds {', '.join(series.given)}, of which the model's sensors read "
-            f"{', '.join(usable) or 'none'}. Name one of those with --sensors, or the column with --column."
+            f"{', '.join(usable) or 'none'}. Name one of those with --sensors, or the column with --column. "
+            f"{_left_out(series)}".rstrip()
         )
     return wanted
 

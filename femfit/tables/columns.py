@@ -17,6 +17,7 @@ from femfit.core.constants import ABSOLUTE_ZERO_C, GRAVITY
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
+from femfit.tables.column_option import column_option, likely_columns
 from femfit.tables.header import find_header, match_score, parse_header, same_header
 from femfit.tables.measurement import CHANNELS, SETTINGS
 from femfit.tables.number_text import EMPTY, clock_seconds
@@ -112,7 +113,7 @@ def match_columns(
         unit = texts.get(name, said.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
     unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
-    return used, rivals, findings + _unused(unused, names)
+    return used, rivals, findings + _unused(unused, names, [name for name in names if name not in chosen])
 
 
 def recognise(
@@ -214,7 +215,7 @@ def _said(code: str, text: str, column: str) -> Finding:
     return Finding(code, "info", text, column=column)
 
 
-def _unused(headers: Sequence[str], names: Sequence[str]) -> list[Finding]:
+def _unused(headers: Sequence[str], names: Sequence[str], free: Sequence[str]) -> list[Finding]:
     findings, others = [], []
     for header in headers:
         parsed = parse_header(header)
@@ -225,10 +226,14 @@ def _unused(headers: Sequence[str], names: Sequence[str]) -> list[Finding]:
             findings.append(_said("unused-column", text, meant))
         elif near := get_close_matches(header.strip()[:100], names, n=1, cutoff=0.75):
             text = f"Column {quoted(header)!r} was not used; did you mean {near[0]}?"
-            findings.append(Finding("unused-column", "info", text))
+            findings.append(Finding("unused-column", "info", text, column=near[0]))
         else:
             others.append(header)
-    return findings + ([Finding("unused-column", "info", f"Not used: {listing(others, 20)}.")] if others else [])
+    if others:
+        options = [column_option(header, name) for header, name in likely_columns(others, free).items()]
+        remedy = f"Where one is meant, say {' '.join(options)}." if options else ""
+        findings.append(Finding("unused-column", "info", f"Not used: {listing(others, 20)}.", remedy))
+    return findings
 
 
 def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:

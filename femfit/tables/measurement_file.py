@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
 from femfit.tables.circuit_columns import circuit_columns, parts_of
+from femfit.tables.column_option import column_option, remedy_for_columns
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, match_columns, recognise
 from femfit.tables.header import parse_header
 from femfit.tables.measurement import (
@@ -100,7 +102,7 @@ def read_measurement(
     text = (
         f"The moments in {quoted(clock)!r} are {step:.3g} s apart, where a record over time has samples less than "
         f"{_PROTOCOL_STEP_S:g} s apart: the rows were taken for readings at rest, and the moments for their order. For "
-        f"a record, say --column {quoted(clock)}=time_s."
+        f"a record, say {column_option(clock, 'time_s')}."
     )
     return replace(bench, findings=(Finding("protocol", "info", text, size=step, column="order"), *bench.findings))
 
@@ -197,13 +199,13 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
     channels = (*CHANNELS, *(name for name in of_circuits if parts_of(name)[0] in CHANNELS))
     known = (*BENCH_COLUMNS, *of_circuits)
     rows, used, findings = read_columns(raw, known, said.columns, said.units)
-    unknown = [str(one) for one in findings if one.code == "unused-column"]
-    _require_bench([column.name for column in used], path, unknown)
+    unused, named = _unused(raw, used), [column.name for column in used]
+    _require("bench table", named, path, unused, _about(findings, named))
     sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A", *of_circuits), used, said.noise)
     given = tuple(
         name for name in known if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
     )
-    _require_bench(given, path)
+    _require("bench table", given, path, unused)
     full = _complete_bench(rows, of_circuits)
     copies: list[Finding] = []
     if not planned:
@@ -225,16 +227,26 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
     return table if planned else checked(table)
 
 
-def _require_bench(names: Sequence[str], path: Path, unknown: Sequence[str] = ()) -> None:
-    missing = [] if "distance_m" in names else ["distance_m"]
-    if not any(parts_of(name)[0] in CHANNELS for name in names):
-        missing.append(f"one of {', '.join(CHANNELS)}")
+def _unused(raw: RawTable, used: Sequence[UsedColumn]) -> list[str]:
+    taken = {column.header for column in used}
+    return [header for header in raw.headers if header.strip() and header not in taken]
+
+
+def _about(findings: Sequence[Finding], given: Sequence[str]) -> list[str]:
+    return [one.text for one in findings if one.column and one.column not in given]
+
+
+def _require(kind: str, given: Sequence[str], path: Path, unused: Sequence[str], said: Sequence[str] = ()) -> None:
+    """Refuse a bench table or a time series that lacks its first column, or has no channel."""
+    first, channels = ("distance_m", CHANNELS) if kind == "bench table" else ("time_s", SERIES_CHANNELS)
+    missing: dict[str, tuple[str, ...]] = {} if first in given else {first: (first,)}
+    if not any(parts_of(name)[0] in channels for name in given):
+        missing[f"one of {', '.join(channels)}"] = channels
     if missing:
         raise TableError(
-            f"A bench table must have distance_m and at least one channel, with numbers in them; {path} "
-            f"lacks {' and '.join(missing)} (it has {', '.join(names) or 'none of the known columns'}). "
-            f"{' '.join([*unknown[:4], ''])}Rename a column, or say what it is with "
-            f"--column HEADER={missing[0] if '_' in missing[0] and ' ' not in missing[0] else CHANNELS[0]}."
+            f"A {kind} must have {first} and at least one channel, with numbers in them; {path} lacks "
+            f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). "
+            f"{' '.join([*said[:4], ''])}{remedy_for_columns(unused, [*chain(*missing.values())])}"
         )
 
 
@@ -255,27 +267,12 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
     known = (*SERIES_COLUMNS, *of_circuits)
     values, used, findings = read_columns(raw, known, said.columns, said.units)
     given = tuple(name for name in known if name in values and bool(values[name].notna().any()))
-    missing = [] if "time_s" in given else ["time_s"]
-    if not any(parts_of(name)[0] in SERIES_CHANNELS for name in given):
-        missing.append(f"one of {', '.join(SERIES_CHANNELS)}")
-    if missing:
-        unread = " ".join(one.text for one in findings if one.column in missing)
-        raise TableError(
-            f"A time series must have time_s and at least one channel, with numbers in them; {path} lacks "
-            f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). "
-            f"{unread and unread + ' '}Rename the columns or add them, or leave out the times of readings at rest."
-        )
+    _require("time series", given, path, _unused(raw, used), _about(findings, given))
     sidecar = read_sidecar(path, (*SERIES_CHANNELS, *of_circuits), used, said.noise)
     rows, lost = _complete_series(values, known)
     if lost:
-        findings.append(
-            Finding(
-                "cells",
-                "info",
-                f"{counted(lost, 'row without a time was', 'rows without a time were')} left out.",
-                size=float(lost),
-            )
-        )
+        text = f"{counted(lost, 'row without a time was', 'rows without a time were')} left out."
+        findings.append(Finding("cells", "info", text, size=float(lost)))
     rows["segment"], clock = check_clock(rows, str(path))
     rows, readings, clipped = check_readings(rows)
     return TimeSeries(

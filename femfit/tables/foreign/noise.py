@@ -22,6 +22,7 @@ from scipy.stats import norm
 
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
+from femfit.tables.column_option import column_option
 from femfit.tables.foreign.grid import complete_grid
 
 NOISY = 0.005
@@ -112,7 +113,7 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
         f"by {100 * difference:.2g} % (median at the smallest current): so much of the chosen force is probably error. "
         "The error of each row was raised by it."
     )
-    remedy = f"Take it with --column {header}=force if it is the same force."
+    remedy = f"Take it with {column_option(header, 'force')} if it is the same force."
     return points, [Finding("rival-force", "warning", text, remedy, difference)]
 
 
