@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
@@ -14,6 +15,9 @@ from femfit.tables.settings_file import finite_number, read_settings
 
 _EXAMPLE = "force_N = 2e-4"
 _EXAMPLES = {"columns": "force_N", "units": "gf"}
+
+_OF_DRAWINGS = frozenset({"schema", "sweep"})
+"""Keys that an actuator file has and a sidecar does not."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,7 @@ def reading_of(
     noise: Mapping[str, float] | None,
 ) -> Reading:
     """Return what the caller says of a table, before what its sidecar says."""
-    file = _sidecar_file(measurement)
-    data = {} if file is None else read_settings(file, _EXAMPLE)
+    file, data = _sidecar_file(measurement)
     said: dict[str, dict[str, str]] = {}
     for key in ("columns", "units"):
         value = data.get(key, {})
@@ -76,8 +79,8 @@ def read_sidecar(
     A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
     header of its column, whose unit it then has. The ``noise`` that the caller declares counts in its place.
     """
-    file = _sidecar_file(measurement)
-    sidecar = Sidecar() if file is None else _parsed(file, channels, used)
+    file, data = _sidecar_file(measurement)
+    sidecar = Sidecar() if file is None else _parsed(file, data, channels, used)
     declared: dict[str, float] = {}
     for key, value in (noise or {}).items():
         column = _channel(key, channels, used)
@@ -87,13 +90,18 @@ def read_sidecar(
     return replace(sidecar, noise={**sidecar.noise, **declared})
 
 
-def _sidecar_file(measurement: Path) -> Path | None:
-    files = (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml"))
-    return next((file for file in files if file.is_file() and file != measurement), None)
+def _sidecar_file(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
+    """The sidecar and what is in it; a drawing of the same name is none."""
+    for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
+        if file.is_file() and file != measurement:
+            data = read_settings(file, _EXAMPLE)
+            if not _OF_DRAWINGS.intersection(data):
+                return file, data
+    return None, {}
 
 
-def _parsed(file: Path, channels: Sequence[str], used: Sequence[UsedColumn]) -> Sidecar:
-    data = read_settings(file, _EXAMPLE)
+def _parsed(file: Path, settings: dict[str, Any], channels: Sequence[str], used: Sequence[UsedColumn]) -> Sidecar:
+    data = dict(settings)
     for key in ("columns", "units", "table"):
         data.pop(key, None)
     declared = data.pop("noise", {})

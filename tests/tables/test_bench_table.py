@@ -164,3 +164,4 @@ def test_a_noise_under_a_column_s_header_is_in_that_column_s_unit(tmp_path):
 def test_a_drawing_of_the_same_name_is_no_sidecar(tmp_path):
     table = read_bench_table(written(tmp_path, CONTRACT, "schema = 1\n[coil]\nturns = 100\n[hall]\nz_mm = 1.0\n"))
     assert not table.declared_noise
+    assert not [one for one in table.findings if one.code == "unused-setting"]
