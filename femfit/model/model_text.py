@@ -19,6 +19,7 @@ def model_lines(model: "ActuatorModel") -> list[str]:
     motion, sensor = model.motion, model.sensor
     circuits = [
         f"{amount(one.resistance_ohm, 'ohm', 3)} on {one.voltage_min_V:g} to {one.voltage_max_V:g} V"
+        + (f", {amount(one.inductance_H, 'H', 3)} in series" if one.inductance_H else "")
         for one in model.circuits
     ]
     parts = {

@@ -100,6 +100,11 @@ def test_an_inductance_in_series_slows_the_current_of_one_circuit(whole, levitat
         assert state[0, 2] == pytest.approx(1.0 - np.exp(-5e-3 * ohms / inductance), rel=1e-6)
 
 
+def test_a_printed_model_says_what_is_in_series(whole, levitation_model):
+    assert "4.00 mH in series" in str(whole)
+    assert "in series" not in str(levitation_model)
+
+
 def test_the_step_in_floats_counts_it_too(whole):
     state = np.array([[0.03, 0.1, 0.4]])
     step = float_step(whole)([[one] for one in state[0]], 2.0)
