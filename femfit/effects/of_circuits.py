@@ -13,7 +13,18 @@ SEPARATOR = ":"
 
 OF_EACH = ("turns", "resistance", "current_offset", "current_gain")
 
-OF_THE_WHOLE = ("distance_offset", "remanence", "force_offset", "force_gain", "distance_scale", "spring_in_force")
+OF_THE_WHOLE = (
+    "distance_offset",
+    "remanence",
+    "force_offset",
+    "force_gain",
+    "mass_error",
+    "distance_scale",
+    "spring_in_force",
+    "stop_position",
+    "position_delay",
+    "position_nonlinearity",
+)
 
 _QUANTITIES = ("current_A", "voltage_V", "flux_linkage_Wb")
 

@@ -12,6 +12,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.device.circuit import Circuit
+from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.of_circuits import OF_THE_WHOLE, source_scales
@@ -170,23 +171,17 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         series_H=base.circuit.inductance_H if base.circuit else 0.0,
     )
     changed = bool(acting) or dynamics.drives  # quicker from the table, even where the effects leave it alone
-    circuit, motion, sensor = base.circuit, base.motion, base.sensor
+    circuit, sensor = base.circuit, base.sensor
     if circuit is not None:
         ohms = circuit_of(effects, np.array([circuit.resistance_ohm]), np.zeros(1), np.zeros(1), at)[0]
         circuit = replace(circuit, resistance_ohm=float(ohms[0]))
-    if motion is not None:
-        near, far = stops_of(effects, motion.ends, at.nominal)
-        motion = replace(
-            motion.with_ends(near, far),
-            mass_kg=moving_mass(effects, motion.mass_kg),
-        )
     return replace(
         base,
         magnetics=EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))
         if changed
         else base.magnetics,
         circuits=() if circuit is None else (circuit,),
-        motion=motion,
+        motion=_moved_by(base.motion, effects, at.nominal),
         sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,
         effects=effects,
         base=base,
@@ -195,6 +190,14 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         coil_temperature_C=model.coil_temperature_C,
         magnet_temperature_C=model.magnet_temperature_C,
     )
+
+
+def _moved_by(motion: Mechanics | None, effects: tuple[AddedEffect, ...], nominal: Nominal) -> Mechanics | None:
+    """Mass and stops as effects change them."""
+    if motion is None:
+        return None
+    near, far = stops_of(effects, motion.ends, nominal)
+    return replace(motion.with_ends(near, far), mass_kg=moving_mass(effects, motion.mass_kg))
 
 
 def _seen_by(sensor: HallSensor, dynamics: EffectDynamics) -> HallSensor:
@@ -215,6 +218,7 @@ def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, .
         base,
         magnetics=with_sources(base, effects),
         circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
+        motion=_moved_by(base.motion, effects, nominal),
         effects=effects,
         base=base,
         conditions=at,

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from femfit.tables.units import unit_factor
 
-_QUANTITIES = {"current": "A", "voltage": "V", "flux_linkage": "Wb"}
+_QUANTITIES = {"current": "A", "voltage_balance": "V", "voltage": "V", "flux_linkage": "Wb"}
 
 _OF_CIRCUIT = re.compile(rf"({'|'.join(_QUANTITIES)})_([A-Za-z]\w*)_([A-Za-z]+)")
 

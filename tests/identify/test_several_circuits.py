@@ -149,12 +149,3 @@ def test_halves_are_compared_as_the_whole(levitation_model, tmp_path):
     assert two.channels[0].rms == pytest.approx(one.channels[0].rms, rel=1e-9)
     assert two.channels[0].noise_floor == pytest.approx(one.channels[0].noise_floor, rel=1e-9)
     assert str(two).splitlines()[0] == str(one).splitlines()[0]
-
-
-def test_a_record_is_sent_to_the_filters(model, tmp_path):
-    rows = pd.DataFrame(
-        {"time_s": 1e-3 * np.arange(100), "distance_m": 5e-4, "current_lower_A": 1.0, "current_upper_A": 1.0}
-    )
-    rows.to_csv(tmp_path / "record.csv", index=False)
-    with pytest.raises(TableError, match="femfit observe"):
-        compare(model, tmp_path / "record.csv")

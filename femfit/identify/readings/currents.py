@@ -1,5 +1,6 @@
 """The currents of a bench table as a model takes them: one, or one of each circuit."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -32,11 +33,20 @@ def current_directions(model: ActuatorModel) -> list[FloatArray]:
     return list(np.eye(len(names))) if names else [np.ones(())]
 
 
+def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> str:
+    """Column of the current that was varied most, counted in widths of its range; the only one of one circuit."""
+    names = current_names(model)
+    if not names:
+        return "current_A"
+    widths = np.ptp(model.validity.current_limits_A, axis=1)
+    spread = np.nan_to_num([np.nanstd(columns[name]) for name in names]) / np.maximum(widths, 1e-300)
+    return names[int(np.argmax(spread))]
+
+
 def with_leading_current(model: ActuatorModel, table: BenchTable) -> BenchTable:
-    """The table with ``current_A`` as that circuit's whose current was varied most, counted in widths of its range."""
+    """The table with ``current_A`` as the leading one of several currents."""
     names = current_names(model)
     if not names:
         return table
-    widths = np.ptp(model.validity.current_limits_A, axis=1)
-    spread = np.nan_to_num(np.nanstd(currents_in(model, table.rows), axis=0)) / np.maximum(widths, 1e-300)
-    return replace(table, rows=table.rows.assign(current_A=table.rows[names[int(np.argmax(spread))]]))
+    columns = dict(zip(names, currents_in(model, table.rows).T, strict=True))
+    return replace(table, rows=table.rows.assign(current_A=columns[leading_current(model, columns)]))

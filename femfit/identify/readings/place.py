@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.observations import Observations
@@ -22,20 +21,8 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
     """Place a measurement beside a model, what contradicts the model's sensors set aside."""
     data = measurement_of(data)
     if isinstance(data, TimeSeries):
-        _require_one_circuit(model, data)
         return series_observations(model, data)
     return bench_observations(model, plausible_table(model, data))
-
-
-def _require_one_circuit(model: ActuatorModel, series: TimeSeries) -> None:
-    """Refuse a record of several circuits, whose balances are written for one current."""
-    if not model.validity.further_A:
-        return
-    raise TableError(
-        f"A record over time beside a model must be of one circuit; model {model.name!r} has "
-        f"{', '.join(model.circuit_names)}. Run {series.source} through a filter (femfit observe), or measure a bench "
-        "table at rest."
-    )
 
 
 def suspicions(findings: tuple[Finding, ...]) -> list[str]:

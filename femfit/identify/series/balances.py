@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.sweep_columns import voltage_columns
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -40,16 +41,22 @@ from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.identify.series.constants import SLOWEST
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.with_effects import with_sources
 
-FORCE_BALANCE, VOLTAGE_BALANCE = "force_balance_N", "voltage_balance_V"
+FORCE_BALANCE = "force_balance_N"
 
-SERIES_ROWS = (FORCE_BALANCE, VOLTAGE_BALANCE, "hall_V", "force_N", REST)
-"""Channels that a time series may be compared in."""
+
+def voltage_balances(model: ActuatorModel) -> list[str]:
+    """Channels of the voltages, one a circuit: ``voltage_balance_V``, or ``voltage_balance_upper_V`` of several."""
+    return [name.replace("voltage", "voltage_balance", 1) for name in voltage_columns(model.circuit_names)]
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A recorded motion, smoothed, at n nodes on the record's clock; ``first`` where a new stretch begins."""
+    """A recorded motion, smoothed, at n nodes on the record's clock; ``first`` where a new stretch begins.
+
+    Currents and voltages of several circuits have the shape (n, circuits).
+    """
 
     time_s: FloatArray
     first: BoolArray
@@ -61,27 +68,27 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A motion as effects make it: the true setting, the conditions, the co-energy's series, and the force."""
+    """A motion as effects make it: the true setting, the conditions, the force, and one flux linkage a circuit."""
 
     distance: FloatArray
     current: FloatArray
     at: Conditions
-    series: TaylorSeries
     force: FloatArray
+    flux: FloatArray  # (n, circuits)
+    series: TaylorSeries | None  # The co-energy's of one current
 
 
 def model_balances(
     base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
     """The right sides of the balances, each of shape (w,): of force with a motion, of voltage with a circuit."""
-    point, result = _excited(coenergy, motion, effects), {}
+    point, result = _excited(base, coenergy, motion, effects), {}
     if base.motion is not None:
         share, inertia = _inertia(base.motion, motion, weights, point.distance, effects)
         result[FORCE_BALANCE] = share * (weights.mean @ point.force) + inertia
-    if base.circuit is not None:
-        drop = _drop(base.circuit.resistance_ohm, motion, point, effects)
-        linked = point.series.derivative(0, 1) + base.circuit.inductance_H * point.current
-        result[VOLTAGE_BALANCE] = weights.mean @ drop + weights.slope @ linked
+    for k, (circuit, name) in enumerate(zip(base.circuits, voltage_balances(base), strict=True)):
+        drop, current = _drop(base, k, motion, point, effects)
+        result[name] = weights.mean @ drop + weights.slope @ (point.flux[:, k] + circuit.inductance_H * current)
     return result
 
 
@@ -92,9 +99,9 @@ def model_readings(
 
     Where a body rests, the recorded distance is that of the stop less the error of the recorded distance.
     """
-    point = _excited(coenergy, motion, effects)
+    point = _excited(base, coenergy, motion, effects)
     readings = {"force_N": point.force}
-    if base.sensor is not None:
+    if base.sensor is not None and point.series is not None:
         field = hall_field(point.series, coenergy, tuple(effects), point.distance, point.current, point.at)
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.motion is not None:
@@ -102,13 +109,17 @@ def model_readings(
         d = motion.distance_m
         stop = np.where(np.abs(d - near) < np.abs(d - far), near, far)
         readings[REST] = np.where(np.isfinite(stop), stop, 0.0) - (point.distance - d)
-    readings = recorded(effects, readings, point.distance, point.current, point.at)
+    readings = recorded(effects, readings, point.distance, _first(point.current), point.at)
     return {name: weights.mean @ reading for name, reading in readings.items()}
 
 
-def _excited(coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
+def _excited(base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
     at = motion.at
     d, i = true_setting(effects, motion.distance_m, motion.current_A, at)
+    if at.nominal.circuits:
+        magnetics = with_sources(base, effects)
+        force = with_further_force(effects, magnetics.force(d, i), d, _first(i), at)
+        return _Point(d, i, at, force, magnetics.flux_linkage(d, i), None)
     constant = -coenergy(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
     memory: dict[str, FloatArray] = {}
     for added in effects:
@@ -117,7 +128,12 @@ def _excited(coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEf
     series = changed_coenergy(coenergy, effects, at)(d, i, 1, 1)
     at = replace(at, motional_V=-series.derivative(1, 1) * np.asarray(at.velocity_m_s))
     force = with_further_force(effects, -series.derivative(1, 0), d, i, at)
-    return _Point(d, i, at, series, force)
+    return _Point(d, i, at, force, series.derivative(0, 1)[:, None], series)
+
+
+def _first(current: FloatArray) -> FloatArray:
+    """The current (n,) that effects without a circuit of their own are told."""
+    return current if current.ndim == 1 else current[:, 0]
 
 
 def _inertia(
@@ -137,12 +153,15 @@ def _inertia(
     return share, np.asarray(lacking)
 
 
-def _drop(resistance: float, motion: Motion, point: _Point, effects: Sequence[AddedEffect]) -> FloatArray:
-    """R i, and what the driver loses of its command."""
-    ohms, volts = circuit_of(
-        effects, np.full_like(point.current, resistance), motion.voltage_V, point.current, point.at
-    )
-    return np.asarray(ohms * point.current + motion.voltage_V - volts)
+def _drop(
+    base: ActuatorModel, k: int, motion: Motion, point: _Point, effects: Sequence[AddedEffect]
+) -> tuple[FloatArray, FloatArray]:
+    """R i of the circuit with the place k and what its driver loses of its command, and its current."""
+    circuit, several = base.circuits[k], bool(point.at.nominal.circuits)
+    current, volts = (one[:, k] if several else one for one in (point.current, motion.voltage_V))
+    own = [added for added in effects if added.effect.of == circuit.name] if several else effects
+    ohms, applied = circuit_of(own, np.full_like(current, circuit.resistance_ohm), volts, current, point.at)
+    return np.asarray(ohms * current + volts - applied), current
 
 
 def states_along(

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
 from femfit.effects.stop_position import REST
-from femfit.identify.series.balances import FORCE_BALANCE, VOLTAGE_BALANCE
+from femfit.identify.series.balances import FORCE_BALANCE, voltage_balances
 from femfit.identify.series.constants import EVEN, METHOD_ACCURACY
 from femfit.identify.series.noise import SensorNoise, carried, propagated
 from femfit.identify.series.samples import Samples
@@ -21,17 +21,16 @@ from femfit.records.noise import converter_step, white_noise
 
 @dataclass(frozen=True, eq=False)
 class SampleField:
-    """Magnetics and Hall voltage at the N samples with derivatives in distance and current; zero where unusable.
+    """Magnetics and Hall voltage at the N samples with derivatives in distance and n currents; zero where unusable.
 
-    -force_i is the flux linkage's derivative in distance. Flux linkage and inductance are those of the circuit, with
-    what is in series outside of the field.
+    What is in series with the circuits counts. -force_i is the flux linkages' derivative in distance.
     """
 
     force: FloatArray
     force_d: FloatArray
-    force_i: FloatArray
-    flux: FloatArray
-    inductance: FloatArray
+    force_i: FloatArray  # (N, n)
+    flux: FloatArray  # (N, n)
+    inductance: FloatArray  # (N, n, n)
     hall: FloatArray
     hall_d: FloatArray
     hall_i: FloatArray
@@ -40,21 +39,25 @@ class SampleField:
 def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
     """Evaluate a model at the samples of a record."""
     here = samples.usable
-    d, i = samples.columns["distance_m"][here], samples.columns["current_A"][here]
+    d, i = samples.columns["distance_m"][here], samples.current[here]
+    each = i.reshape(len(d), -1)
 
     def everywhere(values: FloatArray) -> FloatArray:
-        result = np.zeros(len(here))
+        result = np.zeros((len(here), *values.shape[1:]))
         result[here] = values
         return result
 
-    d_w, dd_w, di_w, i_w, ii_w = base.magnetics.coenergy_derivatives(d, i, ((1, 0), (2, 0), (1, 1), (0, 1), (0, 2)))
-    if base.circuit is not None:
-        i_w, ii_w = i_w + base.circuit.inductance_H * i, ii_w + base.circuit.inductance_H
+    slopes, series = base.magnetics.slopes_of_circuits(d, each), np.zeros((each.shape[1],) * 2)
+    if base.circuits:
+        series = base.series_inductances_H
+    flux = base.magnetics.flux_linkage(d, i).reshape(each.shape) + each @ series
     hall = [np.zeros_like(d)] * 3
     if base.sensor is not None:
         hall = [base.sensor.sensitivity_V_per_T * part for part in base.sensor.field.derivatives(d, i)]
         hall[0] = hall[0] + base.sensor.quiescent_V
-    return SampleField(*(everywhere(values) for values in (-d_w, -dd_w, -di_w, i_w, ii_w, *hall)))
+    force, inductance = base.magnetics.force(d, i), slopes.inductance + series
+    parts = force, slopes.force_gradient, slopes.motional_constant, flux, inductance, *hall
+    return SampleField(*(everywhere(values) for values in parts))
 
 
 def sensor_noise(
@@ -67,7 +70,7 @@ def sensor_noise(
     known = np.where(samples.usable, 0.0, np.nan)
     explained = {
         "distance_m": known,
-        "current_A": known + _driven(base, samples, field),
+        **{name: known + one for name, one in zip(samples.currents, _driven(base, samples, field).T, strict=True)},
         "hall_V": known + field.hall,
         "force_N": known + field.force,
     }
@@ -81,17 +84,21 @@ def sensor_noise(
 
 
 def _driven(base: ActuatorModel, samples: Samples, field: SampleField) -> FloatArray:
-    """The current that commanded voltage and motion give, up to what is smooth; zeros without circuit or voltage."""
-    volts, distance = samples.columns["voltage_V"], samples.columns["distance_m"]
-    if base.circuit is None or not np.isfinite(volts).any():
-        return np.zeros_like(volts)
-    step = np.diff(samples.time, prepend=samples.time[:1])
-    inductance = np.where(field.inductance > 0.0, field.inductance, np.inf)
-    held = np.append(volts[:1], volts[:-1])
-    motional = field.force_i * np.diff(distance, prepend=distance[:1])
-    drop = base.circuit.resistance_ohm * samples.columns["current_A"]
-    change = np.where(samples.usable, ((held - drop) * step + motional) / inductance, 0.0)
-    return np.cumsum(np.nan_to_num(change))
+    """The currents (N, n) that commanded voltages and motion give, up to what is smooth; zeros where none is known."""
+    result = np.zeros((len(samples.time), len(samples.currents)))
+    if not base.circuits:
+        return result
+    volts = np.stack([samples.columns[name] for name in samples.commands], axis=1)
+    if not np.isfinite(volts).any():
+        return result
+    here, current = samples.usable, samples.current.reshape(result.shape)
+    step = np.diff(samples.time, prepend=samples.time[:1])[:, None]
+    held = np.concatenate([volts[:1], volts[:-1]])
+    moved = np.diff(samples.columns["distance_m"], prepend=samples.columns["distance_m"][:1])[:, None]
+    linked = (held - base.resistances_ohm * current) * step + field.force_i * moved
+    # The inverse of a force law's inductance, which is none, is none
+    result[here] = (np.linalg.pinv(field.inductance[here]) @ np.nan_to_num(linked[here])[..., None])[..., 0]
+    return np.cumsum(result, axis=0)
 
 
 Noise = Mapping[str, SensorNoise]
@@ -118,8 +125,9 @@ def measure_balances(
     result = []
     if base.motion is not None:
         result.append(_force_balance(base.motion, nominal, samples, field, noise, windows))
-    if base.circuit is not None and np.isfinite(samples.columns["voltage_V"]).any():
-        result.append(_voltage_balance(base.circuit, nominal, samples, field, noise, windows))
+    for k, name in enumerate(voltage_balances(base)):
+        if np.isfinite(samples.columns[samples.commands[k]]).any():
+            result.append(_voltage_balance(base, name, k, nominal, samples, field, noise, windows))
     return [channel for channel in result if channel.valid.any()]
 
 
@@ -129,7 +137,7 @@ def measure_sensors(
     """What every sensor read that the record and the model have, and what it should have read."""
     sensors = [("force_N", field.force, field.force_d, field.force_i, nominal.force_N)]
     if base.sensor is not None:
-        sensors.append(("hall_V", field.hall, field.hall_d, field.hall_i, nominal.hall_swing_V))
+        sensors.append(("hall_V", field.hall, field.hall_d, field.hall_i[:, None], nominal.hall_swing_V))
     result = []
     for name, model, along_distance, along_current, scale in sensors:
         values = samples.columns[name]
@@ -140,7 +148,7 @@ def measure_sensors(
             weights.mean,
             (weights.mean, noise[name]),
             (carried(weights.mean, along_distance), noise["distance_m"]),
-            (carried(weights.mean, along_current), noise["current_A"]),
+            *_of_currents(weights.mean, along_current, samples, noise),
         )
         measured = weights.mean @ np.nan_to_num(values)
         result.append(
@@ -174,7 +182,7 @@ def _force_balance(
     sigma = propagated(
         state.mean,
         (motion.mass_kg * state.curvature + carried(state.mean, stiffness), noise["distance_m"]),
-        (carried(state.mean, field.force_i), noise["current_A"]),
+        *_of_currents(state.mean, field.force_i, samples, noise),
     )
     friction = motion.friction(state.slope @ distance, nominal.sample_time_s)
     further = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + friction
@@ -188,25 +196,39 @@ def _force_balance(
     )
 
 
+def _of_currents(
+    weights: sparse.csr_array, slope: FloatArray, samples: Samples, noise: Noise
+) -> list[tuple[sparse.csr_array, SensorNoise]]:
+    """What each ammeter's noise makes of a weighted sum that changes by slopes (N, n) with the currents."""
+    return [(carried(weights, along), noise[name]) for name, along in zip(samples.currents, slope.T, strict=True)]
+
+
 def _voltage_balance(
-    circuit: Circuit, nominal: Nominal, samples: Samples, field: SampleField, noise: Noise, windows: Windows
+    base: ActuatorModel,
+    name: str,
+    k: int,
+    nominal: Nominal,
+    samples: Samples,
+    field: SampleField,
+    noise: Noise,
+    windows: Windows,
 ) -> MeasuredChannel:
-    volts, current = samples.columns["voltage_V"], np.nan_to_num(samples.columns["current_A"])
-    driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, _held(samples))
-    sigma = propagated(
-        mean,
-        (circuit.resistance_ohm * mean + carried(slope, field.inductance), noise["current_A"]),
-        (carried(slope, field.force_i), noise["distance_m"]),
-    )
-    here, inside = np.flatnonzero(samples.usable), field.inductance > 0.0
-    # Between samples the current settles towards the held command, by which a trapezoid over it is h^2 i'' / 12 short
+    """Of the circuit with the place k."""
+    ohms, volts = base.circuits[k].resistance_ohm, samples.columns[samples.commands[k]]
+    each = samples.current.reshape(len(volts), -1)
+    driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, _held(samples, k))
+    of_currents = _of_currents(slope, field.inductance[:, k], samples, noise)
+    of_currents[k] = (ohms * mean + of_currents[k][0], of_currents[k][1])
+    sigma = propagated(mean, *of_currents, (carried(slope, field.force_i[:, k]), noise["distance_m"]))
+    here = np.flatnonzero(samples.usable)
+    # Between samples currents settle towards the held commands, i'' = -L^-1 R i', by which a trapezoid over them is
+    # h^2 i'' / 12 short
     step = np.median(np.diff(samples.time[here])) if len(here) > 1 else 0.0
-    settling = (
-        (circuit.resistance_ohm * step) ** 2 / 12.0 / np.median(field.inductance[inside]) if inside.any() else 0.0
-    )
-    predicted = circuit.resistance_ohm * (mean @ current) + slope @ (field.flux + settling * current)
+    rate = np.linalg.pinv(np.median(field.inductance[here], axis=0))[k] * base.resistances_ohm
+    settling = ohms * step**2 / 12.0 * (each @ rate)
+    predicted = ohms * (mean @ each[:, k]) + slope @ (field.flux[:, k] + settling)
     return MeasuredChannel(
-        VOLTAGE_BALANCE,
+        name,
         driven @ np.nan_to_num(volts),
         predicted,
         np.hypot(sigma, METHOD_ACCURACY * nominal.voltage_V),
@@ -214,8 +236,8 @@ def _voltage_balance(
     )
 
 
-def _held(samples: Samples) -> BoolArray:
-    """Whether the command is known from each usable sample to the next one."""
+def _held(samples: Samples, k: int) -> BoolArray:
+    """Whether the command of a circuit is known from each usable sample to the next one."""
     here = np.flatnonzero(samples.usable)
     result = np.zeros(len(samples.time), dtype=bool)
     if len(here) < 2:
@@ -225,4 +247,4 @@ def _held(samples: Samples) -> BoolArray:
     usual = np.median(step[inside]) if inside.any() else 0.0
     uneven = inside.any() and float(np.quantile(step[inside], 0.9)) > EVEN * usual
     result[here[:-1]] = inside & (uneven | (step < EVEN * usual))
-    return np.asarray(result & np.isfinite(samples.columns["voltage_V"]))
+    return np.asarray(result & np.isfinite(samples.columns[samples.commands[k]]))

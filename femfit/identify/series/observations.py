@@ -19,6 +19,7 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
+from femfit.core.sweep_columns import flux_columns
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stop_position import REST
@@ -28,10 +29,10 @@ from femfit.identify.readings.bench import model_tolerance
 from femfit.identify.readings.observations import Observations
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
-    VOLTAGE_BALANCE,
     RememberedCoenergy,
     model_balances,
     model_readings,
+    voltage_balances,
 )
 from femfit.identify.series.constants import MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.series.measured import (
@@ -49,20 +50,24 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.measurement import CHANNEL_WORDS, TimeSeries
 
-_SHOWN_BY = {FORCE_BALANCE: "force_N", VOLTAGE_BALANCE: "flux_linkage_Wb"}
-"""What a bench would have to read to show as much as a balance does."""
+
+def _shown_by(model: ActuatorModel) -> dict[str, str]:
+    """What a bench would have to read to show as much as each balance does."""
+    fluxes = zip(voltage_balances(model), flux_columns(model.circuit_names), strict=True)
+    return {FORCE_BALANCE: "force_N", **dict(fluxes)}
 
 
 def series_observations(model: ActuatorModel, series: TimeSeries) -> Observations:
     """Place a time series beside a model.
 
-    The channels are ``force_balance_N`` (with motion), ``voltage_balance_V`` (with circuit and commanded voltage),
-    ``hall_V`` and ``force_N``; ``covariates`` also hold ``time_s``, ``velocity_m_s`` and ``current_rate_A_s``.
+    The channels are ``force_balance_N`` (with motion), ``voltage_balance_V`` (of each circuit with its commanded
+    voltage), ``hall_V`` and ``force_N``; ``covariates`` also hold ``time_s``, ``velocity_m_s`` and
+    ``current_rate_A_s``.
     """
     base = model.without_effects
     samples = take_samples(model, series)
-    distance, current = (np.nan_to_num(samples.columns[name]) for name in ("distance_m", "current_A"))
-    windows = lay_windows(base, samples.time, samples.stretch, samples.usable, distance, current)
+    distance = np.nan_to_num(samples.columns["distance_m"])
+    windows = lay_windows(base, samples.time, samples.stretch, samples.usable, distance, samples.current)
     windows = replace(windows, segment=samples.segment[np.searchsorted(samples.stretch, windows.segment)])
     state = window_weights(windows, samples.time, samples.segment, samples.usable)
     windows = windows.select(state.valid)
@@ -119,14 +124,14 @@ def _assembled(
     change, own = predict.change, model.effects
     step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
-    tolerance = _tolerance(model, covariates)
+    tolerance, shown = _tolerance(model, covariates), _shown_by(model.without_effects)
     return Observations(
         channels=names,
         channel=number,
         row=np.concatenate([piece + start for piece, start in zip(pieces, offset, strict=True)]),
         value=predict.stacked({c.name: c.measured for _, c in channels}),
         covariates=covariates,
-        given=(*series.given, *(_SHOWN_BY[name] for name in names if name in _SHOWN_BY)),
+        given=(*series.given, *(shown[name] for name in names if name in shown)),
         predict=predict,
         distance_slope=(change(own, step) - change(own, -step)) / (2.0 * step),
         distance_curvature=(change(own, step) - 2.0 * change(own) + change(own, -step)) / step**2,
@@ -193,7 +198,8 @@ def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, floa
             covariates["velocity_m_s"] / (box.distance_max_m - box.distance_min_m),
             covariates["current_rate_A_s"] / (box.current_max_A - box.current_min_A),
         )
-        result[VOLTAGE_BALANCE] = TURNS_OF_MISFIT * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
+        misfit = TURNS_OF_MISFIT * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
+        result |= dict.fromkeys(voltage_balances(model), misfit)
     return result
 
 

@@ -4,11 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
+from femfit.core.sweep_columns import voltage_columns
+from femfit.identify.readings.currents import current_names, currents_in, leading_current
 from femfit.identify.readings.plausible import at_ends_of_range, suspect_settings, within_domain
 from femfit.identify.series.constants import ON_STOP
 from femfit.model.actuator_model import ActuatorModel
@@ -29,11 +32,19 @@ class Samples:
     time: FloatArray
     run: FloatArray
     segment: IntArray
-    columns: Mapping[str, FloatArray]
+    columns: Mapping[str, FloatArray]  # Of several circuits, ``current_A`` is that of the current that varied most
+    currents: tuple[str, ...]  # Columns of the model's currents and commands, in its order
+    commands: tuple[str, ...]
     usable: BoolArray
     free: BoolArray
     stop_m: FloatArray  # Drawn distance of the stop that the body rests on; NaN elsewhere
     findings: tuple[Finding, ...]
+
+    @property
+    def current(self) -> FloatArray:
+        """Currents in the shape that the model takes, zero where unknown."""
+        each = [np.nan_to_num(self.columns[name]) for name in self.currents]
+        return each[0] if len(each) == 1 else np.stack(each, axis=1)
 
     @property
     def stretch(self) -> IntArray:
@@ -44,7 +55,8 @@ class Samples:
 
 def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     """Take the samples that a model can explain: voltages as the clamp passes them, no Hall voltage at its limits."""
-    needed = ("current_A", "distance_m") if model.has_winding else ("distance_m",)
+    currents, commands = current_names(model) or ("current_A",), tuple(voltage_columns(model.circuit_names))
+    needed = (*currents, "distance_m") if model.has_winding else ("distance_m",)
     missing = [name for name in needed if name not in series.given]
     if missing:
         raise TableError(
@@ -54,10 +66,11 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     rows = series.rows
     findings: list[Finding] = []
     columns = {name: rows[name].to_numpy(copy=True) for name in rows.columns if name not in ("run", "time_s")}
+    columns |= {name: np.full(len(rows), np.nan) for name in commands if name not in columns}
     if not model.has_winding:
         columns["current_A"] = np.zeros(len(rows))
-    distance, current = columns["distance_m"], columns["current_A"]
-    known = np.isfinite(distance) & np.isfinite(current)
+    distance, current = columns["distance_m"], currents_in(model, pd.DataFrame(columns))
+    known = np.isfinite(distance) & np.isfinite(current).reshape(len(rows), -1).all(axis=1)
     usable = known & within_domain(model, distance, current)
     if not usable.any():
         raise TableError(_nowhere(model, series, distance[known], current[known]))
@@ -72,16 +85,17 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
             )
         )
     time, segment = rows["time_s"].to_numpy(), rows["segment"].to_numpy()
-    noise_A, noise_m = (
-        series.declared_noise.get(name, white_noise(columns[name], segment)) for name in ("current_A", "distance_m")
+    *noises_A, noise_m = (
+        series.declared_noise.get(name, white_noise(columns[name], segment)) for name in (*currents, "distance_m")
     )
     distance, current = true_setting_of(model, distance, current)
     rests = find_rests(model, time, segment, distance, current, noise_m)
     findings += rests.findings
-    if model.circuit is not None:
-        given = given_voltage(model, time, segment, columns["voltage_V"], current, distance, (noise_A, noise_m))
+    for k, command in enumerate(commands):
+        given = given_voltage(model, time, segment, columns[command], current, distance, (noises_A[k], noise_m), k)
         findings += given.findings
-        columns["voltage_V"] = np.where(given.unsure, np.nan, given.voltage_V)
+        columns[command] = np.where(given.unsure, np.nan, given.voltage_V)
+    columns["current_A"] = columns[leading_current(model, columns)]
     if model.sensor is not None:
         ended = at_ends_of_range(model.sensor, columns["hall_V"])
         if ended.any():
@@ -93,6 +107,8 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         run=rows["run"].to_numpy(),
         segment=segment,
         columns=columns,
+        currents=currents,
+        commands=commands,
         usable=usable,
         free=~rests.contact,
         stop_m=_stops(model, rests.rests, len(time)),
@@ -116,8 +132,10 @@ def _stops(model: ActuatorModel, rests: Sequence[Rest], samples: int) -> FloatAr
 
 def _nowhere(model: ActuatorModel, series: TimeSeries, distance: FloatArray, current: FloatArray) -> str:
     box, suspected = model.validity, suspect_settings(model, distance, current)
+    limits = zip(current_names(model) or ("current_A",), box.current_limits_A.tolist(), strict=True)
+    ranges = ", ".join(f"{low:g} to {high:g} A of {name}" for name, (low, high) in limits)
     hint = " ".join(map(str, suspected)) or "Check the columns and units, or sweep and fit a wider range."
     return (
         f"{series.source} must have samples in the model's validity domain of {1e3 * box.distance_min_m:g} to "
-        f"{1e3 * box.distance_max_m:g} mm and {box.current_min_A:g} to {box.current_max_A:g} A; none was found. {hint}"
+        f"{1e3 * box.distance_max_m:g} mm and {ranges}; none was found. {hint}"
     )

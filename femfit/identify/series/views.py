@@ -129,6 +129,7 @@ def _covariates(
             "mount": run,
             "distance_m": mean @ _known(samples, "distance_m"),
             "current_A": current,
+            **{name: mean @ _known(samples, name) for name in samples.currents if name != "current_A"},
             "branch": _branch(current, new, PLAY * (nominal.current_max_A - nominal.current_min_A)),
             **{name: _mean_where_known(samples, mean, name) for name in _TEMPERATURES},
             "order": order,
@@ -187,8 +188,8 @@ def _motion(
         time_s=time,
         first=first,
         distance_m=level @ _known(samples, "distance_m"),
-        current_A=level @ _known(samples, "current_A"),
-        voltage_V=level @ _known(samples, "voltage_V"),
+        current_A=level @ samples.current,
+        voltage_V=_in_one(level, samples, samples.commands),
         at=Conditions(
             nominal=nominal,
             branch=covariates["branch"].to_numpy()[row],
@@ -201,6 +202,12 @@ def _motion(
             current_turn_A=(cycle.transform("min").to_numpy()[row], cycle.transform("max").to_numpy()[row]),
         ),
     )
+
+
+def _in_one(level: sparse.csr_array, samples: Samples, names: tuple[str, ...]) -> FloatArray:
+    """Columns at the nodes: of one alone (n,), else (n, columns)."""
+    each = [level @ _known(samples, name) for name in names]
+    return each[0] if len(each) == 1 else np.array(each).reshape(len(each), level.shape[0]).T
 
 
 def local_polynomials(
