@@ -1,7 +1,10 @@
 """What may be wrong with a recorded time series: its clock and its sensors. Found and said, never repaired."""
 
+from math import comb
+
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 
 from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
@@ -17,6 +20,13 @@ _SENSORS = ("current_A", "distance_m", "hall_V", "force_N")
 
 _LEAST_STUCK, _MUCH_LONGER = 50, 20
 """Assumed: samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
+
+_NO_SENSOR, _ORDER = 1e-7, 7
+"""Derived: noise over the range of a channel below the step of a converter of 23 bits, which no sensor's is; taken from
+seventh differences, in which a motion of ten samples a radian has fallen to its 1e-7th part."""
+
+_NORMAL_MEDIAN = 0.6745
+"""Derived: median of the magnitude of a normal number of deviation one."""
 
 _LEAST_CLIPPED, _PILED = 20, 5
 """Assumed: samples at the end of a range, and how many times those of the next hundredth of the range that must be."""
@@ -68,8 +78,12 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
                     column=name,
                 )
             )
-        ended = _clipped(values)
-        for found, word in ((_stuck(values) & ~ended, "stuck at"), (ended, "clipped at")):
+        ended, stuck = _clipped(values), _stuck(values)
+        if (ended | stuck).any() and _is_noiseless(values):
+            text = f"{name} has no noise, as in a simulation: no stretch of one reading counts as stuck or clipped."
+            findings.append(Finding("noiseless", "info", text, column=name))
+            continue
+        for found, word in ((stuck & ~ended, "stuck at"), (ended, "clipped at")):
             if found.any():
                 levels = np.unique(values[found])
                 at = " and ".join(f"{level:.4g}" for level in levels[:2]) + (" and others" if len(levels) > 2 else "")
@@ -92,6 +106,19 @@ def _lengths(values: FloatArray) -> tuple[IntArray, IntArray]:
     """Length of each stretch of one and the same reading, and the stretch of each sample."""
     stretch = np.cumsum(np.concatenate([[False], np.diff(values) != 0.0]))
     return np.bincount(stretch), stretch
+
+
+def _is_noiseless(values: FloatArray) -> bool:
+    """Whether what moves of a channel is finer than any sensor reads it."""
+    length, stretch = _lengths(values)
+    moving = sliding_window_view((length < _LEAST_CLIPPED // 2)[stretch], _ORDER + 1).all(axis=-1)
+    differences = np.abs(np.diff(values, _ORDER))[moving]
+    differences = differences[np.isfinite(differences)]
+    if len(differences) < _LEAST_STUCK:
+        return False
+    # Of white noise of one the seventh difference has the variance of a sum of squared binomial coefficients
+    noise = float(np.median(differences)) / (_NORMAL_MEDIAN * comb(2 * _ORDER, _ORDER) ** 0.5)
+    return bool(noise < _NO_SENSOR * np.ptp(values[np.isfinite(values)]))
 
 
 def _stuck(values: FloatArray) -> BoolArray:

@@ -108,6 +108,21 @@ def test_a_clipped_sensor_is_set_aside_and_said(tmp_path):
     assert any("current_A look clipped at 0.55" in str(said) for said in result.findings)
 
 
+def test_a_body_that_rests_on_its_stops_in_a_simulation_is_neither_stuck_nor_clipped(tmp_path):
+    """Without noise a distance stays at one number; with a sensor's noise only a fault keeps it there."""
+    table = record()
+    way = np.clip(np.sin(table["time_s"].to_numpy() * 40.0), -0.5, 0.5)
+    moving = np.abs(way) < 0.5
+    assert 0.3 < moving.mean() < 0.7
+    table["distance_m"] = [float(f"{d:.9g}") for d in 2e-3 + 1e-3 * way]
+    result = series(tmp_path, table)
+    assert not result.rows["distance_m"].isna().any()
+    assert [one.code for one in result.findings if one.column == "distance_m"] == ["noiseless"]
+    noise = 2e-7 * np.random.default_rng(1).normal(size=len(table))
+    table["distance_m"] = 2e-3 + 1e-3 * way + np.where(moving, noise, 0.0)
+    assert "clipped" in {one.code for one in series(tmp_path, table).findings}
+
+
 def test_missing_samples_and_suspicious_units_are_said(tmp_path):
     table = record()
     table.loc[10:12, "current_A"] = np.nan
