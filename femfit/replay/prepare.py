@@ -87,7 +87,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         inputs=inputs[:, 0] if len(commands) == 1 else inputs,
         readings=np.stack([one.values for one in kept], axis=1),
         begins=begins,
-        guesses=_guesses(model, distance, current.reshape(each.shape)),
+        guesses=_guesses(model, distance, current.reshape(len(time), -1)[:, : len(columns)]),
         held=_held(rests, readings),
         limits=np.stack([one.limit for one in kept], axis=1),
         side=np.stack([one.side for one in kept], axis=1),
