@@ -106,7 +106,7 @@ def test_a_body_that_springs_hold_has_a_position_loop(levitation_model):
     assert all(point.unstable_pole_rad_s == 0.0 for point in design.points)
     assert "stable" in str(close_loop(stable, runs=1, seconds=0.05))
     for name in ("pid", "state-feedback", "backstepping"):
-        loop = close_loop(stable, controller=name, estimator="ukf", runs=2, seconds=1.2)
+        loop = close_loop(stable, controller=name, estimator="ukf", runs=2, seconds=0.6)
         assert loop.held == 2
         assert loop.tracking_rms_m.median < 1e-4
 
@@ -116,7 +116,7 @@ def test_a_body_on_a_stop_at_the_end_was_not_held(ball):
     motion = replace(ball.motion, far_stop=Stop(0.024), near_stop=Stop(0.0155))
     stopped = replace(ball, motion=motion)
     loop = close_loop(
-        stopped, gains={"kp": 0.0, "ki": 0.0, "kd": 0.0}, runs=2, seconds=1.0, recorded=2, estimator="ukf"
+        stopped, gains={"kp": 0.0, "ki": 0.0, "kd": 0.0}, runs=2, seconds=0.5, recorded=2, estimator="ukf"
     )
     assert loop.held == 0
     assert set(loop.outcomes) <= {"FELL", "PULLED_IN"}
