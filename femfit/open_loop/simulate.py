@@ -108,7 +108,6 @@ def simulate(
     first = np.zeros(system.size)
     first[0] = start
     given = tuple(one.within(*winding.limits) for one, winding in zip(profiles, windings, strict=True))
-    turns = sorted({turn for one in given for turn in one.turns_s.tolist()})
     found = run(system, given, first, duration, outside == "extrapolate")
     step = duration / SAMPLES if sample_time_s is None else sample_time_s
     size = system.size
@@ -118,7 +117,7 @@ def simulate(
         duration_s=duration,
         table=_table(model, system, found, step),
         events=found.events,
-        switchings=switchings(found.events, _side(system.mechanics, start), turns),
+        switchings=switchings(found.events, _side(system.mechanics, start), given),
         energy=balance(model, system.mechanics, found.first, found.last, found.last[size:]),
         end_s=found.end_s,
         left_domain=found.left_domain,

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from femfit.open_loop.chopping import command_before
+from femfit.open_loop.profile import Profile
 from femfit.open_loop.run import Event
 from femfit.open_loop.system import Side
 
@@ -19,7 +21,7 @@ class Switching:
     kind : str
         ``pull_in`` from the far stop to the near one, ``drop_out`` back; ``to_near`` or ``to_far`` from between them.
     command_s : float
-        The last change of the command before the body started.
+        The last change of the command before the body started; of a chopped one, where the chopping began.
     started_s, reached_s : float
         When it started, and when it first touched the stop.
     rested_s : float or None
@@ -44,7 +46,7 @@ class Switching:
         return self.reached_s - self.command_s
 
 
-def switchings(events: Sequence[Event], begun_at: Side | None, turns_s: Sequence[float]) -> tuple[Switching, ...]:
+def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequence[Profile]) -> tuple[Switching, ...]:
     """Every way to a stop in a list of events, from a start on a stop or in the air."""
     found: list[Switching] = []
     at, started = begun_at, 0.0
@@ -58,11 +60,11 @@ def switchings(events: Sequence[Event], begun_at: Side | None, turns_s: Sequence
         elif action == "hits" and side == at and found:
             found[-1] = replace(found[-1], bounces=found[-1].bounces + 1, rested_s=None)
         elif action == "hits" and side != at:
-            before = [turn for turn in (0.0, *turns_s) if turn <= started]
+            command = command_before(profiles, started, found[-1].reached_s if found else 0.0)
             kind: Kind = "pull_in" if side == "near" else "drop_out"
             if at is None:
                 kind = "to_near" if side == "near" else "to_far"
-            found.append(Switching(kind, before[-1], started, event.time_s, None, abs(event.velocity_m_s), 0))
+            found.append(Switching(kind, command, started, event.time_s, None, abs(event.velocity_m_s), 0))
             at = side
         if action in {"hits", "leaves"}:  # where it goes on without resting
             started = event.time_s
