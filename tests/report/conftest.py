@@ -175,3 +175,9 @@ def lost_study(rig_content):
 def partly_lost_study(rig_content):
     """A study in which one of two runs was held."""
     return made_up_study(rig_content.fit.model, held=1)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pages of which only the words and the names of the pictures are read."""
+    monkeypatch.setattr("femfit.report.bench_report.svg_uri", lambda draw, name: "data:image/svg+xml,")

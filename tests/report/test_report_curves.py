@@ -62,6 +62,7 @@ def test_the_channel_that_misses_by_most_of_its_noise_comes_first(curves):
     assert [one.channel for one in worst_first([small, curves])] == ["force_N", "hall_V"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_comparison_and_a_diagnosis_each_give_a_page(levitation_model, tmp_path):
     table = campaign(levitation_model, 65, distances=7, currents=5)
     comparison = compare(levitation_model, table)

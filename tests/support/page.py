@@ -10,6 +10,7 @@ class Page(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
+        self.source = text
         self.open_tags, self.ids, self.images, self.links, self.loads, self.words = [], [], {}, [], [], []
         self.feed(text)
         self.close()
