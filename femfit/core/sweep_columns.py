@@ -1,7 +1,8 @@
 """The columns of a sweep table.
 
 With one circuit, or none, they are those of :data:`COLUMNS`. With several a column of a circuit carries its name:
-``current_bias_A``, ``flux_linkage_bias_Wb``, ``inductance_bias_H``, and ``inductance_bias_control_H`` of two.
+``current_bias_A``, ``flux_linkage_bias_Wb``, ``inductance_bias_H``, and ``inductance_bias_control_H`` of two. A
+pickup coil's flux linkage stands in ``pickup_NAME_Wb``.
 """
 
 from collections.abc import Sequence
@@ -69,12 +70,18 @@ def inductance_columns(circuits: Sequence[str]) -> dict[str, tuple[int, int]]:
     return own | {f"inductance_{circuits[j]}_{circuits[k]}_H": (j, k) for j, k in pairs}
 
 
-def sweep_columns(circuits: Sequence[str]) -> list[str]:
-    """All columns of a sweep of these circuits, in their order."""
+def pickup_column(coil: str) -> str:
+    """The column of the flux linkage of a winding without current."""
+    return f"pickup_{coil}_Wb"
+
+
+def sweep_columns(circuits: Sequence[str], pickups: Sequence[str] = ()) -> list[str]:
+    """All columns of a sweep of these circuits and pickup coils, in their order."""
     own = {
         "current_A": current_columns(circuits),
         "flux_linkage_Wb": flux_columns(circuits),
         "inductance_H": list(inductance_columns(circuits)),
+        "hall_T": ["hall_T", *map(pickup_column, pickups)],
     }
     return [name for column in COLUMNS for name in own.get(column, [column])]
 

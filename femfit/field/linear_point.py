@@ -19,6 +19,7 @@ from femfit.field.force import OtherForces, weight
 from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh, PointField
+from femfit.field.pickup import PickupCoils
 from femfit.field.point_rows import DistanceSolution, superpose
 from femfit.field.settings import SolverSettings
 
@@ -44,6 +45,7 @@ class LinearActuator:
         self.layout = layout
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
+        self._pickups = PickupCoils(actuator, self._moving)
         g = weight(self.mesh)
         self._system = LinearSystem(self.mesh, actuator, layout, g, settings.order)
         self._lower = LinearSystem(self.mesh, actuator, layout, g, settings.order - 1) if estimate else None
@@ -61,6 +63,8 @@ class LinearActuator:
         with self._moving.at(distance):
             fine = self._system.evaluate()
             reaction, work = self._others.evaluate()
+            coils = self._pickups.at(distance)
+            linked = [coils.linked(total) for total in self._system.total]
             lower = None if self._lower is None else self._lower.evaluate()
         return DistanceSolution(
             force=fine.force,
@@ -71,6 +75,7 @@ class LinearActuator:
             coenergy=fine.coenergy,
             hall=fine.hall,
             self_force=fine.self_force,
+            pickup={name: np.array([one[name] for one in linked]) for name in linked[0]},
         )
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:

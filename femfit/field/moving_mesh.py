@@ -21,6 +21,7 @@ from femfit.field.layout import Layout, layer_outlines, layout_of_group, referen
 from femfit.field.settings import SolverSettings
 
 STILL = 0.6  # of the gap above the fixed parts
+BISECTIONS = 40  # of the stretch; a step of rounding of it
 FADE = 8.0  # the stretch has faded out at this multiple of the actuator's radius
 
 
@@ -55,6 +56,20 @@ class MovingMesh:
             along_z = self._displacement.components[1].vec.FV().NumPy()
             along_z[:] = shift * stretch_share(self.mesh, self.layout, self._layer_heights).vec.FV().NumPy()
             self.mesh.SetDeformation(self._displacement)
+
+    def unstretched(self, points: FloatArray, distance: float) -> FloatArray:
+        """Where points (n, 2) in space lie on the mesh before it was stretched to a distance, by bisection."""
+        shift = distance - self.reference
+        if not shift:
+            return points
+        share = stretch_share(self.mesh, self.layout, self._layer_heights)
+        radius, height = points[:, 0], points[:, 1]
+        low, high = height - max(shift, 0.0), height - min(shift, 0.0)
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            above = middle + shift * share(self.mesh(radius, middle))[:, 0] > height
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        return np.column_stack([radius, 0.5 * (low + high)])
 
     @contextmanager
     def at(self, distance: float) -> Iterator[None]:

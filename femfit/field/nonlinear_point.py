@@ -34,6 +34,7 @@ from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.newton import NewtonResult
 from femfit.field.nonlinear_system import RESPONSE_LIMIT, NonlinearSystem
+from femfit.field.pickup import PickupCoils
 from femfit.field.point_rows import NonlinearPoint, PointSolution, table_rows
 from femfit.field.settings import SolverSettings
 from femfit.field.weak_form import hall_field
@@ -64,6 +65,7 @@ class NonlinearActuator:
         self._circuits = tuple(circuit.name for circuit in actuator.circuits)
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
+        self._pickups = PickupCoils(actuator, self._moving)
         below = settings.order - 1
         orders = sorted({min(FIRST_ORDER, below), below} if estimate else {min(FIRST_ORDER, below)})
         self._systems = [NonlinearSystem(self.mesh, actuator, layout, order) for order in (*orders, settings.order)]
@@ -101,7 +103,7 @@ class NonlinearActuator:
                 bases = {key: higher @ state for key, state in _states(results[-1]).items()}
                 left = np.array([point for point in points if tuple(point) in bases])
             self.fine.move()
-            coarse, evaluate = _states(results[-1]), self._evaluation()
+            coarse, evaluate = _states(results[-1]), self._evaluation(distance)
             start, solutions, statuses = np.zeros_like(self.fine.circuits), {}, {}
             finest = {}
             for key, result in along_currents(self.fine, left, bases, self._tolerance):
@@ -124,9 +126,9 @@ class NonlinearActuator:
         solution = point.solution
         return PointField(self.fine.function(solution.state), solution.force, solution.self_force)
 
-    def _evaluation(self) -> Callable[[FloatArray, FloatArray, FloatArray, FloatArray], PointSolution]:
+    def _evaluation(self, distance: float) -> Callable[[FloatArray, FloatArray, FloatArray, FloatArray], PointSolution]:
         """The evaluation of states at the distance that the mesh is stretched to."""
-        moving = self._moving
+        moving, coils = self._moving, self._pickups.at(distance)
         reaction = work = LayerForce(self.fine.space, moving.reaction_weight, AROUND_FIXED)
         if moving.work_weight is not moving.reaction_weight:
             work = LayerForce(self.fine.space, moving.work_weight, AROUND_FIXED)
@@ -147,6 +149,7 @@ class NonlinearActuator:
                 hall=None if self._hall is None else hall_field(self._hall, self.mesh, total),
                 beyond_curve=self.fine.beyond_curve(fine),
                 state=fine,
+                pickup=coils.linked(total),
             )
 
         return evaluate

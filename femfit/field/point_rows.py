@@ -9,14 +9,14 @@ and of the disagreement of the three. With the fields' own stresses removed the 
 the orders do: what is left is the error of the magnetisation, which they share.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.sweep_columns import flux_columns, inductance_columns
+from femfit.core.sweep_columns import flux_columns, inductance_columns, pickup_column
 from femfit.field.currents import weakest
 
 DISAGREEMENT = "force_disagreement_N"
@@ -44,6 +44,7 @@ class DistanceSolution:
     coenergy: float  # W_0
     hall: FloatArray | None  # Shape (m,)
     self_force: FloatArray  # The stress of the moving part's own field, as subtracted from the force; shape (m, m)
+    pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by the coils' names; shape (m,) each
 
 
 def superpose(sources: FloatArray, solution: DistanceSolution, circuits: Sequence[str]) -> dict[str, FloatArray]:
@@ -69,7 +70,7 @@ def superpose(sources: FloatArray, solution: DistanceSolution, circuits: Sequenc
         columns["force_error_N"] = np.maximum(change, disagreement)
     if solution.hall is not None:
         columns["hall_T"] = sources @ solution.hall
-    return columns
+    return columns | {pickup_column(name): sources @ linked for name, linked in solution.pickup.items()}
 
 
 def _form(sources: FloatArray, matrix: FloatArray) -> FloatArray:
@@ -93,6 +94,8 @@ class PointSolution:
         Whether a B-H curve had to be extrapolated.
     state : array, shape (unknowns,)
         Of the finer order.
+    pickup : mapping of str to float
+        Flux linkages of the pickup coils.
     """
 
     force: float
@@ -106,6 +109,7 @@ class PointSolution:
     hall: float | None
     beyond_curve: bool
     state: FloatArray
+    pickup: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -174,4 +178,5 @@ def _columns(point: NonlinearPoint, circuits: Sequence[str]) -> dict[str, Any]:
         DISAGREEMENT: _disagreement(solution),
         BEYOND_CURVE: solution.beyond_curve,
     }
+    columns |= {pickup_column(name): linked for name, linked in solution.pickup.items()}
     return columns if solution.hall is None else columns | {"hall_T": solution.hall}

@@ -10,7 +10,7 @@ import numpy as np
 from femfit.core.sweep_columns import VARIANT, current_columns, sweep_columns
 from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.device.parts import SweepAxes
-from femfit.device.sensors import HallElement
+from femfit.device.sensors import HallElement, PickupCoil
 from femfit.device.summary import sweep_manifest_entry
 from femfit.device.variants import VariantSweep
 from femfit.field.currents import swept_currents
@@ -33,7 +33,8 @@ def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result])
     import pandas as pd  # noqa: PLC0415  loads while the workers solve
 
     circuits = [circuit.name for circuit in sweep.actuator.circuits]
-    columns, frames = sweep_columns(circuits), []
+    pickups = [sensor.name for sensor in sweep.actuator.sensors if isinstance(sensor, PickupCoil)]
+    columns, frames = sweep_columns(circuits, pickups), []
     for number, variant in enumerate(sweep.variants, 1):
         own = {VARIANT: number, **dict(zip(sweep.columns, variant.values, strict=True))} if sweep.columns else {}
         frames += [

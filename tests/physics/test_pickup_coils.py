@@ -1,0 +1,104 @@
+"""Windings without current against Maxwell's mutual inductance, coils in their place, and the force that they would feel."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.device.parts import Coil
+from femfit.device.sensors import PickupCoil
+from femfit.field.layout import layout_of
+from femfit.field.linear_point import LinearActuator
+from femfit.field.nonlinear_point import NonlinearActuator
+from femfit.field.pickup import section_nodes
+from femfit.field.settings import SolverSettings
+from support.actuators import magnet, rectangle
+from support.devices import device, push_solenoid
+from support.field import prepared
+from support.validation_cases import loops_exact, thin_coil
+
+SETTINGS = SolverSettings()
+UNDER = rectangle(0.008, 0.014, -0.02, -0.002)
+ON_BODY = rectangle(0.007, 0.01, 0.0, 0.006)
+
+
+def winding(coil):
+    """A pickup coil in a coil's place."""
+    return PickupCoil(name="search", vertices_m=coil.vertices_m, turns=coil.turns, moves=coil.moves)
+
+
+def test_nodes_of_a_section_integrate_polynomials_exactly():
+    # A triangle and a section with a step: the first moments of both in closed form.
+    for corners, area, moment in (
+        (((1.0, 0.0), (3.0, 0.0), (1.0, 3.0)), 3.0, 5.0),
+        (((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)), 3.0, 2.5),
+    ):
+        points, weights = section_nodes(corners)
+        assert weights.sum() == pytest.approx(area, rel=1e-14)
+        assert weights @ points[:, 0] == pytest.approx(moment, rel=1e-14)
+
+
+@pytest.mark.parametrize(("a", "b", "z"), [(0.1, 0.05, 0.05), (0.02, 0.015, 0.01)])
+def test_a_loop_without_current_links_maxwells_mutual_inductance(a, b, z):
+    search = winding(thin_coil(b, z))
+    one = device(
+        "loop",
+        coils=[thin_coil(a)],
+        moving=[magnet(0.0, 0.1 * a, 0.1 * a)],
+        currents=((0.0, 1.0),),
+        distances=(1.5 * z,),
+        sensors=[search],
+    )
+    solution = prepared(one, 1.5 * z).solve(1.5 * z)
+    assert solution.pickup["search"][1] == pytest.approx(loops_exact(a, b, z)[0], rel=1e-3)
+    assert solution.pickup["search"][0] == 0.0
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_pickup_coil_links_what_a_coil_in_its_place_links_while_the_mesh_stretches(moves):
+    coils = [
+        Coil(UNDER, 200.0, 1.0, name="fixed"),
+        Coil(ON_BODY, 80.0, 1.0, moves=True, name="moving"),
+    ]
+    actuator = device(
+        "two",
+        fixed=[magnet(0.0, 0.007, 0.02, z_min=-0.021, permeability=500.0, name="core")],
+        coils=coils,
+        moving=[magnet(1.2, 0.007, 0.006, permeability=1.05)],
+        currents=((0.0, 1.0), (0.0, 1.0)),
+        distances=(0.006, 0.008, 0.01),
+        sensors=[winding(coils[int(moves)])],
+    )
+    problem = LinearActuator(actuator, (0.006, 0.01), layout_of(actuator, SETTINGS), SETTINGS, estimate=False)
+    for d in actuator.sweep.distances_m:
+        solution = problem.solve(d)
+        np.testing.assert_allclose(solution.pickup["search"], solution.flux_linkage[int(moves)], rtol=1e-6)
+
+
+def test_the_force_of_a_current_in_the_winding_is_the_slope_of_its_flux_linkage():
+    """F = -i d(flux linkage)/dd: the body is pulled by the current of a coil as the pickup in its place says."""
+    nodes = 0.008 + 0.002 * np.cos(np.pi * (np.arange(12) + 0.5) / 12)
+    actuator = device(
+        "one",
+        coils=[Coil(UNDER, 200.0, 1.0)],
+        moving=[magnet(1.2, 0.007, 0.006, permeability=1.05)],
+        currents=((0.0, 1.0),),
+        distances=sorted(nodes),
+        sensors=[PickupCoil(name="search", vertices_m=UNDER, turns=50.0)],
+    )
+    problem = LinearActuator(actuator, (0.006, 0.01), layout_of(actuator, SETTINGS), SETTINGS, estimate=False)
+    solutions = [problem.solve(float(d)) for d in nodes]
+    linked = [one.pickup["search"][0] for one in solutions]
+    slope = np.polynomial.Chebyshev.fit(nodes, linked, 11, domain=[0.006, 0.01]).deriv()(nodes[3:9])
+    force = [2.0 * one.force[0, 1] * 50.0 / 200.0 for one in solutions[3:9]]  # ampere-turns pull, not amperes
+    np.testing.assert_allclose(force, -slope, rtol=1e-3)
+
+
+def test_in_saturating_iron_a_pickup_on_the_coil_links_a_share_of_its_turns():
+    solenoid = push_solenoid(currents=(0.5, 1.5), distances=(2e-3,))
+    (coil,) = solenoid.coils
+    search = replace(winding(coil), turns=0.1 * coil.turns)
+    with_search = replace(solenoid, sensors=(search,))
+    problem = NonlinearActuator(with_search, (2e-3,), layout_of(with_search, SETTINGS), SETTINGS, estimate=False)
+    rows = problem.rows(2e-3, (0.5, 1.5))
+    np.testing.assert_allclose(rows["pickup_search_Wb"], 0.1 * np.array(rows["flux_linkage_Wb"]), rtol=1e-6)
