@@ -5,6 +5,7 @@ With one circuit, or none, they are those of :data:`COLUMNS`. With several a col
 pickup coil's flux linkage stands in ``pickup_NAME_Wb``.
 """
 
+import re
 from collections.abc import Sequence
 from itertools import combinations
 
@@ -68,6 +69,10 @@ def inductance_columns(circuits: Sequence[str]) -> dict[str, tuple[int, int]]:
     own = {name: (k, k) for k, name in enumerate(_named("inductance_H", circuits))}
     pairs = combinations(range(len(circuits)), 2)
     return own | {f"inductance_{circuits[j]}_{circuits[k]}_H": (j, k) for j, k in pairs}
+
+
+PICKUP_COLUMN = re.compile(r"pickup_(.+)_Wb")
+"""What :func:`pickup_column` makes."""
 
 
 def pickup_column(coil: str) -> str:

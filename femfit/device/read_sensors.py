@@ -81,13 +81,14 @@ def _hall(path: str, name: str, table: dict[str, Any], problems: list[str]) -> H
     _check_hall_output(path, entry, problems)
     given = entry.direction
     direction = DIRECTIONS[given] if isinstance(given, str) else unit_vector(given, f"{path}.direction", problems)
-    electrical = entry.model_dump(exclude={"r_mm", "z_mm", "kind", "direction", "delay_ms"})
+    electrical = entry.model_dump(exclude={"r_mm", "z_mm", "kind", "direction", "delay_ms", "sample_time_ms"})
     return HallElement(
         radius_m=scaled(entry.r_mm),
         height_m=scaled(entry.z_mm),
         name=name,
         direction=direction or (0.0, 1.0),
         delay_s=scaled(entry.delay_ms),
+        sample_time_s=None if entry.sample_time_ms is None else scaled(entry.sample_time_ms),
         **electrical,
     )
 

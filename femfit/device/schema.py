@@ -173,6 +173,12 @@ class HallEntry(HallPlace):
         "z", description='Give the component that it measures, "z", "r" or [r, z].'
     )
     delay_ms: float = Field(0.0, ge=0, le=1e6, description="Give how late a reading is in ms.")
+    sample_time_ms: float | None = Field(
+        None,
+        ge=1e-6,
+        le=1e6,
+        description="Give the time from one reading to the next, or leave it to the controller's.",
+    )
 
     sensitivity_V_per_T: Electrical = Field(50.0, description="Give the slope in V/T (5 mV/G is 50 V/T).")
     quiescent_V: Electrical = Field(2.5, description="Give the output without field in volts.")

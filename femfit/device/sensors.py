@@ -24,6 +24,7 @@ class HallElement:
     name: str = "hall"
     direction: tuple[float, float] = (0.0, 1.0)  # Unit vector (r, z) of the component that it measures
     delay_s: float = 0.0
+    sample_time_s: float | None = None  # None: the controller's
     kind: Literal["hall"] = "hall"
 
 

@@ -58,3 +58,9 @@ BAND_99_9 = 10.828
 DIVERGENCE_STEPS = 200
 """Conventional: a run is named INNOVATIONS_OUT_OF_BAND once more than half of its last (exponentially weighted) so many
 innovations left their 99.9 % band; a true filter leaves it once in a thousand steps."""
+
+LONGEST_MEMORY = 100
+"""Conventional: samples by which a sensor may be late; each of them is a state of the filter."""
+
+MEMORY_NOISE = 1e-3
+"""Numerical: process noise of a remembered value over what its reading's noise makes of it, so that Q is definite."""

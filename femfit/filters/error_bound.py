@@ -181,7 +181,8 @@ def _informed(process: FilterProcess, covariance: FloatArray, outputs: FloatArra
     """(P^-1 + sum H^T H / R)^-1, one sensor after the other by the matrix inversion lemma."""
     for output, slope in zip(process.outputs, outputs, strict=True):
         cross = np.einsum("rij,rj->ri", covariance, slope)
-        variance = np.einsum("ri,ri->r", cross, slope) + output.variance
+        # A sensor that is read at every p-th sample alone tells as much as one of p times the variance at each
+        variance = np.einsum("ri,ri->r", cross, slope) + output.variance * output.period
         covariance = covariance - cross[:, :, None] * cross[:, None, :] / variance[:, None, None]
     return 0.5 * (covariance + covariance.swapaxes(1, 2))
 

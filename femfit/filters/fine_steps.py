@@ -4,7 +4,6 @@ One explicit step a sample cannot follow a current that decays within half a sam
 stop does to the body and the current within a sample.
 """
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,9 +18,8 @@ from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, runge_kut
 
 def in_fine_steps(model: ActuatorModel, process: FilterProcess) -> FilterProcess:
     """A process of this model whose prediction takes steps of Runge and Kutta."""
-    transition = partial(advance, model, substeps(model))
     # Euler's Jacobian is another step's; a filter takes that of this one over the width of its first estimate
-    return replace(process, transition=transition, transition_jacobian=None, transition_columns=None)
+    return process.predicting(partial(advance, model, substeps(model)))
 
 
 def substeps(model: ActuatorModel) -> int:

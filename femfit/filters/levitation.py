@@ -18,7 +18,8 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
-from femfit.filters.constants import FARTHEST, NEAREST
+from femfit.filters.constants import FARTHEST, MEMORY_NOISE, NEAREST
+from femfit.filters.memory import SampleMemory, memory_of, memory_variances
 from femfit.filters.noise import (
     FilterNoise,
     default_noise,
@@ -29,12 +30,12 @@ from femfit.filters.noise import (
     with_memory,
 )
 from femfit.filters.outputs import bias_deviations, bias_names, outputs_of
-from femfit.filters.process import FilterProcess
+from femfit.filters.process import FilterProcess, Output
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents, is_plain, winding_voltage
 from femfit.model.dynamics import euler_jacobian, euler_step, midpoint_jacobian, midpoint_step
 from femfit.model.float_steps import float_step
-from femfit.model.sensors import HALL, sensors_of
+from femfit.model.sensors import HALL, sensor_named, sensors_of
 
 LARGEST_STEP = 2.0
 """Largest stable step of Euler's method times R/L of a decaying current (E. Hairer and G. Wanner, Solving Ordinary
@@ -93,14 +94,22 @@ def levitation_process(
     lower, upper = _plausible_range(model, len(names))
     first, walks = bias_deviations(model, biases)
     walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
-    own, *further = outputs_of(model, sensors, biases, noise)
-    first_covariance = initial_covariance(first_deviation(model), biases=first, circuits=len(model.circuits))
-    return FilterProcess(
+    covariance = initial_covariance(first_deviation(model), biases=first, circuits=len(model.circuits))
+    covariance, drift = with_memory(model, covariance), process_covariance(model, noise, distance, walks)
+    named = {name: sensor_named(model, name) for name in sensors}
+    memory = memory_of(model, named, np.sqrt(np.diag(covariance)))
+    own, *further = outputs_of(model, sensors, biases, noise, memory)
+    if memory is not None:
+        names, unlimited = (*names, *memory.names), np.full(memory.order, np.inf)
+        lower, upper = np.concatenate([lower, -unlimited]), np.concatenate([upper, unlimited])
+        covariance = _joined(covariance, memory_variances(memory, _places(model, len(covariance))))
+        drift = _joined(drift, _memory_noise(memory, (own, *further)))
+    process = FilterProcess(
         names=names,
         step_s=model.sample_time_s,
         transition=partial(_driven_transition if driven else _transition, model, midpoint),
         measure=own.measure,
-        process_covariance=process_covariance(model, noise, distance, walks),
+        process_covariance=drift,
         measurement_variance=own.variance,
         transition_jacobian=None if driven else partial(_transition_jacobian, model, midpoint),
         measurement_jacobian=own.jacobian,
@@ -108,12 +117,40 @@ def levitation_process(
         measure_columns=own.columns,
         lower=lower,
         upper=upper,
-        start_covariance=with_memory(model, first_covariance),
+        start_covariance=covariance,
         sensor=own.name,
         unit=own.unit,
         further=tuple(further),
+        period=own.period,
+        memory=memory,
         inputs=len(model.circuits),
     )
+    return process if memory is None else process.predicting(process.transition, process.transition_jacobian)
+
+
+def _places(model: ActuatorModel, base: int) -> FloatArray:
+    """Bodies held still all over the validity domain, of shape (N, base)."""
+    distance, currents = model.validity.grid(5, 3)
+    places, n = np.zeros((distance.size, base)), len(model.circuits)
+    places[:, 0], places[:, 2 : 2 + n] = distance, currents.reshape(distance.size, -1)[:, :n]
+    return places
+
+
+def _memory_noise(memory: SampleMemory, outputs: Sequence[Output]) -> FloatArray:
+    """Variances that a step adds to remembered values: far below what the readings' noise would make of them."""
+    variance = {output.name: output.variance for output in outputs}
+    parts = [
+        np.full(one.count, MEMORY_NOISE**2 * variance[one.name] / np.abs(one.weights).max() ** 2) for one in memory.kept
+    ]
+    return np.concatenate(parts)
+
+
+def _joined(covariance: FloatArray, variances: FloatArray) -> FloatArray:
+    """A covariance with independent states after its own."""
+    n = len(covariance)
+    result = np.diag(np.concatenate([np.zeros(n), variances]))
+    result[:n, :n] = covariance
+    return result
 
 
 def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:

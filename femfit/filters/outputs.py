@@ -9,17 +9,23 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.constants import BIAS_DEVIATION_V, BIAS_SHARE, BIAS_SHARE_PER_ROOT_S
+from femfit.filters.memory import Kept, SampleMemory
 from femfit.filters.noise import FilterNoise
 from femfit.filters.process import Output
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.float_steps import float_reading
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.recorded import records_as_it_is
+from femfit.model.sampling import readings_span
 from femfit.model.sensors import HALL, AnySensor, current_index, piece_slope, predict_sensor, reading_of, sensor_named
 
 
 def outputs_of(
-    model: ActuatorModel, sensors: Sequence[str], biases: Sequence[str], noise: FilterNoise
+    model: ActuatorModel,
+    sensors: Sequence[str],
+    biases: Sequence[str],
+    noise: FilterNoise,
+    memory: SampleMemory | None = None,
 ) -> tuple[Output, ...]:
     """One output a sensor; a bias is the state at its place in ``biases``, after those of the model."""
     moving = model.order
@@ -34,15 +40,13 @@ def outputs_of(
                 f"Give [sensors.{name}] its noise in the actuator file, or take it from a record: femfit observe."
             )
         bias = moving + list(biases).index(name) if name in biases else None
-        output = Output(
-            name,
-            reading.unit,
-            partial(_read, model, sensor, moving, bias),
-            white**2,
-            _slope(model, sensor, bias),
-            float_reading(model, sensor, bias),
-        )
-        found.append(output)
+        period = 1 if reading.sample_time_s is None else max(1, round(reading.sample_time_s / model.sample_time_s))
+        measure, slope = partial(_read, model, sensor, moving, bias), _slope(model, sensor, bias)
+        columns, kept = float_reading(model, sensor, bias), None if memory is None else memory.of(name)
+        if memory is not None and kept is not None:
+            measure, slope = partial(_read_kept, memory, kept, bias), partial(_kept_slope, memory, kept, bias)
+            columns = None
+        found.append(Output(name, reading.unit, measure, white**2, slope, columns, period))
     return tuple(found)
 
 
@@ -54,16 +58,9 @@ def bias_names(model: ActuatorModel, biases: Sequence[str]) -> tuple[str, ...]:
 
 def bias_deviations(model: ActuatorModel, biases: Sequence[str]) -> tuple[list[float], list[float]]:
     """First standard deviations of biases, and their random walks over sqrt(s)."""
-    spans = [0.0 if name == HALL else _span(model, sensor_named(model, name)) for name in biases]
+    spans = [0.0 if name == HALL else readings_span(model, sensor_named(model, name)) for name in biases]
     first = [BIAS_DEVIATION_V if name == HALL else BIAS_SHARE * span for name, span in zip(biases, spans, strict=True)]
     return first, [BIAS_SHARE_PER_ROOT_S * span for span in spans]
-
-
-def _span(model: ActuatorModel, sensor: AnySensor) -> float:
-    d, i = model.validity.grid(9, 3 if len(model.circuits) > 1 else 9)
-    states = np.zeros((d.size, model.order))
-    states[:, 0], states[:, 2 : 2 + len(model.circuits)] = d, i.reshape(d.size, -1)[:, : len(model.circuits)]
-    return float(np.ptp(predict_sensor(model, sensor, states)))
 
 
 def _read(model: ActuatorModel, sensor: AnySensor, moving: int, bias: int | None, states: FloatArray) -> FloatArray:
@@ -71,11 +68,27 @@ def _read(model: ActuatorModel, sensor: AnySensor, moving: int, bias: int | None
     return value if bias is None else value + states[:, bias]
 
 
+def _read_kept(memory: SampleMemory, kept: Kept, bias: int | None, states: FloatArray) -> FloatArray:
+    before = states[:, kept.first : kept.first + kept.count] @ kept.weights[1:]
+    value = before + kept.weights[0] * memory.values(kept, states) if kept.weights[0] else before
+    return value if bias is None else value + states[:, bias]
+
+
+def _kept_slope(memory: SampleMemory, kept: Kept, bias: int | None, states: FloatArray) -> FloatArray:
+    result = np.zeros_like(states)
+    if kept.weights[0]:
+        result[:, : memory.base] = kept.weights[0] * memory.slope(kept, states)
+    result[:, kept.first : kept.first + kept.count] = kept.weights[1:]
+    if bias is not None:
+        result[:, bias] = 1.0
+    return result
+
+
 def _slope(model: ActuatorModel, sensor: AnySensor, bias: int | None) -> partial[FloatArray] | None:
     """The analytic Jacobian where there is one."""
     late = model.memory_names or (model.dynamics is not None and model.dynamics.late)
     if isinstance(sensor, HallSensor):
-        return None if late else partial(_hall_slope, sensor, bias)
+        return None if late else partial(_hall_slope, model, sensor, bias)
     if not records_as_it_is(model):
         return None
     if isinstance(sensor, CurrentSensor):
@@ -83,11 +96,11 @@ def _slope(model: ActuatorModel, sensor: AnySensor, bias: int | None) -> partial
     return partial(_position_slope, sensor, bias) if isinstance(sensor, PositionSensor) else None
 
 
-def _hall_slope(sensor: HallSensor, bias: int | None, states: FloatArray) -> FloatArray:
-    _, in_distance, in_current = sensor.field.derivatives(states[:, 0], states[:, 2])
-    result = np.zeros_like(states)
+def _hall_slope(model: ActuatorModel, sensor: HallSensor, bias: int | None, states: FloatArray) -> FloatArray:
+    _, in_distance, in_currents = sensor.field.derivatives(states[:, 0], model.currents_of(states))
+    result, n = np.zeros_like(states), len(model.circuits)
     result[:, 0] = sensor.sensitivity_V_per_T * in_distance
-    result[:, 2] = sensor.sensitivity_V_per_T * in_current
+    result[:, 2 : 2 + n] = sensor.sensitivity_V_per_T * in_currents.reshape(len(states), -1)[:, :n]
     if bias is not None:
         result[:, bias] = 1.0
     return result
@@ -103,8 +116,7 @@ def _current_slope(sensor: CurrentSensor, at: int, bias: int | None, states: Flo
 
 def _position_slope(sensor: PositionSensor, bias: int | None, states: FloatArray) -> FloatArray:
     result = np.zeros_like(states)
-    slope = piece_slope(sensor, states[:, 0] - sensor.delay_s * states[:, 1])
-    result[:, 0], result[:, 1] = slope, -sensor.delay_s * slope
+    result[:, 0] = piece_slope(sensor, states[:, 0])
     if bias is not None:
         result[:, bias] = 1.0
     return result

@@ -1,8 +1,8 @@
 """What a filter is told of the world: x+ = f(x, u) + w, z_k = h_k(x) + n_k, with cov w = Q and var n_k = R_k."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from math import isfinite
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.differences import central_differences
 from femfit.core.errors import FilterError
+from femfit.filters.memory import SampleMemory
 
 Transition = Callable[[FloatArray, FloatArray], FloatArray]
 Measure = Callable[[FloatArray], FloatArray]
@@ -26,6 +27,7 @@ class Output:
     variance: float
     jacobian: Measure | None = None
     columns: Callable[[Columns], list[float]] | None = None
+    period: int = 1  # Samples from one reading to the next; those between are missing
 
     def look(self, columns: Columns) -> list[float]:
         """The reading of a handful of states, given as one list a state."""
@@ -61,14 +63,29 @@ class FilterProcess:
     sensor: str = "hall"
     unit: str = "V"
     further: tuple[Output, ...] = ()
+    period: int = 1  # Samples from one reading of ``measure`` to the next
+    memory: SampleMemory | None = None  # States after the others that are values of earlier samples
     inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
 
     @cached_property
     def outputs(self) -> tuple[Output, ...]:
         """All sensors, in the order of a measurement's entries."""
         slope = self.measurement_jacobian
-        own = Output(self.sensor, self.unit, self.measure, self.measurement_variance, slope, self.measure_columns)
+        own = Output(
+            self.sensor, self.unit, self.measure, self.measurement_variance, slope, self.measure_columns, self.period
+        )
         return own, *self.further
+
+    def predicting(self, transition: Transition, jacobian: Transition | None = None) -> "FilterProcess":
+        """The same process with another transition of all states but those that are remembered, by arrays."""
+        if self.memory is None:
+            return replace(self, transition=transition, transition_jacobian=jacobian, transition_columns=None)
+        return replace(
+            self,
+            transition=partial(_remembering, self.memory, transition),
+            transition_jacobian=None if jacobian is None else partial(_remembering_slope, self.memory, jacobian),
+            transition_columns=None,
+        )
 
     def plausible(self, states: FloatArray) -> BoolArray:
         """Which states of shape (N, n) the model can still say something about; NaN is not."""
@@ -142,3 +159,13 @@ class FilterProcess:
             return output.jacobian(states)
         measure = output.measure
         return central_differences(lambda points: measure(points)[:, None], states, self._deviations)[:, 0, :]
+
+
+def _remembering(memory: SampleMemory, transition: Transition, states: FloatArray, inputs: FloatArray) -> FloatArray:
+    return memory.moved(transition(states[:, : memory.base], inputs), states)
+
+
+def _remembering_slope(
+    memory: SampleMemory, jacobian: Transition, states: FloatArray, inputs: FloatArray
+) -> FloatArray:
+    return memory.jacobian(jacobian(states[:, : memory.base], inputs), states)

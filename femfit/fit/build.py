@@ -29,6 +29,7 @@ from femfit.fit.model_parts import (
     sample_time,
 )
 from femfit.fit.network_fit import NetworkFit, better_network, fit_network
+from femfit.fit.pickup import fit_pickups
 from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
@@ -133,7 +134,7 @@ def fit_model(
     one_current = len(rows.currents) < 2 and not rows.without_current
     hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
     circuits, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
-    others, not_held = other_sensors_of(entry)
+    others, not_held = other_sensors_of(entry, fit_pickups(table))
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
         magnetics=_magnetics_of(law_fit, network, coenergy, rows, inductance_H),

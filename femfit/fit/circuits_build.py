@@ -9,16 +9,27 @@ import pandas as pd
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import TableError
+from femfit.core.errors import FitError, TableError
 from femfit.core.sweep_columns import flux_columns
 from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_fit import fit_circuits
 from femfit.fit.constants import COARSE
 from femfit.fit.misfit import as_written, import_notes
-from femfit.fit.model_parts import circuits_of, kind_of, mechanics_of, number, other_sensors_of, sample_time
+from femfit.fit.model_parts import (
+    circuits_of,
+    hall_sensor_of,
+    kind_of,
+    mechanics_of,
+    number,
+    other_sensors_of,
+    sample_time,
+)
+from femfit.fit.pickup import fit_pickups
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rms
+from femfit.fit.sensed_field import SensedRows, fit_sensed
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.hall_sensor import HallSensor
 from femfit.model.misfit import Misfit
 from femfit.model.validity import ValidityBox
 from femfit.tables.sweep_table import SweepTable, current_names
@@ -42,16 +53,10 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     if motion is None:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
-    others, not_held = other_sensors_of(entry)
+    others, not_held = other_sensors_of(entry, fit_pickups(table))
     notes = (*notes, *not_held)
-    if entry.get("hall"):
-        notes = (
-            *notes,
-            (
-                "The Hall element is not in the model: its field is fitted for one current alone. Read the distance "
-                "by another sensor, or connect the coils as one circuit."
-            ),
-        )
+    hall, said = _hall(table, entry, rows)
+    notes = (*notes, *said)
     if fit.force_share > COARSE:
         notes = (
             *notes,
@@ -66,13 +71,14 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
         validity=ValidityBox(float(rows.distances[0]), float(rows.distances[-1]), *first, tuple(further)),
         circuits=circuits,
         motion=motion,
+        sensor=hall,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         kind=kind_of(entry),
         other_sensors=others,
     )
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
     model = replace(model, sample_time_s=period)
-    model = replace(model, misfit=misfit_of_circuits(as_written(model), rows))
+    model = replace(model, misfit=misfit_of_circuits(as_written(model), rows, _hall_values(table)))
     first_rows = FitRows(
         rows.distance, rows.currents[:, 0], rows.force, rows.flux_linkage[:, 0], None, rows.force_error, None
     )
@@ -108,6 +114,25 @@ def circuit_rows(table: SweepTable) -> CircuitRows:
     )
 
 
+def _hall(table: SweepTable, entry: Mapping[str, Any], rows: CircuitRows) -> tuple[HallSensor | None, tuple[str, ...]]:
+    """The Hall element with the field of all currents, and what is said of one that is not in the model."""
+    values = _hall_values(table)
+    if not entry.get("hall"):
+        return None, ()
+    if values is None:
+        return None, ("The Hall element is not in the model: the table has no hall_T. Sweep the drawing again.",)
+    try:
+        found = fit_sensed(SensedRows(rows.distance, rows.currents, values), "The field at the Hall element")
+    except FitError as error:
+        return None, (f"The Hall element is not in the model: {error}",)
+    return hall_sensor_of(entry["hall"], found.field), ()
+
+
+def _hall_values(table: SweepTable) -> FloatArray | None:
+    rows = table.valid_rows()
+    return _numbers(rows, ["hall_T"])[:, 0] if "hall_T" in rows else None
+
+
 def _numbers(rows: pd.DataFrame, columns: list[str]) -> FloatArray:
     try:
         values = rows[columns].to_numpy(dtype=np.float64)
@@ -120,8 +145,8 @@ def _numbers(rows: pd.DataFrame, columns: list[str]) -> FloatArray:
     return values
 
 
-def misfit_of_circuits(model: ActuatorModel, rows: CircuitRows) -> Misfit:
-    """Model minus table, of the force and of all flux linkages together."""
+def misfit_of_circuits(model: ActuatorModel, rows: CircuitRows, hall: FloatArray | None = None) -> Misfit:
+    """Model minus table, of the force, of all flux linkages together and of the field in T at a Hall element."""
     force = model.magnetics.force(rows.distance, rows.currents) - rows.force
     missed = model.magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
     scale = np.maximum(np.abs(rows.force), 0.01 * float(np.max(np.abs(rows.force))))
@@ -131,9 +156,13 @@ def misfit_of_circuits(model: ActuatorModel, rows: CircuitRows) -> Misfit:
         force_rms_relative=rms(force / scale),
         force_rms_of_weight=None,
         flux_linkage_rms_Wb=rms(missed),
-        hall_rms_T=None,
+        hall_rms_T=None if hall is None or model.sensor is None else _hall_rms(model.sensor, rows, hall),
         rows=len(force),
         against="sweep",
         force_share=rms(force) / rms(rows.force),
         flux_linkage_share=rows.worst_flux_share(missed),
     )
+
+
+def _hall_rms(sensor: HallSensor, rows: CircuitRows, hall: FloatArray) -> float:
+    return rms(sensor.field.field(rows.distance, rows.currents) - hall)

@@ -49,6 +49,9 @@ STORED = 1e-9
 U_DEGREE = 4
 """Assumed: degree of the splines in u = d_0 / (d + s): the force, a derivative, has continuous curvature."""
 
+CURRENT_DEGREE = 3
+"""Conventional: of the splines along a current that a field at a sensor takes where iron saturates."""
+
 HELD_OUT_TARGET, HALL_TARGET = 5e-5, 2e-5
 """Assumed: the smallest basis whose held-out error is below this part is taken, which is below a good sweep's own; the
 same of the Hall field's range: far from the magnet, where the field is a twentieth of its range, a thousandth of it is

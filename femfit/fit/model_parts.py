@@ -13,14 +13,17 @@ from femfit.core.errors import TableError, UsageError
 from femfit.device.circuit import Circuit
 from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics
-from femfit.device.sensors import AnySensor, HallElement, PickupCoil
+from femfit.device.sensors import AnySensor, HallElement, PickupCoil, Sensor
 from femfit.device.summary import circuit_of_this_version, sweep_manifest_entry
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.hall import HallField
 from femfit.model.hall_sensor import HallSensor
-from femfit.model.sensors import OtherSensor
+from femfit.model.other_sensor import OtherSensor
+from femfit.model.pickup import PickupSensor
+from femfit.model.sensed_field import SensedField
 
 Part = TypeVar("Part")
 
@@ -61,10 +64,19 @@ def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, i
             how = "draw [sensors.NAME] in the actuator file; one of kind hall needs hall_T in the table as well."
             notes = (*notes, f"No sensor in the model: {how}")
         return circuits, motion, None, notes
-    names = [f.name for f in fields(HallSensor) if f.name not in {"field", "adc_bits"}]
-    values = {name: number(element, name) for name in names}
-    sensor = HallSensor(field=hall.field, adc_bits=int(number(element, "adc_bits")), **values)
-    return circuits, motion, sensor, notes
+    return circuits, motion, hall_sensor_of(element, hall.field), notes
+
+
+def hall_sensor_of(element: Mapping[str, Any], field: HallField) -> HallSensor:
+    """The Hall element of a manifest's record with the field that the sweep holds."""
+    names = ("sensitivity_V_per_T", "quiescent_V", "output_min_V", "output_max_V", "noise_V")
+    return HallSensor(
+        field=field,
+        **{name: number(element, name) for name in names},
+        adc_bits=int(number(element, "adc_bits")),
+        delay_s=number(element, "delay_s") if element.get("delay_s") else 0.0,
+        sample_time_s=number(element, "sample_time_s") if element.get("sample_time_s") else None,
+    )
 
 
 def circuit_and_motion(
@@ -116,17 +128,27 @@ def _circuit(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Circuit:
     return _recorded(Circuit, "circuit", circuit_of_this_version(record, entry.get("supply_V")))
 
 
-def other_sensors_of(entry: Mapping[str, Any]) -> tuple[tuple[OtherSensor, ...], tuple[str, ...]]:
-    """Sensors beside the Hall element of a manifest's actuator entry, and why some of them are not in the model."""
+def other_sensors_of(
+    entry: Mapping[str, Any], linked: Mapping[str, SensedField | str]
+) -> tuple[tuple[OtherSensor, ...], tuple[str, ...]]:
+    """Sensors beside the Hall element of a manifest's actuator entry, and why some of them are not in the model.
+
+    Parameters
+    ----------
+    linked : mapping of str to SensedField or str
+        Flux linkage of each pickup coil that the sweep holds, or why it has none.
+    """
     kept: list[OtherSensor] = []
     notes, halls = [], 0
     for record in entry.get("sensors") or ():
         sensor: AnySensor = _recorded(_OneSensor, "sensor", {"sensor": record}).sensor
         if isinstance(sensor, PickupCoil):
-            notes.append(
-                f"Pickup coil {sensor.name!r} is not in the model: the sweep holds no flux linkage of it. Read the "
-                "winding's own current and voltage instead, or a position sensor."
-            )
+            flux = linked.get(sensor.name, "the sweep holds no flux linkage of it. Sweep the drawing again.")
+            if isinstance(flux, str):
+                notes.append(f"Pickup coil {sensor.name!r} is not in the model: {flux}")
+            else:
+                shared = {f.name: getattr(sensor, f.name) for f in fields(Sensor)}
+                kept.append(PickupSensor(**shared, flux=flux))
         elif isinstance(sensor, HallElement):
             halls += 1
             if halls > 1:

@@ -15,7 +15,6 @@ from femfit.core.printed import Printed
 from femfit.core.sweep_columns import circuit_currents
 from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
-from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
@@ -24,6 +23,7 @@ from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import Magnetics
 from femfit.model.misfit import Misfit
 from femfit.model.model_text import model_lines
+from femfit.model.other_sensor import OtherSensor
 from femfit.model.process_noise import ProcessNoise
 from femfit.model.validity import ValidityBox
 
@@ -94,7 +94,7 @@ class ActuatorModel(Printed):
     coil_temperature_C: float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
     kind: ActuatorKind | None = None
-    other_sensors: tuple[CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor, ...] = ()
+    other_sensors: tuple[OtherSensor, ...] = ()
     process_noise: ProcessNoise | None = None
     provenance: Mapping[str, Any] = limited(default_factory=dict)
 

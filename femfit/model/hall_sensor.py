@@ -20,6 +20,8 @@ class HallSensor:
     output_max_V: float = limited(metadata={"not_below": "output_min_V"})
     adc_bits: int = limited(metadata={"within": (0, 64)})
     noise_V: float = limited(default=0.0, metadata={"lower": 0.0})
+    delay_s: float = limited(default=0.0, metadata={"lower": 0.0, "absent": 0.0})
+    sample_time_s: float | None = None  # None: the controller's
 
     @property
     def quantisation_step(self) -> float:

@@ -24,23 +24,25 @@ from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_tensor import CoenergyTensor
-from femfit.model.hall import HallSpline
+from femfit.model.hall import HallField, HallSpline
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.json_magnetics import (
     NETWORK_KIND,
     magnetics_from,
     matrix_to,
-    spline_from,
     spline_to,
     tensor_to,
 )
 from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
 from femfit.model.json_section import Section
+from femfit.model.json_sensed import hall_field_from, sensed_to
 from femfit.model.json_sensors import sensors_from
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.misfit import Misfit
 from femfit.model.network_magnetics import NetworkMagnetics
+from femfit.model.pickup import PickupSensor
 from femfit.model.process_noise import ProcessNoise
+from femfit.model.sensed_field import SensedField
 from femfit.model.several_magnetics import SeveralMagnetics
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import with_effects
@@ -131,7 +133,7 @@ _WORKED_OUT = {"base", "dynamics", "conditions"}
 
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data."""
-    written = CoenergySpline | SeveralMagnetics | LawMagnetics | NetworkMagnetics | HallSpline | None
+    written = CoenergySpline | SeveralMagnetics | LawMagnetics | NetworkMagnetics | HallSpline | SensedField | None
     for held in (model.without_effects.magnetics, getattr(model.without_effects.sensor, "field", None)):
         if not isinstance(held, written):
             raise ModelFileError(
@@ -166,9 +168,11 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
         return kind | spline_to(value.coordinate, value.spline)
     if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
         return {name: _plain(one) for name, one in unusual(value).items()}
-    if isinstance(value, CoenergyMatrix | CoenergyTensor):
-        return matrix_to(value) if isinstance(value, CoenergyMatrix) else tensor_to(value)
+    if isinstance(value, CoenergyMatrix | CoenergyTensor | SensedField):
+        return _spline_record(value)
     data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, HallSensor):  # as files were before it could be late or slow
+        data = {key: one for key, one in data.items() if one or key not in {"delay_s", "sample_time_s"}}
     if isinstance(value, NetworkMagnetics):
         data = {"kind": NETWORK_KIND, **data}
     if isinstance(value, LawMagnetics):
@@ -176,6 +180,12 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
     if isinstance(value, Coefficient):
         data["bounds"] = [bound if math.isfinite(bound) else None for bound in value.bounds]
     return data
+
+
+def _spline_record(value: CoenergyMatrix | CoenergyTensor | SensedField) -> dict[str, Any]:
+    if isinstance(value, SensedField):
+        return sensed_to(value)
+    return matrix_to(value) if isinstance(value, CoenergyMatrix) else tensor_to(value)
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:
@@ -211,7 +221,7 @@ def _build(top: Section) -> ActuatorModel:
         validity=_validity_from(top.section("validity")),
         circuits=tuple(_circuit_from(one) for one in top.sections("circuits")) if top.data.get("circuits") else (),
         motion=mechanics_from(motion) if motion else None,
-        sensor=sensor.record(HallSensor, field=HallSpline(*spline_from(sensor.section("field")))) if sensor else None,
+        sensor=sensor.record(HallSensor, field=hall_field_from(sensor.section("field"))) if sensor else None,
         misfit=misfit.record(Misfit) if misfit else None,
         sample_time_s=top.number("sample_time_s", positive=True),
         reference_distances_m=tuple(top.array("reference_distances_m", 1).tolist()),
@@ -269,7 +279,9 @@ def _check_values(model: ActuatorModel, source: str) -> None:
             f"{source} is damaged: validity must span distances and currents in ascending order; instead received "
             f"{domain}. Write it again with femfit fit."
         )
-    for name, held in (("magnetics", model.without_effects.magnetics), ("field", getattr(model.sensor, "field", None))):
+    sensed: list[tuple[str, HallField]] = [(s.name, s.flux) for s in model.other_sensors if isinstance(s, PickupSensor)]
+    sensed += [("field", model.sensor.field)] if model.sensor is not None else []
+    for name, held in (("magnetics", model.without_effects.magnetics), *sensed):
         coordinate = getattr(held, "coordinate", None)
         if coordinate is not None and not coordinate.finite_between(domain.distance_min_m, domain.distance_max_m):
             raise ModelFileError(

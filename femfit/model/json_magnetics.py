@@ -100,7 +100,7 @@ def matrix_to(matrix: CoenergyMatrix) -> dict[str, Any]:
     return {
         "kind": MATRIX_KIND,
         "circuits": list(matrix.names),
-        **_coordinate_to(matrix.coordinate),
+        **coordinate_to(matrix.coordinate),
         "u_knots": matrix.u_knots.tolist(),
         "u_degree": matrix.u_degree,
         "coefficients": matrix.coefficients.tolist(),
@@ -111,14 +111,14 @@ def _matrix_from(section: Section) -> CoenergyMatrix:
     place = ("coordinate", "reference_distance_m", "distance_shift_m")
     section.refuse_others(("kind", "circuits", *place, "u_knots", "u_degree", "coefficients"))
     names = _circuits_from(section)
-    knots, degree = _knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
+    knots, degree = knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
     needed = (len(knots) - degree - 1, (len(names) + 1) * (len(names) + 2) // 2)
     coefficients = section.array("coefficients", 2)
     if coefficients.shape != needed:
         raise section.refusal(
             "coefficients", f"{needed[0]} lists of {needed[1]} numbers, as knots and circuits ask for"
         )
-    return CoenergyMatrix(names, _coordinate_from(section), knots, degree, coefficients)
+    return CoenergyMatrix(names, coordinate_from(section), knots, degree, coefficients)
 
 
 def _circuits_from(section: Section) -> tuple[str, ...]:
@@ -128,7 +128,8 @@ def _circuits_from(section: Section) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _knots_from(section: Section, key: str, degree: int) -> tuple[FloatArray, int]:
+def knots_from(section: Section, key: str, degree: int) -> tuple[FloatArray, int]:
+    """Clamped knots, and their degree."""
     knots = section.array(key, 1)
     if not is_clamped(knots, degree):
         raise section.refusal(key, f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
@@ -140,7 +141,7 @@ def tensor_to(tensor: CoenergyTensor) -> dict[str, Any]:
     along = zip(tensor.names, tensor.current_knots_A, tensor.current_degrees, strict=True)
     return {
         "kind": TENSOR_KIND,
-        **_coordinate_to(tensor.coordinate),
+        **coordinate_to(tensor.coordinate),
         "u_knots": tensor.u_knots.tolist(),
         "u_degree": tensor.u_degree,
         "circuits": [{"name": name, "knots_A": knots.tolist(), "degree": degree} for name, knots, degree in along],
@@ -156,15 +157,15 @@ def _tensor_from(section: Section) -> CoenergyTensor:
         one.refuse_others(("name", "knots_A", "degree"))
     if len(along) < 2:
         raise section.refusal("circuits", "a list of two or more, each with name, knots_A and degree")
-    knots, degree = _knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
-    each = [_knots_from(one, "knots_A", one.integer("degree", 2, 9)) for one in along]
+    knots, degree = knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
+    each = [knots_from(one, "knots_A", one.integer("degree", 2, 9)) for one in along]
     needed = tuple(len(inner) - power - 1 for inner, power in ((knots, degree), *each))
     coefficients = section.array("coefficients", len(needed))
     if coefficients.shape != needed:
         raise section.refusal("coefficients", f"nested lists of {needed} numbers, as the knots ask for")
     return CoenergyTensor(
         tuple(one.text("name") for one in along),
-        _coordinate_from(section),
+        coordinate_from(section),
         knots,
         degree,
         tuple(inner for inner, _ in each),
@@ -173,7 +174,8 @@ def _tensor_from(section: Section) -> CoenergyTensor:
     )
 
 
-def _coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:
+def coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:
+    """The coordinate of the distance as JSON-ready data."""
     return {
         "coordinate": INVERSE if coordinate.inverse else PLAIN,
         "reference_distance_m": coordinate.reference_distance_m,
@@ -184,7 +186,7 @@ def _coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:
 def spline_to(coordinate: DistanceCoordinate, spline: TensorSpline) -> dict[str, Any]:
     """Coordinate, knots and coefficients of a co-energy or a Hall field as JSON-ready data."""
     return {
-        **_coordinate_to(coordinate),
+        **coordinate_to(coordinate),
         "u_knots": spline.x_knots.tolist(),
         "current_knots_A": spline.y_knots.tolist(),
         "u_degree": spline.x_degree,
@@ -212,10 +214,10 @@ def spline_from(section: Section) -> tuple[DistanceCoordinate, TensorSpline]:
     needed = (len(spline.x_knots) - spline.x_degree - 1, len(spline.y_knots) - spline.y_degree - 1)
     if spline.coefficients.shape != needed:
         raise section.refusal("coefficients", f"{needed[0]} lists of {needed[1]} numbers, as the knots ask for")
-    return _coordinate_from(section), spline
+    return coordinate_from(section), spline
 
 
-def _coordinate_from(section: Section) -> DistanceCoordinate:
+def coordinate_from(section: Section) -> DistanceCoordinate:
     """The coordinate; an inverse distance in files of schema 1, which do not name it."""
     kind = section.text("coordinate") if "coordinate" in section.data else INVERSE
     if kind not in {INVERSE, PLAIN}:

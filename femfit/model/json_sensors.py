@@ -6,10 +6,14 @@ from typing import Any
 
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.model.json_section import Section
+from femfit.model.json_sensed import sensed_from
+from femfit.model.other_sensor import OtherSensor
+from femfit.model.pickup import PickupSensor
 
-KINDS: dict[str, type[CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor]] = {
+KINDS: dict[str, type[OtherSensor]] = {
     "current": CurrentSensor,
     "position": PositionSensor,
+    "pickup_coil": PickupSensor,
     "acceleration": AccelerationSensor,
     "force": ForceSensor,
 }
@@ -17,7 +21,7 @@ KINDS: dict[str, type[CurrentSensor | PositionSensor | AccelerationSensor | Forc
 
 def sensors_from(
     sections: tuple[Section, ...],
-) -> tuple[CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor, ...]:
+) -> tuple[OtherSensor, ...]:
     """Sensors of every kind but Hall elements, whose names differ."""
     found = tuple(_sensor_from(section) for section in sections)
     names = [sensor.name for sensor in found]
@@ -27,7 +31,7 @@ def sensors_from(
     return found
 
 
-def _sensor_from(section: Section) -> CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor:
+def _sensor_from(section: Section) -> OtherSensor:
     kind = section.text("kind")
     if kind not in KINDS:
         raise section.refusal("kind", f"one of {', '.join(KINDS)}")
@@ -55,4 +59,6 @@ def _sensor_from(section: Section) -> CurrentSensor | PositionSensor | Accelerat
             raise section.refusal("readings", "as many as distances_m, rising or falling throughout as those ascend")
         unit = section.text("unit")
         return PositionSensor(**common, distances_m=tuple(at.tolist()), readings=tuple(read.tolist()), unit=unit)
+    if kind == "pickup_coil":
+        return PickupSensor(**common, flux=sensed_from(section.section("flux")))
     return (AccelerationSensor if kind == "acceleration" else ForceSensor)(**common)

@@ -1,10 +1,9 @@
 """What the sensors of a model read in a state, beside the Hall element's voltage: one prediction for all of them.
 
 A position sensor reads its characteristic of the distance, a current sensor gain i + offset, an acceleration sensor
-d'' (zero at rest, gravity's share being taken off), and a force sensor the magnetic force; distance, current and force
-are those that the effects of the model have recorded. A reading that is
-late by tau belongs to the distance d - tau v. What current and velocity change within the delay is left out: it is of
-second order in the distance, and a current sensor's delay is better undone in the record.
+d'' (zero at rest, gravity's share being taken off), a force sensor the magnetic force, and a pickup coil the voltage
+that its flux linkage induces; distance, current and force are those that the effects of the model have recorded. Delays
+are the samples' affair: see :mod:`femfit.model.sampling`.
 """
 
 from collections.abc import Sequence
@@ -16,14 +15,13 @@ import numpy as np
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import MissingPartError
 from femfit.core.sweep_columns import circuit_currents
-from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.device.sensors import CurrentSensor, ForceSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import hall_voltage, state_derivative
 from femfit.model.hall_sensor import HallSensor
+from femfit.model.other_sensor import OtherSensor
+from femfit.model.pickup import PickupSensor
 from femfit.model.recorded import recorded_force, recorded_state
-
-OtherSensor: TypeAlias = CurrentSensor | PositionSensor | AccelerationSensor | ForceSensor
-"""A sensor that reads the state of a model without a field of its own."""
 
 AnySensor: TypeAlias = HallSensor | OtherSensor
 
@@ -104,10 +102,12 @@ def reading_of(model: ActuatorModel, name: str) -> Reading:
     sensor = sensor_named(model, name)
     if isinstance(sensor, HallSensor):
         ends = sensor.output_min_V, sensor.output_max_V
-        return Reading(name, "V", "hall_V", sensor.noise_V, *ends, sensor.adc_bits)
+        return Reading(
+            name, "V", "hall_V", sensor.noise_V, *ends, sensor.adc_bits, sensor.delay_s, sensor.sample_time_s
+        )
     low = -np.inf if sensor.minimum is None else sensor.minimum
     high = np.inf if sensor.maximum is None else sensor.maximum
-    units = {"current": "A", "acceleration": "m/s^2", "force": "N"}
+    units = {"current": "A", "acceleration": "m/s^2", "force": "N", "pickup_coil": "V"}
     unit = sensor.unit if isinstance(sensor, PositionSensor) else units[sensor.kind]
     of_circuit = circuit_currents(model.circuit_names)
     current = of_circuit[current_index(model, sensor) - 2] if isinstance(sensor, CurrentSensor) else None
@@ -141,23 +141,34 @@ def predict_sensors(
 
 
 def predict_sensor(
-    model: ActuatorModel, sensor: AnySensor, state: FloatArray, time: FloatArray | float = 0.0
+    model: ActuatorModel,
+    sensor: AnySensor,
+    state: FloatArray,
+    time: FloatArray | float = 0.0,
+    voltage: FloatArray | None = None,
 ) -> FloatArray:
-    """Reading of one sensor, of shape (...); arguments as of :func:`predict_sensors`."""
+    """Reading of one sensor at an instant, of shape (...), without its delay; arguments as of :func:`predict_sensors`.
+
+    Parameters
+    ----------
+    voltage : array or None
+        Across the circuits, as of :func:`femfit.model.dynamics.state_derivative`; it reaches pickup coils alone. What
+        holds the currents where None.
+    """
     if isinstance(sensor, HallSensor):
         return hall_voltage(model, state, time)
     if isinstance(sensor, CurrentSensor):
         seen = recorded_state(model, state, time)
         return np.asarray(sensor.gain * seen[..., current_index(model, sensor)] + sensor.offset)
-    if sensor.delay_s:
-        state = state.copy()
-        state[..., 0] -= sensor.delay_s * state[..., 1]
     if isinstance(sensor, PositionSensor):
         return characteristic(sensor, recorded_state(model, state, time)[..., 0])
     if isinstance(sensor, ForceSensor):
         return recorded_force(model, state, time)
-    volts = np.zeros(() if len(model.circuits) == 1 else (len(model.circuits),))
-    rates = state_derivative(model, state, volts)  # the voltage does not reach the acceleration
+    currents, n = model.currents_of(state), len(model.circuits)
+    ohms = model.resistances_ohm if n > 1 else model.resistances_ohm.sum()
+    rates = state_derivative(model, state, ohms * currents if voltage is None else voltage)
+    if isinstance(sensor, PickupSensor):
+        return sensor.voltage(state[..., 0], currents, state[..., 1], model.currents_of(rates))
     motion, found = model.require_motion(), rates[..., 1]
     if motion.near_stop is not None:  # which carries what presses the body to it
         found = np.where(state[..., 0] <= motion.near_stop.distance_m, np.maximum(found, 0.0), found)

@@ -25,7 +25,8 @@ from femfit.filters.fine_steps import in_fine_steps
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.model.sensors import predict_sensors
+from femfit.model.sampling import sampled_readings
+from femfit.model.sensors import sensor_named
 from femfit.open_loop.command import commanded
 from femfit.open_loop.profile import Profile
 from femfit.open_loop.result import OpenLoop
@@ -218,7 +219,8 @@ def _errors(
     first = np.linalg.cholesky(process.require_start_covariance())
     start = states[0] + generator.standard_normal((runs, process.order)) @ first.T
     start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
-    exact = predict_sensors(model, states[:, : model.order], names)
+    moved = states[:, : model.order]
+    exact = np.stack([sampled_readings(model, sensor_named(model, name), moved) for name in names], axis=1)
     deviation = np.sqrt([output.variance for output in process.outputs])
     state = built.start(start)
     rms, claimed = np.empty(len(states)), np.empty(len(states))

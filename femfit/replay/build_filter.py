@@ -73,8 +73,7 @@ def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:
     transition = partial(_stay, replace(model, motion=still), substeps(model))
     covariance = process.process_covariance.copy()
     covariance[:2, :2] = np.diag(np.square(prepared.resting))
-    resting = replace(process, transition=transition, transition_jacobian=None, process_covariance=covariance)
-    return replace(built, process=resting)
+    return replace(built, process=replace(process.predicting(transition), process_covariance=covariance))
 
 
 def _stay(model: ActuatorModel, count: int, states: FloatArray, voltage: FloatArray) -> FloatArray:

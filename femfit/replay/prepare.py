@@ -15,13 +15,15 @@ from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.noise import operating_distance
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.other_sensor import OtherSensor
 from femfit.model.recorded import true_setting_of
-from femfit.model.sensors import OtherSensor, Reading, reading_of, sensor_named, sensors_of
+from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
 from femfit.records.constants import BLOCK, STILL
 from femfit.records.noise import converter_step, white_noise
 from femfit.records.rests import Rests, find_rests
 from femfit.records.supply import given_voltage
 from femfit.replay.constants import STANDS_STILL
+from femfit.replay.repeats import without_repeats
 from femfit.replay.run_filter import Log
 from femfit.tables.measurement import TimeSeries
 
@@ -79,7 +81,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     volts = np.stack([one.voltage_V for one in given], axis=1) if given else np.zeros((len(time), 0))
     inputs, said = _inputs(volts, begins)
     findings += [*rests.findings, *(finding for one in given for finding in one.findings), *said]
-    kept = [_kept(series, reading) for reading in readings]
+    kept = [_kept(series, reading, begins, step) for reading in readings]
     noises = [_noise(series, one.values, reading) for one, reading in zip(kept, readings, strict=True)]
     findings += [finding for one in kept for finding in one.findings]
     findings += [finding for _, said in noises for finding in said]
@@ -186,10 +188,10 @@ class _Kept(NamedTuple):
     findings: list[Finding]
 
 
-def _kept(series: TimeSeries, reading: Reading) -> _Kept:
+def _kept(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: float) -> _Kept:
     """Set aside what stands at an end of the range that the drawing or the record shows."""
     name = str(reading.column)
-    column, findings = series.rows[name].to_numpy(copy=True), []
+    column, findings = without_repeats(series.rows[name].to_numpy(copy=True), begins, reading, step)
     limit = np.array(series.clipped.get(name, np.full(len(column), np.nan)))
     slack = 1e-9 * (reading.high - reading.low) if np.isfinite(reading.high - reading.low) else 0.0
     clipped = (column <= reading.low + slack) | (column >= reading.high - slack)

@@ -1,7 +1,10 @@
 """What an estimate says of every recorded channel, read by the filter or not."""
 
+import numpy as np
+
 from femfit.core.arrays import FloatArray
-from femfit.model.sensors import predict_sensor, reading_of, sensors_of
+from femfit.model.sampling import sampled_readings
+from femfit.model.sensors import reading_of, sensors_of
 from femfit.replay.prepare import Prepared
 from femfit.replay.run_filter import Replayed
 
@@ -12,5 +15,6 @@ def estimates_beside(prepared: Prepared, replayed: Replayed) -> dict[str, FloatA
     for name, sensor in sensors_of(model).items():
         column = reading_of(model, name).column
         if column in prepared.recorded and column not in estimates:
-            estimates[column] = predict_sensor(model, sensor, replayed.mean[:, : model.order])
+            stretches = np.split(replayed.mean[:, : model.order], prepared.log.begins[1:])
+            estimates[column] = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
     return estimates

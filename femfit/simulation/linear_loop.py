@@ -22,7 +22,8 @@ import numpy as np
 from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.filters.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensors import predict_sensor
+from femfit.model.pickup import PickupSensor
+from femfit.model.sampling import sampled_value
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint
@@ -87,13 +88,15 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
     unit, none = np.eye(order), np.zeros((order, order))
     delays = []
     for j, one in enumerate(sensors):
-        slope = _slope(partial(predict_sensor, model, one.sensor), rest, scale)
+        slope = _slope(partial(sampled_value, model, one.sensor), rest, scale)
         # Of p samples one is read: what is seen is (p - 1)/2 samples old on average
         late = one.delay + 0.5 * (one.period - 1)
         whole = floor(late)
         part = late - whole
         delays.append(whole)
-        if part == 0.0:
+        if isinstance(one.sensor, PickupSensor):  # the mean voltage over a sample, at whole samples
+            later[:, j], earlier[:, j] = slope / model.sample_time_s, -slope / model.sample_time_s
+        elif part == 0.0:
             later[:, j] = slope
         else:
             later[:, j] = between(none, unit, 1.0 - part, model.sample_time_s) @ slope
@@ -118,7 +121,6 @@ def exact_readings(plant: LinearPlant) -> LinearPlant:
 def linear_controller(
     model: ActuatorModel,
     point: OperatingPoint,
-    sensors: Sequence[LoopSensor],
     observer: Filter | DirectObserver | None,
     controller: Controller,
     latency: int = 0,
@@ -126,7 +128,7 @@ def linear_controller(
     """Observer and controller about a point; ``observer`` None knows the exact state."""
     n = len(point.commands)
     order = model.order
-    P, G, L = _observer(model, point, sensors, observer, order)
+    P, G, L = _observer(model, point, observer, order)
     M, E, N, D = _controller(model, point, controller, len(P))
     seen, words, inputs = len(P), len(M), L.shape[1]
     pending = n * (latency + 1)
@@ -223,7 +225,6 @@ def _differences(
 def _observer(
     model: ActuatorModel,
     point: OperatingPoint,
-    sensors: Sequence[LoopSensor],
     observer: Filter | DirectObserver | None,
     order: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -233,7 +234,7 @@ def _observer(
         return np.zeros((order, order)), np.zeros((order, n)), np.eye(order)
     if isinstance(observer, DirectObserver):
         return observer.linear(point)
-    A, B, C, R = linear_filter(model, point, sensors, observer)
+    A, B, C, R = linear_filter(model, point, observer)
     covariance = solve_riccati(A.T, C.T, observer.process.process_covariance, R)
     gain = np.asarray(np.linalg.solve(C @ covariance @ C.T + R, C @ covariance).T, dtype=np.float64)
     kept = np.eye(len(A)) - gain @ C
@@ -241,7 +242,7 @@ def _observer(
 
 
 def linear_filter(
-    model: ActuatorModel, point: OperatingPoint, sensors: Sequence[LoopSensor], observer: Filter
+    model: ActuatorModel, point: OperatingPoint, observer: Filter
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Jacobians of a filter's transition in states and commands, of its readings, and their covariance."""
     n, process = len(point.commands), observer.process
@@ -253,8 +254,8 @@ def linear_filter(
     moved = [process.transition(np.tile(rest, (n, 1)), end if n > 1 else end[:, 0]) for end in ends]
     B = ((moved[0] - moved[1]) / (2.0 * _PROBE * push)[:, None]).T
     C = np.stack([process.output_jacobian(rest[None], output)[0] for output in process.outputs])
-    # A sensor that is read at every p-th sample alone tells as much as one of p times the variance at each
-    R = np.diag([output.variance * one.period for output, one in zip(process.outputs, sensors, strict=True)])
+    # As in the bound: a sensor that is read at every p-th sample tells as much as one of p times the variance
+    R = np.diag([output.variance * output.period for output in process.outputs])
     return A, B, C, R
 
 

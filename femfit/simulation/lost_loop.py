@@ -112,7 +112,8 @@ def improved(model: ActuatorModel, better: Improved) -> ActuatorModel:
     sensors = tuple(replace(one, delay_s=better.delay * one.delay_s) for one in model.other_sensors)
     if better.unlimited_range:
         sensors = tuple(replace(one, minimum=None, maximum=None) for one in sensors)
-    model = replace(model, other_sensors=sensors)
+    hall = model.sensor and replace(model.sensor, delay_s=better.delay * model.sensor.delay_s)
+    model = replace(model, other_sensors=sensors, sensor=hall)
     if better.unlimited_range and model.sensor is not None:
         wide = 1e3 * (model.sensor.output_max_V - model.sensor.output_min_V)
         model = replace(model, sensor=replace(model.sensor, output_min_V=-wide, output_max_V=wide, adc_bits=0))

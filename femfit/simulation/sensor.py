@@ -19,9 +19,10 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
-from femfit.device.sensors import Sensor
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensors import AnySensor, Reading, predict_sensor, reading_of, sensor_named
+from femfit.model.pickup import PickupSensor
+from femfit.model.sampling import readings_span, sampled_value
+from femfit.model.sensors import AnySensor, Reading, reading_of, sensor_named
 from femfit.simulation.constants import UNKNOWN_NOISE_PART
 
 
@@ -30,7 +31,7 @@ class LoopSensor:
     """One sensor of a loop."""
 
     reading: Reading
-    sensor: AnySensor  # Without its delay, which the loop makes
+    sensor: AnySensor
     delay: float  # In samples
     period: int  # Samples from one reading to the next
 
@@ -65,8 +66,7 @@ def loop_sensors(
         sensor = sensor_named(model, name)
         reading = replace(reading_of(model, name), noise=noise[name])
         period = 1 if reading.sample_time_s is None else max(1, round(reading.sample_time_s / sample_time_s))
-        prompt = replace(sensor, delay_s=0.0) if isinstance(sensor, Sensor) else sensor
-        found.append(LoopSensor(reading, prompt, reading.delay_s / sample_time_s, period))
+        found.append(LoopSensor(reading, sensor, reading.delay_s / sample_time_s, period))
     return tuple(found)
 
 
@@ -105,10 +105,7 @@ def span_of(model: ActuatorModel, sensor: AnySensor, reading: Reading) -> float:
     """Range of a sensor, or of its readings over the validity domain where it has none, in its unit."""
     if np.isfinite(reading.high - reading.low):
         return reading.high - reading.low
-    distance, currents = model.validity.grid(9, 3)
-    states, n = np.zeros((len(distance), model.order)), len(model.circuits)
-    states[:, 0], states[:, 2 : 2 + n] = distance, currents.reshape(len(distance), -1)[:, :n]
-    return float(np.ptp(predict_sensor(model, sensor, states)))
+    return readings_span(model, sensor)
 
 
 class History:
@@ -116,7 +113,7 @@ class History:
 
     def __init__(self, sensors: Sequence[LoopSensor], first: FloatArray, sample_time_s: float) -> None:
         longest = max((sensor.delay for sensor in sensors), default=0.0)
-        self._states = deque([first], maxlen=floor(longest) + 2)
+        self._states = deque([first], maxlen=floor(longest) + 3)  # a pickup coil's reading is of two samples
         self._step = sample_time_s
 
     def add(self, state: FloatArray) -> None:
@@ -156,7 +153,13 @@ def true_readings(
     model: ActuatorModel, sensors: Sequence[LoopSensor], history: History, time: FloatArray | float = 0.0
 ) -> FloatArray:
     """What the sensors would read without noise, clipping and rounding, of shape (runs, sensors)."""
-    columns = [predict_sensor(model, one.sensor, history.before(one.delay), time) for one in sensors]
+    columns = []
+    for one in sensors:
+        value = sampled_value(model, one.sensor, history.before(one.delay), time)
+        if isinstance(one.sensor, PickupSensor):
+            before = sampled_value(model, one.sensor, history.before(one.delay + 1.0), time)
+            value = (value - before) / model.sample_time_s
+        columns.append(value)
     return np.stack(columns, axis=1)
 
 

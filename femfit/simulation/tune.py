@@ -81,7 +81,7 @@ class Bench:
         found = []
         limits = limits_of(self.model)
         for point, plant in zip(self.points, self.plants, strict=True):
-            linear = linear_controller(self.model, point, self.sensors, self.observer, controller, self.latency)
+            linear = linear_controller(self.model, point, self.observer, controller, self.latency)
             room = np.minimum(point.commands - limits[0], limits[1] - point.commands)
             found.append(margins(plant, linear, self.model.sample_time_s, room, points))
         return tuple(found)
@@ -123,7 +123,7 @@ def settled_errors(bench: Bench) -> tuple[float, float] | None:
     None where the error of the distance stays above half of what is not known before.
     """
     assert isinstance(bench.observer, Filter)  # noqa: S101  asked for by its caller
-    A, _, C, R = linear_filter(bench.model, bench.points[bench.middle], bench.sensors, bench.observer)
+    A, _, C, R = linear_filter(bench.model, bench.points[bench.middle], bench.observer)
     process = bench.observer.process
     predicted = solve_riccati(A.T, C.T, process.process_covariance, R)
     told = predicted - predicted @ C.T @ np.linalg.solve(C @ predicted @ C.T + R, C @ predicted)

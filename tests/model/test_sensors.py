@@ -27,11 +27,11 @@ def model():
 
 def test_readings_are_those_of_the_closed_forms(model):
     states = np.array([[2e-3, 0.1, 0.5], [3e-3, -0.2, 1.0]])
-    d, v, i = states.T
+    d, _, i = states.T
     read = predict_sensors(model, states)
     assert list(sensors_of(model)) == ["shunt", "laser", "gate", "mems", "cell"]
     np.testing.assert_allclose(read[:, 0], 0.99 * i, rtol=1e-12)
-    np.testing.assert_allclose(read[:, 1], d - 1e-3 * v, rtol=1e-12)  # a millisecond late
+    np.testing.assert_allclose(read[:, 1], d, rtol=1e-12)  # its delay is the samples' affair
     np.testing.assert_allclose(read[:, 2], [3.0, 2.0], rtol=1e-12)
     slope = (inductance(d + 1e-7) - inductance(d - 1e-7)) / 2e-7
     force = -0.5 * slope * i**2
@@ -68,7 +68,7 @@ def test_a_file_without_other_sensors_is_written_as_before(levitation_model):
 
 @pytest.mark.parametrize(
     ("index", "key", "value"),
-    [(0, "kind", "pickup_coil"), (0, "name", "laser"), (1, "delay_s", -1.0), (2, "readings", [1.0, 3.0, 2.0])],
+    [(0, "kind", "search_coil"), (0, "name", "laser"), (1, "delay_s", -1.0), (2, "readings", [1.0, 3.0, 2.0])],
 )
 def test_a_damaged_sensor_is_named_by_its_key(model, index, key, value):
     data = json.loads(json.dumps(model_to_dict(model)))
@@ -82,9 +82,9 @@ def test_an_unknown_sensor_is_refused_with_those_there_are(model):
         predict_sensors(model, np.zeros((1, 3)), ("hall",))
 
 
-def test_a_drawing_s_sensors_reach_the_model_and_a_pickup_coil_is_refused_with_the_reason():
+def test_a_drawing_s_sensors_reach_the_model_and_a_pickup_coil_that_was_not_swept_is_said():
     coil = PickupCoil(name="search", vertices_m=((1e-3, 0.0), (2e-3, 0.0), (2e-3, 1e-3)), turns=10.0)
-    kept, notes = other_sensors_of({"sensors": [asdict(one) for one in (*ALL, coil)]})
+    kept, notes = other_sensors_of({"sensors": [asdict(one) for one in (*ALL, coil)]}, {})
     assert kept == ALL
     assert len(notes) == 1
     assert "search" in notes[0]

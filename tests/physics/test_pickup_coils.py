@@ -1,4 +1,4 @@
-"""Windings without current against Maxwell's mutual inductance, coils in their place, and the force that they would feel."""
+"""Windings without current: Maxwell's mutual inductance, coils in their place, and the force that they would feel."""
 
 from dataclasses import replace
 

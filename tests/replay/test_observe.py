@@ -153,6 +153,30 @@ def test_a_noise_found_is_written_without_the_rounding_that_the_converter_adds()
     assert reading_of(written, "current").white == pytest.approx(4e-3)
 
 
+def test_a_slow_sensor_whose_readings_the_recorder_repeats_is_the_same_as_one_with_gaps(log):
+    model = damped()
+    slow = replace(model, other_sensors=(model.other_sensors[0], replace(model.other_sensors[1], sample_time_s=5e-4)))
+    gaps = every_fifth(log[1])
+    held = changed(gaps, distance_m=gaps.rows["distance_m"].ffill())
+    one, other = (ff.observe(slow, record, find=False).filters[0] for record in (gaps, held))
+    np.testing.assert_array_equal(other.replayed.mean, one.replayed.mean)
+    assert any(finding.code == "repeated" for finding in ff.observe(slow, held, find=False).findings)
+
+
+def test_a_late_laser_of_a_record_is_followed_where_a_prompt_one_is_not_consistent(log):
+    """The same record with a laser that is 1.5 ms late, in which the body moves on by many times its noise."""
+    truth, record = log
+    late = changed(record, distance_m=record.rows["distance_m"].shift(15, fill_value=record.rows["distance_m"][0]))
+    model, errors = damped(), []
+    for delay in (1.5e-3, 0.0):
+        laser = replace(model.other_sensors[1], delay_s=delay)
+        told = replace(model, other_sensors=(model.other_sensors[0], laser))
+        one = ff.observe(told, late, find=False).filters[0]
+        errors.append(np.sqrt(np.mean((one.replayed.mean[200:, 0] - truth[200:, 0]) ** 2)))
+        assert one.trusted == (delay > 0.0)
+    assert errors[0] < 0.5 * errors[1]
+
+
 @pytest.mark.long
 def test_the_true_noise_lies_in_its_interval_in_19_of_20_records():
     """Of twenty intervals of 95 % sixteen or more hold the truth but for 0.3 % of such sets."""

@@ -38,9 +38,7 @@ def late(levitation_model):
 def parts(design, name="backstepping", observer="ekf"):
     bench = design.bench(observer)
     k = bench.middle
-    linear = linear_controller(
-        design.model, bench.points[k], bench.sensors, bench.observer, design.controller(name), design.latency
-    )
+    linear = linear_controller(design.model, bench.points[k], bench.observer, design.controller(name), design.latency)
     return bench.points[k], bench.plants[k], linear
 
 
@@ -195,7 +193,7 @@ def test_a_position_loop_of_a_levitation_needs_more_than_the_unstable_poles_forc
         poles = np.linalg.eigvals(
             closed_loop_matrix(
                 replace(bench.plants[0], A=scipy.linalg.expm(still * fine.sample_time_s)),
-                linear_controller(fine, point, bench.sensors, None, pid),
+                linear_controller(fine, point, None, pid),
             )
         )
         return np.abs(poles).max() < 1.0 + 1e-6  # the integrator without gain is at 1, to the differences

@@ -1,0 +1,135 @@
+"""States of a filter that are what a sensor had at earlier samples, for readings that are late or are differences.
+
+Behind the states of the model and the biases stand, for each such sensor, g(x_(k-1)), g(x_(k-2)), .. of
+:mod:`femfit.model.sampling`. They move on by one place a sample, and a reading is linear in them.
+
+References
+----------
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001), section
+6.2.2: states that are kept for delayed measurements.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.differences import central_differences
+from femfit.core.errors import FilterError
+from femfit.filters.constants import LONGEST_MEMORY
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.sampling import sample_weights, sampled_value
+from femfit.model.sensors import AnySensor
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What is remembered of one sensor."""
+
+    name: str
+    sensor: AnySensor
+    first: int  # Place of its first state
+    weights: FloatArray  # c_0, c_1, .. of a reading
+
+    @property
+    def count(self) -> int:
+        """States of this sensor."""
+        return len(self.weights) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class SampleMemory:
+    """All that a filter remembers; places from ``base`` on are these states'."""
+
+    model: ActuatorModel
+    base: int  # States of the model and biases
+    kept: tuple[Kept, ...]
+    scale: FloatArray  # Deviations of the first ``base`` states, over which slopes are taken
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the states."""
+        return tuple(f"{one.name}_before_{k + 1}" for one in self.kept for k in range(one.count))
+
+    @property
+    def order(self) -> int:
+        """Number of these states."""
+        return sum(one.count for one in self.kept)
+
+    def of(self, name: str) -> Kept | None:
+        """What is remembered of a sensor."""
+        return next((one for one in self.kept if one.name == name), None)
+
+    def values(self, one: Kept, states: FloatArray) -> FloatArray:
+        """G at states (N, n), of shape (N,)."""
+        return sampled_value(self.model, one.sensor, states[:, : self.model.order])
+
+    def slope(self, one: Kept, states: FloatArray) -> FloatArray:
+        """dg/dx in the first ``base`` states, (N, base), by differences."""
+        return central_differences(
+            lambda points: self.values(one, points)[:, None], states[:, : self.base], self.scale
+        )[:, 0, :]
+
+    def moved(self, base: FloatArray, before: FloatArray) -> FloatArray:
+        """All states one sample later, from the first ones (N, base) of then and all of before (N, n)."""
+        result = np.empty((before.shape[1], len(before))).T
+        result[:, : self.base] = base[:, : self.base]
+        for one in self.kept:
+            end = one.first + one.count
+            result[:, one.first] = self.values(one, before)
+            result[:, one.first + 1 : end] = before[:, one.first : end - 1]
+        return result
+
+    def jacobian(self, base: FloatArray, before: FloatArray) -> FloatArray:
+        """Jacobian of :meth:`moved` from that of the first states, (N, base, base)."""
+        n = before.shape[1]
+        result = np.zeros((len(before), n, n))
+        result[:, : self.base, : self.base] = base
+        for one in self.kept:
+            later = range(one.first + 1, one.first + one.count)
+            result[:, one.first, : self.base] = self.slope(one, before)
+            result[:, later, [k - 1 for k in later]] = 1.0
+        return result
+
+    def completed(self, mean: FloatArray) -> FloatArray:
+        """A first estimate (..., base) with what was remembered if nothing had moved before."""
+        rows = mean.reshape(-1, self.base)
+        parts = [np.repeat(self.values(one, rows)[:, None], one.count, axis=1) for one in self.kept]
+        return np.concatenate([rows, *parts], axis=1).reshape(*mean.shape[:-1], -1)
+
+
+def memory_of(model: ActuatorModel, sensors: dict[str, AnySensor], scale: FloatArray) -> SampleMemory | None:
+    """What sensors ask to be remembered; None where all are prompt.
+
+    Parameters
+    ----------
+    scale : array, shape (base,)
+        Deviations of a first estimate.
+
+    Raises
+    ------
+    FilterError
+        If a delay is longer than a filter remembers.
+    """
+    place, kept = len(scale), []
+    for name, sensor in sensors.items():
+        if sensor.delay_s > LONGEST_MEMORY * model.sample_time_s:
+            raise FilterError(
+                f"A filter remembers {LONGEST_MEMORY} samples at most; sensor {name!r} is late by "
+                f"{1e3 * sensor.delay_s:g} ms, which are {sensor.delay_s / model.sample_time_s:.0f}. Lengthen the "
+                "sample time, or leave the sensor out."
+            )
+        weights = sample_weights(sensor, model.sample_time_s)
+        if len(weights) > 1:
+            kept.append(Kept(name, sensor, place, weights))
+            place += len(weights) - 1
+    return SampleMemory(model, len(scale), tuple(kept), scale) if kept else None
+
+
+def memory_variances(memory: SampleMemory, places: FloatArray) -> FloatArray:
+    """First variances of the states that are remembered: the largest over places (N, base), independent of others."""
+    result = []
+    for one in memory.kept:
+        spread = np.abs(memory.slope(one, places)) @ memory.scale
+        result += [float(spread.max() ** 2)] * one.count
+    return np.array(result)

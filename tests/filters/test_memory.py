@@ -1,0 +1,122 @@
+"""Late sensors and pickup coils in a filter: what it remembers, its slopes, and what they are worth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femfit as ff
+from femfit.core.differences import central_differences
+from femfit.core.errors import FilterError
+from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.filters.error_bound import bound_along
+from femfit.filters.fine_steps import in_fine_steps
+from femfit.model.sampling import sampled_readings
+from femfit.model.sensors import sensor_named
+from tests.support.pickups import STEP_S, searched
+
+SHUNT = CurrentSensor(name="shunt", circuit="coil", noise=4e-3)
+LASER = PositionSensor(name="laser", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", noise=2e-5)
+
+
+def of(**fields):
+    model = searched(noise=2e-3, **fields)
+    return replace(model, other_sensors=(*model.other_sensors, SHUNT, LASER))
+
+
+def late(delay_s):
+    model = of()
+    return replace(model, other_sensors=(SHUNT, replace(LASER, delay_s=delay_s)))
+
+
+def run_of(model, samples=200):
+    """States and voltages of a body that goes to and fro, by the filter's own steps."""
+    process = in_fine_steps(model, ff.kalman_filter(model, sensors=("shunt",)).process)
+    time = STEP_S * np.arange(samples)
+    volts = 10.0 + 6.0 * np.sin(700.0 * time)
+    states = [np.array([2.5e-3, 0.0, 0.5])]
+    for u in volts[1:]:
+        states.append(process.transition(states[-1][None], np.array([u]))[0])
+    return np.array(states), volts
+
+
+def test_a_filter_remembers_one_flux_linkage_of_a_pickup_coil():
+    process = ff.kalman_filter(of(), sensors=("search", "shunt")).process
+    assert process.names == ("distance_m", "velocity_m_s", "current_A", "search_before_1")
+
+
+@pytest.mark.parametrize("name", ["search", "laser"])
+@pytest.mark.parametrize("delay", [0.0, 2.0, 2.25])
+def test_predicted_readings_are_those_of_the_samples(name, delay):
+    model = of()
+    model = replace(model, other_sensors=tuple(replace(one, delay_s=delay * STEP_S) for one in model.other_sensors))
+    states, volts = run_of(of())
+    built = ff.kalman_filter(model, sensors=(name,))
+    process = in_fine_steps(model, built.process)
+    at, found = built.start(states[0]).mean, []
+    for k, u in enumerate(volts):
+        at = at if k == 0 else process.transition(at, np.array([u]))
+        found.append(process.outputs[0].measure(at)[0])
+    wanted = sampled_readings(model, sensor_named(model, name), states)
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9 * np.ptp(wanted))
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.5])
+def test_slopes_are_those_of_differences(delay):
+    model = of(delay_s=delay * STEP_S)
+    process = ff.kalman_filter(model, sensors=("search", "laser")).process
+    deviations = np.sqrt(np.diag(process.require_start_covariance()))
+    state = ff.kalman_filter(model, sensors=("search", "laser")).start([2e-3, 0.1, 0.5]).mean
+    wanted = central_differences(lambda x: process.transition(x, np.full(len(x), 9.0)), state, 1e-3 * deviations)
+    scale = deviations[None, :] / deviations[:, None]
+    np.testing.assert_allclose(process.state_jacobian(state, np.array([9.0]))[0] * scale, wanted[0] * scale, atol=2e-3)
+    for output in process.outputs:
+        measure = output.measure
+        wanted = central_differences(lambda x, m=measure: m(x)[:, None], state, 1e-3 * deviations)[:, 0]
+        np.testing.assert_allclose(output.jacobian(state) * deviations, wanted * deviations, rtol=2e-2, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+def test_a_filter_follows_a_body_by_a_late_laser_where_a_prompt_one_is_believed_in_vain(kind):
+    """The body moves on by more than the laser's noise within the delay."""
+    model = late(2.0e-3)
+    states, volts = run_of(of())
+    noise = np.random.default_rng(7)
+    read = sampled_readings(model, sensor_named(model, "laser"), states) + 2e-5 * noise.standard_normal(len(states))
+    errors = []
+    for told in (model, late(0.0)):
+        built = ff.kalman_filter(told, kind, sensors=("laser",), explicit=False)
+        built = replace(built, process=in_fine_steps(told, built.process))
+        state, seen = built.start(states[0]), []
+        for k, u in enumerate(volts):
+            state = state if k == 0 else built.predict(state, u)
+            state = built.update(state, read[k])
+            seen.append(state.mean[0, 0])
+        errors.append(np.sqrt(np.mean((np.array(seen) - states[:, 0])[50:] ** 2)))
+    assert errors[0] < 2e-5
+    assert errors[1] > 3.0 * errors[0]
+
+
+def test_a_delay_longer_than_a_filter_remembers_is_refused():
+    with pytest.raises(FilterError, match="remembers"):
+        ff.kalman_filter(late(0.2), sensors=("laser",))
+
+
+def test_a_bound_of_readings_at_every_fourth_sample_is_that_of_a_fourth_of_the_information():
+    model = late(0.0)
+    slow = replace(model, other_sensors=(SHUNT, replace(LASER, sample_time_s=4.0 * STEP_S)))
+    rare = replace(model, other_sensors=(SHUNT, replace(LASER, noise=2.0 * LASER.noise)))
+    states, volts = run_of(model)
+    found, wanted = (bound_along(ff.kalman_filter(m, sensors=("laser",)).process, states, volts) for m in (slow, rare))
+    np.testing.assert_allclose(found[-1], wanted[-1], rtol=1e-9)
+
+
+def test_a_pickup_coil_tells_the_distance_that_a_current_alone_tells_less_well():
+    model = of()
+    states, volts = run_of(model)
+    bounds = []
+    for names in (("shunt",), ("shunt", "search")):
+        built = ff.kalman_filter(model, sensors=names)
+        path = built.process.memory.completed(states) if built.process.memory else states
+        bounds.append(np.sqrt(bound_along(built.process, path, volts)[-1, 0, 0]))
+    assert bounds[1] < bounds[0]

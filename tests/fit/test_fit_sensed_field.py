@@ -1,0 +1,70 @@
+"""Fields of several currents at a sensor: lines without saturation, splines where iron saturates, refusals."""
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import FitError
+from femfit.fit.sensed_field import SensedRows, fit_sensed
+
+DISTANCES = np.linspace(1e-3, 5e-3, 15)
+
+
+def grid(*axes):
+    """Distances and currents of all combinations."""
+    d, *currents = (one.ravel() for one in np.meshgrid(DISTANCES, *axes, indexing="ij"))
+    return d, np.stack(currents, axis=-1)
+
+
+def lines(d, currents):
+    """A magnet's part and one of each current, all of the distance."""
+    return 0.1 / (1.0 + 300.0 * d) + (0.02 - 2.0 * d) * currents[:, 0] + 0.01 / (1.0 + 500.0 * d) * currents[:, 1]
+
+
+def bent(d, currents):
+    """Iron that saturates by both currents together."""
+    whole = currents[:, 0] + 0.5 * currents[:, 1]
+    return 0.3 * np.tanh(whole / (1.0 + 200.0 * d)) + 0.01 * currents[:, 1]
+
+
+def test_lines_in_two_currents_need_no_grid():
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+    d, currents = np.repeat(DISTANCES, 4), np.tile(points, (15, 1))
+    field = fit_sensed(SensedRows(d, currents, lines(d, currents)), "B").field
+    between, both = np.array([1.3e-3, 2.7e-3, 4.6e-3]), np.array([[0.5, 0.8], [-0.7, 0.3], [0.2, -0.5]])
+    found, in_distance, in_currents = field.derivatives(between, both)
+    np.testing.assert_allclose(found, lines(between, both), rtol=1e-4)
+    h = 1e-7
+    slope = (lines(between + h, both) - lines(between - h, both)) / (2.0 * h)
+    np.testing.assert_allclose(in_distance, slope, rtol=2e-3)
+    wanted = np.stack([0.02 - 2.0 * between, 0.01 / (1.0 + 500.0 * between)], axis=-1)
+    np.testing.assert_allclose(in_currents, wanted, rtol=2e-3)
+
+
+def test_iron_that_saturates_by_two_currents_is_followed_over_their_grid():
+    axes = np.linspace(-1.5, 1.5, 9), np.linspace(-1.0, 1.0, 7)
+    d, currents = grid(*axes)
+    fit = fit_sensed(SensedRows(d, currents, bent(d, currents)), "B")
+    between, both = np.array([1.4e-3, 3.1e-3]), np.array([[0.55, 0.2], [-0.95, 0.75]])
+    np.testing.assert_allclose(fit.field.field(between, both), bent(between, both), atol=3e-3)  # of 0.6
+    assert fit.rms < 1e-4
+    rise = fit.field.derivatives(between, both)[2]
+    for k, step in enumerate(1e-5 * np.eye(2)):
+        change = (bent(between, both + step) - bent(between, both - step)) / 2e-5
+        np.testing.assert_allclose(rise[:, k], change, atol=0.03)
+
+
+def test_a_magnet_alone_is_fitted_along_the_distance():
+    values = 0.1 / (1.0 + 300.0 * DISTANCES)
+    field = fit_sensed(SensedRows(DISTANCES, np.zeros((15, 0)), values), "search").field
+    value, slope, rest = field.derivatives(np.array([2.2e-3]), np.array([0.0]))
+    assert value[0] == pytest.approx(0.1 / 1.66, rel=1e-5)
+    assert slope[0] == pytest.approx(-30.0 / 1.66**2, rel=2e-3)
+    assert rest.shape == (1, 0)
+
+
+def test_rows_that_do_not_tell_a_current_are_refused():
+    with pytest.raises(FitError, match="two currents or more"):
+        fit_sensed(SensedRows(DISTANCES, np.ones((15, 1)), DISTANCES), "B")
+    d, currents = np.repeat(DISTANCES, 2), np.tile([[0.0, 0.0], [1.0, 1.0]], (15, 1))
+    with pytest.raises(FitError, match="do not determine"):
+        fit_sensed(SensedRows(d, currents, currents[:, 0]), "B")

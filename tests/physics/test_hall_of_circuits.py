@@ -1,0 +1,64 @@
+"""A Hall element between the magnets of a bearing reads the field of both currents, as a direct solution gives it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.device.sensors import HallElement, PickupCoil
+from femfit.device.summary import sweep_manifest_entry
+from femfit.field.layout import layout_of
+from femfit.field.linear_point import LinearActuator
+from femfit.field.settings import SolverSettings
+from femfit.fit.build import fit_model
+from femfit.tables.sweep_table import SweepTable
+from support.devices import bearing, linear, millimetres
+
+DISTANCES = np.linspace(0.3e-3, 0.7e-3, 7)
+POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+def drawn(distances):
+    """The bearing with an element beside the disk, half way between the magnets, and a winding on the upper one."""
+    found = linear(bearing(currents=(-1.0, 0.0, 1.0), distances=tuple(distances)))
+    element = HallElement(0.044, 0.0055, sensitivity_V_per_T=50.0, noise_V=2e-3, delay_s=1e-4)
+    search = PickupCoil(name="search", vertices_m=millimetres(19, 31, 12, 13), turns=20.0, noise=1e-3)
+    return type(found)(**{**vars(found), "sensors": (element, search)})
+
+
+def solved(actuator, distance, currents):
+    """Columns of the sweep's table at a distance."""
+    settings = SolverSettings()
+    return LinearActuator(actuator, (distance,), layout_of(actuator, settings), settings, estimate=False).rows(
+        distance, currents
+    )
+
+
+@pytest.fixture(scope="module")
+def model():
+    actuator = drawn(DISTANCES)
+    frames = []
+    for d in DISTANCES:
+        rows = pd.DataFrame(solved(actuator, float(d), POINTS))
+        names = {f"current_{circuit.name}_A": POINTS[:, k] for k, circuit in enumerate(actuator.circuits)}
+        frames.append(rows.assign(distance_m=d, status="ok", **names))
+    table = SweepTable(pd.concat(frames, ignore_index=True), {"actuator": sweep_manifest_entry(actuator)})
+    fit = fit_model(table)
+    assert not [note for note in fit.notes if "not in the model" in note]
+    return fit.model
+
+
+@pytest.mark.parametrize("distance", [0.45e-3])
+def test_field_and_flux_linkage_between_the_sweeps_points_are_those_of_a_direct_solution(model, distance):
+    currents = np.array([[0.7, -0.4], [-0.3, 0.9]])
+    direct = solved(drawn((distance,)), distance, currents)
+    at = np.full(2, distance)
+    span = np.ptp(direct["hall_T"])
+    np.testing.assert_allclose(model.sensor.field.field(at, currents), direct["hall_T"], atol=3e-3 * span)
+    (search,) = (one for one in model.other_sensors if one.name == "search")
+    np.testing.assert_allclose(search.flux.field(at, currents), direct["pickup_search_Wb"], rtol=2e-3)
+    assert model.sensor.delay_s == 1e-4
+
+
+def test_both_currents_reach_the_element(model):
+    _, _, slopes = model.sensor.field.derivatives(np.array([0.5e-3]), np.array([[0.0, 0.0]]))
+    assert np.all(np.abs(slopes) > 0.5 * np.abs(slopes).max())
