@@ -98,7 +98,7 @@ def test_blocks_of_one_density_are_in_series_by_their_areas():
     result = imported(drawing)
     assert result.currents_A == (80.0,)
     assert [coil.turns for coil in result.actuator.coils] == [1, 2]
-    assert [sign for _, sign in result.actuator.circuits[0].coils] == [1, -1]
+    assert [coil.sign for coil in result.actuator.coils] == [1, -1]
 
 
 def test_one_circuit_over_blocks_apart_becomes_coils_in_series():
@@ -108,7 +108,7 @@ def test_one_circuit_over_blocks_apart_becomes_coils_in_series():
     actuator = imported(drawing).actuator
     assert [coil.turns for coil in actuator.coils] == [200, 100]
     (circuit,) = actuator.circuits
-    assert [sign for _, sign in circuit.coils] == [1, -1]
+    assert [(coil.circuit, coil.sign) for coil in actuator.coils] == [(circuit.name, 1), (circuit.name, -1)]
     assert actuator.sweep.currents_A == (2,)
 
 
