@@ -16,7 +16,7 @@ from support.actuators import assembly, magnet, rectangle
 from support.exact import axis_field_of_cylinder
 from support.field import finer_settings, prepared, solved
 from support.reference import REFERENCE, needs_reference
-from support.validation_cases import brooks, loops, magnet_pair, solenoid
+from support.validation_cases import brooks, magnet_pair
 
 # Published once, cited so that the test also runs where the reference data are absent: force between two coaxial
 # cylinder magnets J = 1.3 T, R = 20 mm, h = 40 mm, centres 50 mm apart (magcode repository, Apache-2.0).
@@ -74,27 +74,6 @@ def test_inductance_of_a_brooks_coil_is_exact():
     assert exact == pytest.approx(0.025491e-6, rel=3e-5)
     assert brooks() == pytest.approx(exact, rel=5e-4)
     assert brooks(finer_settings(SolverSettings())) == pytest.approx(exact, rel=5e-6)
-
-
-@pytest.mark.parametrize(
-    ("length", "inductance"), [(2.0, 1.3588917590e-6), (1.0, 2.0746304193e-6), (0.5, 2.8853346103e-6)]
-)
-def test_inductance_of_a_thin_solenoid_tends_to_nagaokas(length, inductance):
-    # Lyle/Nagaoka per turn squared, radius 1 m.
-    assert solenoid(length) == pytest.approx(inductance, rel=5e-4)
-
-
-@needs_reference
-def test_mutual_inductance_of_coaxial_loops_and_its_slope_are_exact():
-    for row in json.loads((REFERENCE / "exact_references.json").read_text())["loops"]:
-        a, b, z = row["a"], row["b"], row["z"]
-        mutual, slope = loops(a, b, z)
-        assert mutual == pytest.approx(row["M_H"], rel=2e-4)
-        assert slope == pytest.approx(row["dMdz"], rel=5e-4)
-
-
-def test_force_between_two_magnets_is_exact():
-    assert magnet_pair(1.3, (0.02, 0.04), (0.02, 0.04), 0.01) == pytest.approx(MAGCODE_FORCE, rel=2e-4)
 
 
 def test_opposed_magnets_repel_by_the_same_force():

@@ -59,8 +59,8 @@ def _coils() -> Iterator[Row]:
     for a, b, z in ((0.1, 0.1, 0.1), (0.1, 0.05, 0.05), (0.02, 0.015, 0.01), (0.25, 0.2, 0.1), (0.01, 0.0055, 0.015)):
         mutual, slope = cases.loops_exact(a, b, z)
         name, source = f"loops of {1e3 * a:g} and {1e3 * b:g} mm, {1e3 * z:g} mm apart", "elliptic integrals (Maxwell)"
-        yield Row(EXACT, f"{name}: M", source, "H", mutual, _part(0, cases.loops, a, b, z), 2e-4, ANALYTIC)
-        yield Row(EXACT, f"{name}: dM/dz", source, "H/m", slope, _part(1, cases.loops, a, b, z), 5e-4, ANALYTIC)
+        yield Row(EXACT, f"{name}: M", source, "H", mutual, _part(0, cases.loops, a, b, z), 2e-4)
+        yield Row(EXACT, f"{name}: dM/dz", source, "H/m", slope, _part(1, cases.loops, a, b, z), 5e-4)
     for a, b, z in ((0.1, 0.05, 0.05), (0.02, 0.015, 0.01)):
         mutual, slope = cases.loops_exact(a, b, z)
         name = f"a fixed coil of {1e3 * a:g} mm and a moving one of {1e3 * b:g} mm, {1e3 * z:g} mm apart"
@@ -69,7 +69,7 @@ def _coils() -> Iterator[Row]:
         yield Row(EXACT, f"{name}: force at 1 A", source, "N", -slope, _part(1, cases.two_coils, a, b, z), 5e-4, COILS)
     for length, henry in ((2.0, 1.3588917590e-6), (1.0, 2.0746304193e-6), (0.5, 2.8853346103e-6)):
         name = f"thin solenoid, radius 1 m, length {length:g} m: L / N²"
-        yield Row(EXACT, name, "Lyle, Nagaoka", "H", henry, partial(cases.solenoid, length), 5e-4, ANALYTIC)
+        yield Row(EXACT, name, "Lyle, Nagaoka", "H", henry, partial(cases.solenoid, length), 5e-4)
     name, henry = "Brooks coil of 10 mm: L / N²", 0.025491e-6
     yield Row(EXACT, name, "Grover's table", "H", henry, cases.brooks, 5e-4, ANALYTIC)
     finer = partial(cases.brooks, cases.FINER)
@@ -88,7 +88,7 @@ def _magnets() -> Iterator[Row]:
         bodies = " and ".join(f"R{1e3 * radius:g} h{1e3 * height:g}" for radius, height in (fixed, moving))
         name = f"magnets {bodies} mm, gap {1e3 * gap:g} mm: force"
         ours = partial(cases.magnet_pair, 1.3, fixed, moving, gap)
-        yield Row(EXACT, name, "published, magcode repository", "N", newton, ours, 2e-4, ANALYTIC)
+        yield Row(EXACT, name, "published, magcode repository", "N", newton, ours, 2e-4)
     for offset in (0.005, 0.01, 0.015, 0.02, 0.03, 0.04):
         newton = float(cases.coil_on_magnet_exact(offset))
         name = f"coil R20 h20 mm of 100 A on a magnet R15 h15 mm, {1e3 * offset:g} mm off centre: force"
