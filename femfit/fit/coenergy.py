@@ -15,7 +15,7 @@ from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_choice import choose_basis
 from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system, determined
 from femfit.fit.constants import ALLOWED_VIOLATION, SHAPE_POINTS, U_DEGREE
-from femfit.fit.rows import FitRows, rms
+from femfit.fit.rows import FitRows
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.magnetics import CoenergySpline
 
@@ -36,7 +36,8 @@ class CoenergyFit:
     # Rms error by which the basis was chosen, the larger of force (relative to itself) and flux linkage (relative to
     # its change over the distance): on held-out rows, or on all rows where that is larger
     held_out: float
-    left_out_N: float  # Rms error of the force with each inner row predicted by the others, at least that of the fit
+    # Error of the force at each row with inner rows predicted by the others, at least that of the fit; shape (rows,)
+    left_out_N: FloatArray
     constraints: tuple[str, ...]
     active: tuple[str, ...]
     qp: QPSolution
@@ -67,12 +68,12 @@ def fit_coenergy(
     if rows.flux_linkage is None and open_inductance_H:
         table = table + 0.5 * open_inductance_H * _square_of_current(basis)[None, :]
     magnetics = _gauged(basis, table, rows)
-    own = rms(magnetics.force(rows.distance, rows.current) - rows.force)
+    own = np.abs(magnetics.force(rows.distance, rows.current) - rows.force)
     return CoenergyFit(
         magnetics=magnetics,
         basis=basis,
         held_out=held_out,
-        left_out_N=max(own, system.left_out_force_rms(basis)),
+        left_out_N=np.maximum(own, system.left_out_force_errors(basis)),
         constraints=names,
         active=active,
         qp=qp,

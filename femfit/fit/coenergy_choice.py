@@ -1,6 +1,5 @@
 """How many B-splines a co-energy takes, and where their knots lie: what held-out rows of the sweep ask for."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -17,10 +16,8 @@ from femfit.fit.constants import (
     BENT_CELLS,
     CELLS_IN_CURRENT,
     CLOSEST,
-    DISTANCES_PER_FUNCTION,
     FEWEST_CURRENTS,
     HELD_OUT_TARGET,
-    LEAST_DENSITY,
     MOST_CELLS,
     NEARLY_BEST,
     NEARLY_BEST_BENT,
@@ -97,15 +94,8 @@ def check_grid(currents: int, distances: int, fewest_distances: int = U_DEGREE +
 
 
 def _fewest_distances(rows: FitRows, cells: int = 1) -> int:
-    """Distances that so many cells need.
-
-    Flux linkage gives W' itself beside its slope, so that fewer will do; but between two currents it and the inductance
-    are all there is, known by their values alone, so that a bend in the current asks for more.
-    """
-    functions = U_DEGREE + cells
-    if rows.inductance is not None and cells > 1:
-        return math.ceil(functions * DISTANCES_PER_FUNCTION)
-    return functions + (2 if rows.flux_linkage is None else 0)
+    """Distances that so many cells need; flux linkage gives W' itself beside its slope, so that fewer will do."""
+    return U_DEGREE + cells + (2 if rows.flux_linkage is None else 0)
 
 
 def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
@@ -126,43 +116,17 @@ def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
 
 
 def _bent_breaks(rows: FitRows) -> list[FloatArray]:
-    """Breaks among the currents and their middles, denser where the flux linkage bends.
+    """Breaks at the currents and at the thirds between them, or evenly fewer of these.
 
-    A current gives two numbers of W'(i) where the inductance stands beside the flux linkage, and the force a third, so
-    that cells of half the currents' spacing are the narrowest.
+    Each current gives three numbers of W'(i): its slope in the distance by the force, the flux linkage and the
+    inductance. From one current to the next a cubic spline meets those of both ends with three cells, not with two.
     """
-    currents = rows.currents
     if rows.inductance is None:
         return []
-    density = _bending(currents, rows.distance, rows.current, rows.inductance)
-    halves = np.sort(np.concatenate([currents, 0.5 * (currents[1:] + currents[:-1])]))
-    monitor = np.concatenate([[0.0], np.cumsum(np.repeat(density * np.diff(currents), 2))])
-    between = 0.5 * (monitor[1:] + monitor[:-1])
-    breaks = [halves[np.unique(np.searchsorted(between, np.linspace(0.0, monitor[-1], n + 1)))] for n in BENT_CELLS]
-    return breaks + [every for every in (halves, currents) if len(every) <= MOST_CELLS + 1]
-
-
-def _bending(currents: FloatArray, distance: FloatArray, current: FloatArray, inductance: FloatArray) -> FloatArray:
-    """How densely knots should lie between neighbouring currents, shape (currents - 1,).
-
-    Where the flux linkage bends, the inductance changes from one current to the next; breaks as dense as the root of
-    that change share it between the cells. It is taken over all distances, because the bend moves with the distance.
-
-    References
-    ----------
-    C. de Boor, A Practical Guide to Splines (Springer, 2001), chapter XII: breaks from equal shares of a monitor.
-    """
-    widths, changes = np.diff(currents), [np.zeros(len(currents) - 1)]
-    for d in np.unique(distance):
-        at = np.flatnonzero((distance == d) & np.isfinite(inductance))
-        if len(at) >= FEWEST_CURRENTS:
-            at = at[np.argsort(current[at])]
-            along = np.interp(currents, current[at], inductance[at])
-            changes.append(np.abs(np.diff(along)) / (np.max(np.abs(along)) or 1.0))
-    if not np.any(changes):
-        return np.ones_like(widths)
-    bend = np.sqrt(np.mean(changes, axis=0) / widths)
-    return np.asarray(bend + LEAST_DENSITY * np.max(bend))
+    numbers = np.arange(len(rows.currents))
+    thirds = np.interp(np.arange(3 * numbers[-1] + 1) / 3.0, numbers, rows.currents)
+    counts = sorted({min(n, len(thirds) - 1) for n in BENT_CELLS})
+    return [thirds[np.rint(np.linspace(0.0, len(thirds) - 1, n + 1)).astype(int)] for n in counts]
 
 
 def _distance_trials(rows: FitRows) -> list[dict[str, Any]]:

@@ -13,6 +13,7 @@ from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.fit.constants import (
     DISTANCE_FOLDS,
     FEWEST_CURRENTS,
+    FREE_BEND,
     FREE_SLOPE,
     INDUCTANCE_SIGMA,
     JUDGED,
@@ -63,12 +64,20 @@ class CoenergyBasis:
             part = slope**2 * in_u(2) + second[:, None] * in_u(1)
         return (part[:, :, None] * in_i[:, None, :]).reshape(len(u), -1)
 
-    def cell_points(self) -> tuple[FloatArray, FloatArray]:
-        """Points (d, i) at three places of every cell in u and in the middle of every cell in i."""
+    def roughness(self) -> tuple[FloatArray, FloatArray]:
+        """d^3W'/di^3, and d^4W'/du^3 di in u itself, of each basis function in every cell, shape (n, functions) each.
+
+        In the middle of a cell in i, and at as many places of it in u as fix a polynomial there.
+        """
         u, i = np.unique(self.u_knots), np.unique(self.current_knots)
-        in_u = u[:-1, None] + np.diff(u)[:, None] * np.array([1.0, 3.0, 5.0]) / 6.0
-        grid_u, grid_i = np.meshgrid(in_u.ravel(), 0.5 * (i[1:] + i[:-1]), indexing="ij")
-        return self.coordinate.distance(grid_u.ravel()), grid_i.ravel()
+        middles = 0.5 * (i[1:] + i[:-1])
+        places = (u[:-1, None] + np.diff(u)[:, None] * (np.arange(U_DEGREE + 1.0) + 0.5) / (U_DEGREE + 1.0)).ravel()
+
+        def at_each(in_u: int, in_i: int) -> FloatArray:
+            along_i = basis_matrix(middles, self.current_knots, self.current_degree, in_i)
+            return np.asarray(np.kron(basis_matrix(places, self.u_knots, U_DEGREE, in_u), along_i), np.float64)
+
+        return at_each(0, 3), at_each(3, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +103,18 @@ class CoenergySystem:
     def equations(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Matrix, data and standard deviations in N, Wb and H, as the table has them.
 
-        Where it has inductances, also d^3W'/di^3 = 0 in H/A, with a sigma that only fills gaps.
+        Where it has inductances, also zeros of the basis' roughness, with sigmas that only fill gaps.
         """
         d, i = self.rows.distance, self.rows.current
         blocks = [c.sign * basis.columns(d[c.which], i[c.which], c.order) for c in self.channels]
         value, sigma = [c.value for c in self.channels], [c.sigma for c in self.channels]
         if self.rows.inductance is not None and basis.current_degree == SMOOTHED_DEGREE:
-            blocks.append(basis.columns(*basis.cell_points(), (0, 3)))
-            slope = float(np.nanmax(np.abs(self.rows.inductance))) / float(np.ptp(self.rows.currents))
-            value.append(np.zeros(len(blocks[-1])))
-            sigma.append(np.full(len(blocks[-1]), FREE_SLOPE * slope))
+            largest = float(np.nanmax(np.abs(self.rows.inductance)))
+            in_i, in_u = largest / float(np.ptp(i)), largest * float(np.ptp(i)) / float(np.ptp(basis.u_knots)) ** 3
+            for rough, typical in zip(basis.roughness(), (FREE_SLOPE * in_i, FREE_BEND * in_u), strict=True):
+                blocks.append(rough)
+                value.append(np.zeros(len(rough)))
+                sigma.append(np.full(len(rough), typical))
         return np.concatenate(blocks), np.concatenate(value), np.concatenate(sigma)
 
     def held_out_errors(self, basis: CoenergyBasis) -> FloatArray:
@@ -121,14 +132,14 @@ class CoenergySystem:
             [np.sqrt(max(np.mean(a), np.sum(b) / np.sum(n))) for a, b, n in zip(fitted, left_out, times, strict=True)]
         )
 
-    def left_out_force_rms(self, basis: CoenergyBasis) -> float:
-        """Rms error of the force in N with each inner row predicted by the others; outermost rows as fitted."""
+    def left_out_force_errors(self, basis: CoenergyBasis) -> FloatArray:
+        """Error of the force in N with each inner row predicted by the others; outermost rows as fitted; (rows,)."""
         errors = self._squared_errors(basis)
         if errors is None:
-            return np.inf
+            return np.full(len(self.rows.force), np.inf)
         fitted, left_out, times = (part[: len(self.rows.force)] for part in errors)
         squares = np.where(times > 0, left_out / np.maximum(times, 1.0), fitted)
-        return float(np.sqrt(np.mean(squares * self.channels[0].scale ** 2)))
+        return np.asarray(np.sqrt(squares) * self.channels[0].scale)
 
     def _squared_errors(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Squared errors of every row of the columns over its scale: as fitted, summed where left out, and how often.

@@ -73,18 +73,11 @@ CLOSEST = 0.05
 """Numerical: least distance plus shift, as a part of the range of distances, for a sweep that reaches the face or
 passes it: closer to its pole, an inverse distance puts all distances but one into a corner."""
 
-CELLS_IN_CURRENT, BENT_CELLS = (1, 2, 3, 4, 6), (3, 4, 6, 8, 12, 16)
+CELLS_IN_CURRENT, BENT_CELLS = (1, 2, 3, 4, 6), (3, 6, 12, 24)
 """Assumed: cells in the current that are tried; and where the inductance shows a bend, with knots denser at it."""
 
-MOST_CELLS = 16
-"""Numerical: in each direction where the inductance bends: as many functions as a QP with shapes solves in seconds."""
-
-DISTANCES_PER_FUNCTION = 1.2
-"""Assumed, beside a bend: with a function of u for each distance, the force between a pot magnet's currents was off by
-half."""
-
-LEAST_DENSITY = 0.2
-"""Assumed: density of knots in the current where the flux linkage is straight, as a part of their largest density."""
+MOST_CELLS = 8
+"""Numerical: in the distance, where the inductance bends: as many functions as a QP with shapes solves in seconds."""
 
 SHAPE_POINTS = 24
 """Numerical: shape constraints are imposed at so many points of an axis, or six a cell where that is more; between them
@@ -126,9 +119,10 @@ INDUCTANCE_SIGMA = 3.0
 """Assumed: relative sigma of the inductance, over that of the other columns: it is a difference of flux linkages at
 neighbouring currents, which it must not outweigh."""
 
-FREE_SLOPE = 10.0
-"""Assumed: sigma of the inductance's slope, as a part of largest inductance over range of currents: above any winding's
-slope, it holds only what no row determines."""
+FREE_SLOPE, FREE_BEND = 1.0, 30.0
+"""Assumed: sigma of the inductance's slope, as a part of largest inductance over range of currents, and of the flux
+linkage's third derivative in u, as a part of both over the range of u cubed: at a knee both are many times as large, so
+that they hold only what no row determines."""
 
 SMOOTHED_DEGREE = 3
 """Derived: with cubics in the current the inductance is a broken line, and one slope a cell is all there is to hold."""

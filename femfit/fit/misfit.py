@@ -76,13 +76,23 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
     return tuple(f"{one.get('text', one.get('sentence', ''))} {one.get('remedy', '')}".strip() for one in grave)
 
 
-def misfit_notes(model: ActuatorModel, rows: FitRows) -> tuple[str, ...]:
-    """Warnings where the model misses the table that it was fitted to."""
+def misfit_notes(model: ActuatorModel, rows: FitRows, left_out: FloatArray | None) -> tuple[str, ...]:
+    """Warnings where the model misses the table that it was fitted to.
+
+    Parameters
+    ----------
+    model : ActuatorModel
+        With its misfit.
+    rows : FitRows
+        The table's.
+    left_out : array, shape (rows,), or None
+        Error of a co-energy's force in N with rows left out; None of other models.
+    """
     misfit = model.misfit
     assert misfit is not None  # noqa: S101  every fit computes it
     notes = []
-    if isinstance(model.magnetics, CoenergySpline):
-        notes += _finer_sweep(model.magnetics, misfit, rows)
+    if left_out is not None:
+        notes += _finer_sweep(left_out, misfit, rows)
     poor = [
         f"{name} by {amount(share, '')}"
         for name, share in (
@@ -102,35 +112,33 @@ def misfit_notes(model: ActuatorModel, rows: FitRows) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _finer_sweep(magnetics: CoenergySpline, misfit: Misfit, rows: FitRows) -> list[str]:
-    """Where a co-energy misses its table most, and the distances and currents that halve the intervals around it.
+def _finer_sweep(left_out: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]:
+    """Where a co-energy misses points left out most, and the distances and currents that halve the intervals around.
 
-    The largest error in newtons is asked for even where errors relative to each point's own force are what is poor:
-    points added there also help between the points, where points added at the smallest forces do not.
+    Points left out are asked for, because a spline with as many coefficients as a knee takes may meet its own table and
+    swing between. The largest error in newtons is halved even where errors relative to each point's own force are
+    what is poor: points added there also help between the points, where points added at the smallest forces do not.
     """
-    shares = ((misfit.force_share or 0.0, "its rms"), (misfit.force_rms_relative, "each point's own force (rms)"))
+    shares = ((rms(left_out) / rows.rms_force, "its rms"), (misfit.force_rms_relative, "each point's own force (rms)"))
     poor = next((pair for pair in shares if pair[0] >= COARSE), None)
     if poor is None:
         return []
-    worst, finer = _worst(magnetics, rows), finer_settings(magnetics, rows)
+    worst, finer = int(np.argmax(left_out)), finer_settings(left_out, rows)
     d, i = rows.distance[worst], rows.current[worst]
     return [
         (
-            f"The sweep is too coarse for its force: the co-energy misses it by {amount(poor[0], '')} of {poor[1]}, "
-            f"most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits that. {to_be_added(finer)}"
+            "The sweep is too coarse for its force: with inner points left out in turn, the co-energy misses it by "
+            f"{amount(poor[0], '')} of {poor[1]}, most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits "
+            f"that. {to_be_added(finer)}"
         )
     ]
 
 
-def finer_settings(magnetics: CoenergySpline, rows: FitRows) -> dict[str, list[float]]:
+def finer_settings(left_out: FloatArray, rows: FitRows) -> dict[str, list[float]]:
     """The ``distance_m`` and ``current_A`` that halve the intervals around the largest error of the force."""
-    worst = _worst(magnetics, rows)
+    worst = int(np.argmax(left_out))
     around = {"distance_m": (rows.distances, rows.distance[worst]), "current_A": (rows.currents, rows.current[worst])}
     return {name: _middles(axis, at).tolist() for name, (axis, at) in around.items()}
-
-
-def _worst(magnetics: CoenergySpline, rows: FitRows) -> int:
-    return int(np.argmax(np.abs(magnetics.force(rows.distance, rows.current) - rows.force)))
 
 
 def _middles(axis: FloatArray, at: float) -> FloatArray:

@@ -14,9 +14,8 @@ from femfit.fit.law_fit import LawFit
 from femfit.fit.misfit import finer_settings
 from femfit.fit.network_fit import NetworkFit
 from femfit.fit.ranking import Ranking
-from femfit.fit.rows import FitRows
+from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.magnetics import CoenergySpline
 from femfit.model.misfit import Misfit
 from femfit.model.model_text import fit_lines
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
@@ -81,7 +80,7 @@ class FitResult(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
-        magnetics = self.model.without_effects.magnetics
+        spline = None if self.law or self.network else self.coenergy
         return {
             "model": self.law.law.name if self.law else NETWORK if self.network else "coenergy",
             "rows": len(self.rows.force),
@@ -92,7 +91,7 @@ class FitResult(Printed):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": _hall_data(self.hall) if self.hall else None,
-            "finer_sweep": finer_settings(magnetics, self.rows) if isinstance(magnetics, CoenergySpline) else None,
+            "finer_sweep": finer_settings(spline.left_out_N, self.rows) if spline else None,
             "notes": [*self.of_data, *self.notes],
         }
 
@@ -132,7 +131,7 @@ def _coenergy_lines(fit: CoenergyFit, rows: FitRows) -> list[str]:
     return [
         (
             f"B-spline of {fit.basis.shape[0]} x {fit.basis.shape[1]} coefficients (distance x current); with each "
-            f"inner point left out in turn it misses the force by {amount(fit.left_out_N / rows.rms_force, '')}"
+            f"inner point left out in turn it misses the force by {amount(rms(fit.left_out_N) / rows.rms_force, '')}"
         ),
         *(f"constraint: {SHAPES[name]}" for name in fit.constraints),
         f"active constraints: {_active(fit.active)}",
@@ -190,7 +189,7 @@ def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
         "cells": list(fit.basis.cells),
         "current_degree": fit.basis.current_degree,
         "held_out_relative_rms": fit.held_out,
-        "left_out_force_rms_N": fit.left_out_N,
+        "left_out_force_rms_N": rms(fit.left_out_N),
         "constraints": list(fit.constraints),
         "active": list(fit.active),
         "condition_scaled": fit.qp.condition_scaled,
