@@ -1,4 +1,4 @@
-"""Force and inductance of a lifting magnet and of a moving coil beside finite elements that others printed."""
+"""The force of a moving coil beside finite elements that others printed; the validation page has the other cases."""
 
 import dataclasses
 
@@ -7,33 +7,7 @@ import pytest
 
 from femfit.device.load import read_actuator
 from support.field import prepared
-from support.published_fea import (
-    DRAWINGS,
-    LIFTING_MAGNET,
-    MOVING_COIL,
-    MOVING_COIL_ATTRACTED,
-    lifting_magnet,
-    moving_coil,
-)
-
-FIRST_DISTANCES = (0.25, 1.0)
-
-
-@pytest.mark.parametrize(
-    "gap", [gap if gap in FIRST_DISTANCES else pytest.param(gap, marks=pytest.mark.long) for gap in LIFTING_MAGNET]
-)
-def test_a_lifting_magnet_pulls_as_other_finite_elements_say(gap):
-    # Their force scatters by up to 1.6 % round a smooth curve through all of their 20 gaps, ours by its error of 0.2 %.
-    pull, inductance = lifting_magnet(gap)
-    assert pull == pytest.approx(LIFTING_MAGNET[gap][0], rel=0.025)
-    assert inductance == pytest.approx(LIFTING_MAGNET[gap][1], rel=0.011)
-
-
-@pytest.mark.parametrize("distance", MOVING_COIL)
-def test_a_moving_coils_force_and_inductance_are_those_of_other_finite_elements(distance):
-    repelled, _, inductance = moving_coil(distance)
-    assert repelled == pytest.approx(MOVING_COIL[distance][0], rel=8e-3)
-    assert inductance == pytest.approx(MOVING_COIL[distance][1], rel=1.3e-2)
+from support.published_fea import DRAWINGS, MOVING_COIL, MOVING_COIL_ATTRACTED, moving_coil
 
 
 def test_a_moving_coils_reluctance_force_is_that_of_other_finite_elements():

@@ -143,13 +143,13 @@ def _printed() -> Iterator[Row]:
     for gap, (newton, henry) in published.LIFTING_MAGNET.items():
         name, ours = f"lifting magnet, gap {gap:g} mm, 1.2 A", partial(published.lifting_magnet, gap)
         cheap = gap == 1.0
-        yield Row(PRINTED, f"{name}: pull", source, "N", newton, _part(0, ours), 0.025, PUBLISHED, cheap)
-        yield Row(PRINTED, f"{name}: flux linkage / i", source, "H", henry, _part(1, ours), 0.011, PUBLISHED, cheap)
+        yield Row(PRINTED, f"{name}: pull", source, "N", newton, _part(0, ours), 0.025, cheap=cheap)
+        yield Row(PRINTED, f"{name}: flux linkage / i", source, "H", henry, _part(1, ours), 0.011, cheap=cheap)
     source = "Modelica, MovingCoilActuator"
     for distance, (newton, henry) in published.MOVING_COIL.items():
         name, ours = f"moving coil, x = {-16.0 - distance:g} mm", partial(published.moving_coil, distance)
-        yield Row(PRINTED, f"{name}: force at -3 A", source, "N", newton, _part(0, ours), 8e-3, PUBLISHED)
-        yield Row(PRINTED, f"{name}: inductance", source, "H", henry, _part(2, ours), 0.013, PUBLISHED)
+        yield Row(PRINTED, f"{name}: force at -3 A", source, "N", newton, _part(0, ours), 8e-3)
+        yield Row(PRINTED, f"{name}: inductance", source, "H", henry, _part(2, ours), 0.013)
     name, newton = "moving coil, x = 0 mm: force at 3 A", published.MOVING_COIL_ATTRACTED
     yield Row(PRINTED, name, source, "N", newton, _part(1, published.moving_coil, -16.0), 5e-3, PUBLISHED)
 
