@@ -22,12 +22,12 @@ from femfit.model.validity import ValidityBox
 from support.actuators import GEOMETRY
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
-LONGEST_ROOMS = ("notebooks", "trial")
-"""Their files take a minute each: begun first, they leave no worker alone at the end."""
+LONGEST_FILES = ("test_house.py", "test_notebooks.py", "test_cli_new.py", "test_site.py")
+"""They take from half a minute to two each: begun first, they leave no worker alone at the end."""
 
 
 def pytest_collection_modifyitems(items):
-    items.sort(key=lambda item: item.path.parent.name not in LONGEST_ROOMS)
+    items.sort(key=lambda item: item.path.name not in LONGEST_FILES)
 
 
 @pytest.fixture(scope="session")

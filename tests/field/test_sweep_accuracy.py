@@ -36,8 +36,8 @@ def check(rows):
     assert ratio.median() <= 10.0
 
 
-def test_every_fifteenth_distance_of_the_rig_is_within_its_error(rig_sweep, tmp_path):
-    check(compare("emaws-rig", rig_sweep.rows, tmp_path, 15))
+def test_both_ends_and_the_middle_of_the_rig_are_within_their_error(rig_sweep, tmp_path):
+    check(compare("emaws-rig", rig_sweep.rows, tmp_path, 30))
 
 
 @pytest.mark.long
@@ -54,12 +54,12 @@ def test_sweep_agrees_with_the_peers_within_the_peers_error(tmp_path):
     # which finer runs confirm to 0.01 %, the largest is 0.53 % (15.5 mm, no current). Flux linkage: 0.12 % at most.
     peer = pd.read_csv(REFERENCE / "emaws_xfemm_488.csv")
     actuator = read_actuator(GEOMETRY / "emaws.toml")
-    every_third = dataclasses.replace(actuator.sweep, distances_m=actuator.sweep.distances_m[::3])
-    ours = run_sweep(dataclasses.replace(actuator, sweep=every_third), tmp_path).rows
+    every_fifth = dataclasses.replace(actuator.sweep, distances_m=actuator.sweep.distances_m[::5])
+    ours = run_sweep(dataclasses.replace(actuator, sweep=every_fifth), tmp_path).rows
     keys = [peer["current_A"].round(6), peer["distance_m"].round(6)]
     peer = peer.assign(current_A=keys[0], distance_m=keys[1])
     rows = ours.merge(peer, on=["current_A", "distance_m"], suffixes=("", "_peer"))
-    assert len(rows) == 21 * 8
+    assert len(rows) == 13 * 8
     difference = (rows["force_selfsub_N"] / rows["force_N"] - 1.0).abs()
     assert difference.median() < 2e-3
     assert difference.max() < 6e-3
