@@ -153,8 +153,8 @@ def fit_model(
     model = replace(model, sample_time_s=period)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, built, law_fit)
-    left_out = None if law_fit or network or coenergy is None else coenergy.left_out_N
-    notes = (*lacks, *not_held, *misfit_notes(model, rows, left_out))
+    missed = None if law_fit or network or coenergy is None else coenergy.missed_N
+    notes = (*lacks, *not_held, *misfit_notes(model, rows, missed))
     result = FitResult(model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network)
     provenance = {
         "fit": result.to_dict(),

@@ -38,6 +38,9 @@ class CoenergyFit:
     held_out: float
     # Error of the force at each row with inner rows predicted by the others, at least that of the fit; shape (rows,)
     left_out_N: FloatArray
+    # What a finer sweep must lower: the same where the inductance bends, for a spline may meet its own table and swing
+    # between, and else the error of the fit; shape (rows,)
+    missed_N: FloatArray
     constraints: tuple[str, ...]
     active: tuple[str, ...]
     qp: QPSolution
@@ -68,12 +71,14 @@ def fit_coenergy(
     if rows.flux_linkage is None and open_inductance_H:
         table = table + 0.5 * open_inductance_H * _square_of_current(basis)[None, :]
     magnetics = _gauged(basis, table, rows)
-    own = np.abs(magnetics.force(rows.distance, rows.current) - rows.force)
+    missed = np.abs(magnetics.force(rows.distance, rows.current) - rows.force)
+    left_out = np.maximum(missed, system.left_out_force_errors(basis))
     return CoenergyFit(
         magnetics=magnetics,
         basis=basis,
         held_out=held_out,
-        left_out_N=np.maximum(own, system.left_out_force_errors(basis)),
+        left_out_N=left_out,
+        missed_N=missed if rows.inductance is None else left_out,
         constraints=names,
         active=active,
         qp=qp,

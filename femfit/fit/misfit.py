@@ -76,7 +76,7 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
     return tuple(f"{one.get('text', one.get('sentence', ''))} {one.get('remedy', '')}".strip() for one in grave)
 
 
-def misfit_notes(model: ActuatorModel, rows: FitRows, left_out: FloatArray | None) -> tuple[str, ...]:
+def misfit_notes(model: ActuatorModel, rows: FitRows, missed: FloatArray | None) -> tuple[str, ...]:
     """Warnings where the model misses the table that it was fitted to.
 
     Parameters
@@ -85,14 +85,14 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, left_out: FloatArray | Non
         With its misfit.
     rows : FitRows
         The table's.
-    left_out : array, shape (rows,), or None
-        Error of a co-energy's force in N with rows left out; None of other models.
+    missed : array, shape (rows,), or None
+        What a co-energy's force is judged by, in N; None of other models.
     """
     misfit = model.misfit
     assert misfit is not None  # noqa: S101  every fit computes it
     notes = []
-    if left_out is not None:
-        notes += _finer_sweep(left_out, misfit, rows)
+    if missed is not None:
+        notes += _finer_sweep(missed, misfit, rows)
     poor = [
         f"{name} by {amount(share, '')}"
         for name, share in (
@@ -112,31 +112,29 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, left_out: FloatArray | Non
     return tuple(notes)
 
 
-def _finer_sweep(left_out: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]:
-    """Where a co-energy misses points left out most, and the distances and currents that halve the intervals around.
+def _finer_sweep(missed: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]:
+    """Where a co-energy misses its table most, and the distances and currents that halve the intervals around it.
 
-    Points left out are asked for, because a spline with as many coefficients as a knee takes may meet its own table and
-    swing between. The largest error in newtons is halved even where errors relative to each point's own force are
-    what is poor: points added there also help between the points, where points added at the smallest forces do not.
+    The largest error in newtons is asked for even where errors relative to each point's own force are what is poor:
+    points added there also help between the points, where points added at the smallest forces do not.
     """
-    shares = ((rms(left_out) / rows.rms_force, "its rms"), (misfit.force_rms_relative, "each point's own force (rms)"))
+    shares = ((rms(missed) / rows.rms_force, "its rms"), (misfit.force_rms_relative, "each point's own force (rms)"))
     poor = next((pair for pair in shares if pair[0] >= COARSE), None)
     if poor is None:
         return []
-    worst, finer = int(np.argmax(left_out)), finer_settings(left_out, rows)
+    worst, finer = int(np.argmax(missed)), finer_settings(missed, rows)
     d, i = rows.distance[worst], rows.current[worst]
     return [
         (
-            "The sweep is too coarse for its force: with inner points left out in turn, the co-energy misses it by "
-            f"{amount(poor[0], '')} of {poor[1]}, most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits "
-            f"that. {to_be_added(finer)}"
+            f"The sweep is too coarse for its force: the co-energy misses it by {amount(poor[0], '')} of {poor[1]}, "
+            f"most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits that. {to_be_added(finer)}"
         )
     ]
 
 
-def finer_settings(left_out: FloatArray, rows: FitRows) -> dict[str, list[float]]:
+def finer_settings(missed: FloatArray, rows: FitRows) -> dict[str, list[float]]:
     """The ``distance_m`` and ``current_A`` that halve the intervals around the largest error of the force."""
-    worst = int(np.argmax(left_out))
+    worst = int(np.argmax(missed))
     around = {"distance_m": (rows.distances, rows.distance[worst]), "current_A": (rows.currents, rows.current[worst])}
     return {name: _middles(axis, at).tolist() for name, (axis, at) in around.items()}
 

@@ -91,7 +91,7 @@ class FitResult(Printed):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": _hall_data(self.hall) if self.hall else None,
-            "finer_sweep": finer_settings(spline.left_out_N, self.rows) if spline else None,
+            "finer_sweep": finer_settings(spline.missed_N, self.rows) if spline else None,
             "notes": [*self.of_data, *self.notes],
         }
 
