@@ -192,7 +192,8 @@ def _acceleration(path: str, name: str, table: dict[str, Any], problems: list[st
     if entry is None:
         return None
     limits = entry.range_m_per_s2
-    return AccelerationSensor(**_common(path, name, entry, entry.noise_m_per_s2, limits, "range_m_per_s2", problems))
+    common = _common(path, name, entry, entry.noise_m_per_s2, limits, "range_m_per_s2", problems)
+    return AccelerationSensor(**common, proper=entry.proper)
 
 
 def _force(path: str, name: str, table: dict[str, Any], problems: list[str]) -> ForceSensor | None:

@@ -73,8 +73,10 @@ class PickupCoil(Sensor):
 
 @dataclass(frozen=True, kw_only=True)
 class AccelerationSensor(Sensor):
-    """The moving part's acceleration along growing distance, in m/s^2, without gravity's share."""
+    """The moving part's acceleration along growing distance, in m/s^2."""
 
+    # Whether it reads d'' - g, as accelerometers of silicon do: a body at rest that hangs reads 9.8 towards the magnet
+    proper: bool = False
     kind: Literal["acceleration"] = "acceleration"
 
 

@@ -61,4 +61,6 @@ def _sensor_from(section: Section) -> OtherSensor:
         return PositionSensor(**common, distances_m=tuple(at.tolist()), readings=tuple(read.tolist()), unit=unit)
     if kind == "pickup_coil":
         return PickupSensor(**common, flux=sensed_from(section.section("flux")))
-    return (AccelerationSensor if kind == "acceleration" else ForceSensor)(**common)
+    if kind == "acceleration":
+        return AccelerationSensor(**common, proper="proper" in section.data and section.truth("proper"))
+    return ForceSensor(**common)

@@ -1,9 +1,9 @@
 """What the sensors of a model read in a state, beside the Hall element's voltage: one prediction for all of them.
 
 A position sensor reads its characteristic of the distance, a current sensor gain i + offset, an acceleration sensor
-d'' (zero at rest, gravity's share being taken off), a force sensor the magnetic force, and a pickup coil the voltage
-that its flux linkage induces; distance, current and force are those that the effects of the model have recorded. Delays
-are the samples' affair: see :mod:`femfit.model.sampling`.
+d'', which is zero at rest, or d'' - g where it is proper, as accelerometers of silicon are; a force sensor the magnetic
+force, and a pickup coil the voltage that its flux linkage induces. Distance, current and force are those that the
+effects of the model have recorded. Delays are the samples' affair: see :mod:`femfit.model.sampling`.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import MissingPartError
 from femfit.core.sweep_columns import circuit_currents
-from femfit.device.sensors import CurrentSensor, ForceSensor, PositionSensor
+from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import hall_voltage, state_derivative
 from femfit.model.hall_sensor import HallSensor
@@ -111,10 +111,18 @@ def reading_of(model: ActuatorModel, name: str) -> Reading:
     unit = sensor.unit if isinstance(sensor, PositionSensor) else units[sensor.kind]
     of_circuit = circuit_currents(model.circuit_names)
     current = of_circuit[current_index(model, sensor) - 2] if isinstance(sensor, CurrentSensor) else None
-    columns = {"A": current, "m": "distance_m", "N": "force_N"}
+    columns = {"A": current, "m": "distance_m", "N": "force_N", "V": _volts_column(model, sensor)}
+    columns["m/s^2"] = "acceleration_m_s2"
     return Reading(
         name, unit, columns.get(unit), sensor.noise, low, high, sensor.bits, sensor.delay_s, sensor.sample_time_s
     )
+
+
+def _volts_column(model: ActuatorModel, sensor: OtherSensor) -> str | None:
+    """The column of a position sensor or pickup coil; none where several of its kind would share it."""
+    alike = [one for one in model.other_sensors if one.kind == sensor.kind and getattr(one, "unit", "V") == "V"]
+    column = "pickup_V" if isinstance(sensor, PickupSensor) else "position_V"
+    return column if len(alike) == 1 else None
 
 
 def predict_sensors(
@@ -174,7 +182,8 @@ def predict_sensor(
         found = np.where(state[..., 0] <= motion.near_stop.distance_m, np.maximum(found, 0.0), found)
     if motion.far_stop is not None:
         found = np.where(state[..., 0] >= motion.far_stop.distance_m, np.minimum(found, 0.0), found)
-    return np.asarray(found)
+    proper = isinstance(sensor, AccelerationSensor) and sensor.proper
+    return np.asarray(found - motion.gravity_m_s2 if proper else found)
 
 
 def characteristic(sensor: PositionSensor, distance: FloatArray) -> FloatArray:

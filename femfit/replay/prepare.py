@@ -20,6 +20,7 @@ from femfit.model.recorded import true_setting_of
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
 from femfit.records.constants import BLOCK, STILL
 from femfit.records.noise import converter_step, white_noise
+from femfit.records.position import with_distance
 from femfit.records.rests import Rests, find_rests
 from femfit.records.supply import given_voltage
 from femfit.replay.constants import STANDS_STILL
@@ -66,7 +67,8 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     inside = np.delete(np.diff(time), begins[1:] - 1)
     step = float(np.median(inside)) if len(inside) else model.sample_time_s
     segment, unknown = rows["segment"].to_numpy(), np.full(len(time), np.nan)
-    distance = recorded.get("distance_m", unknown)
+    placed = with_distance(model, series)
+    distance = placed.rows["distance_m"].to_numpy() if "distance_m" in placed.given else unknown
     columns = circuit_currents(model.circuit_names)
     each = np.stack([recorded.get(name, unknown) for name in columns], axis=1) if columns else np.zeros((len(time), 0))
     current = model.currents_of(np.column_stack([distance, distance, each]))
@@ -154,7 +156,7 @@ def _held(rests: Rests, readings: Sequence[Reading]) -> BoolArray:
 
     An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there.
     """
-    read = any(reading.column == "distance_m" for reading in readings)
+    read = any(reading.unit == "m" or str(reading.column).startswith("position_") for reading in readings)
     return replace(rests, rests=tuple(one for one in rests.rests if read or one.place == "held")).held
 
 

@@ -44,7 +44,7 @@ def can_be_filtered(model: ActuatorModel, series: TimeSeries) -> bool:
     """Whether a record has what a filter of this model needs: a command, and a current, distance or Hall voltage."""
     names = model.circuit_names
     complete = model.motion is not None and set(voltage_columns(names)) <= set(series.given)
-    read = {*circuit_currents(names), "distance_m", "hall_V"} & set(series.given)
+    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & set(series.given)
     return complete and (bool(names) or not model.has_winding) and bool(read)
 
 

@@ -74,6 +74,11 @@ hall_V                en hall vhall uhall hallvoltage halloutput hallsensor
 hall_V                de hallspannung
 voltage_V             en u v voltage ucoil vcoil coilvoltage
 voltage_V             de spannung spulenspannung
+position_V            en positionvoltage positionsensor
+position_V            de wegsensor
+pickup_V              en pickupvoltage pickupcoil searchcoil
+acceleration_m_s2     en acc accel acceleration accelerometer
+acceleration_m_s2     de beschleunigung
 coil_voltage_V        en coilvoltage
 coil_temperature_C    en coiltemperature coiltemp tcoil windingtemperature
 coil_temperature_C    de spulentemperatur tspule wicklungstemperatur

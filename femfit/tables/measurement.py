@@ -31,6 +31,9 @@ CHANNEL_WORDS = _ChannelWords(
         "force_N": "force",
         "flux_linkage_Wb": "flux linkage",
         "hall_V": "Hall output",
+        "position_V": "position sensor's output",
+        "pickup_V": "pickup coil's voltage",
+        "acceleration_m_s2": "acceleration",
         "voltage_V": "coil voltage",
         "inductance_H": "inductance",
         "resistance_ohm": "resistance",
@@ -63,10 +66,16 @@ SERIES_CHANNELS = (
     "distance_m",
     "hall_V",
     "force_N",
+    "position_V",
+    "pickup_V",
+    "acceleration_m_s2",
     "coil_temperature_C",
     "magnet_temperature_C",
 )
-"""Columns that a time series may record; ``voltage_V`` is the commanded voltage, held until the next sample."""
+"""Columns that a time series may record; ``voltage_V`` is the commanded voltage, held until the next sample.
+
+``position_V`` is the output of a position sensor, ``pickup_V`` the voltage of a winding without current.
+"""
 
 SERIES_COLUMNS = ("run", "time_s", *SERIES_CHANNELS)
 """All columns of a time series."""

@@ -15,7 +15,7 @@ from femfit.tables.circuit_columns import parts_of
 _PAUSE = 5.0
 """Assumed: a step of the clock longer than this many times the usual longest (95 %) one is a gap."""
 
-_SENSORS = ("current_A", "distance_m", "hall_V", "force_N")
+_SENSORS = ("current_A", "distance_m", "hall_V", "force_N", "position_V", "pickup_V", "acceleration_m_s2")
 """Channels that noise moves: voltages may be held and temperatures rest."""
 
 _LEAST_STUCK, _MUCH_LONGER = 50, 20

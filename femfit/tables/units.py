@@ -46,6 +46,7 @@ _WORDS: dict[str, dict[str, float]] = {
     "T": {"tesla": 1.0, "G Gs gauss": 1e-4, "kG": 0.1},
     "J": {"joule joules": 1.0},
     "V": {"volt volts": 1.0},
+    "m/s2": {"m/s2 m/s^2 ms2 m/s/s": 1.0, "mm/s2 mm/s^2": 1e-3, "g": GRAVITY, "mg": GRAVITY * 1e-3},
     "degC": {"C degC °C celsius": 1.0},
     "s": {"sec second seconds": 1.0, "min minute minutes": 60.0, "h hr hour hours": 3600.0},
     "ohm": {"ohm ohms Ω": 1.0, "mohm mohms mΩ milliohm": 1e-3, "kohm kohms kΩ": 1e3},
@@ -119,4 +120,6 @@ def column_unit(column: str) -> tuple[str, str]:
     (('flux_linkage', 'Wb'), ('run', ''))
     """
     stem, _, unit = column.rpartition("_")
+    if column.endswith("_m_s2"):
+        return column.removesuffix("_m_s2"), "m/s2"
     return (stem, "degC" if unit == "C" else unit) if stem else (column, "")

@@ -18,6 +18,7 @@ LASER = PositionSensor(name="laser", noise=1e-5, distances_m=(0.0, 1.0), reading
 SHUNT = CurrentSensor(name="shunt", noise=1e-3, minimum=-2.0, maximum=2.0, bits=8, circuit="coil", gain=0.99)
 GATE = PositionSensor(name="gate", distances_m=(1e-3, 2e-3, 4e-3), readings=(5.0, 3.0, 1.0))
 ALL = (SHUNT, LASER, GATE, AccelerationSensor(name="mems"), ForceSensor(name="cell"))
+PROPER = AccelerationSensor(name="proper", proper=True)
 
 
 @pytest.fixture
@@ -56,8 +57,8 @@ def test_rounding_adds_to_the_noise_of_a_sample(model):
 
 
 def test_the_file_keeps_the_sensors(model, tmp_path):
-    write_model(model, tmp_path / "model.json")
-    assert read_model(tmp_path / "model.json").other_sensors == ALL
+    write_model(replace(model, other_sensors=(*ALL, PROPER)), tmp_path / "model.json")
+    assert read_model(tmp_path / "model.json").other_sensors == (*ALL, PROPER)
 
 
 def test_a_file_without_other_sensors_is_written_as_before(levitation_model):

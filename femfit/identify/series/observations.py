@@ -48,6 +48,7 @@ from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
+from femfit.records.position import with_distance
 from femfit.tables.measurement import CHANNEL_WORDS, TimeSeries
 
 
@@ -64,7 +65,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     voltage), ``hall_V`` and ``force_N``; ``covariates`` also hold ``time_s``, ``velocity_m_s`` and
     ``current_rate_A_s``.
     """
-    base = model.without_effects
+    base, series = model.without_effects, with_distance(model, series)
     samples = take_samples(model, series)
     distance = np.nan_to_num(samples.columns["distance_m"])
     windows = lay_windows(base, samples.time, samples.stretch, samples.usable, distance, samples.current)
