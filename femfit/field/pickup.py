@@ -13,12 +13,16 @@ import numpy as np
 from ngsolve import GridFunction
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
 from femfit.device.sensors import PickupCoil
 from femfit.field.moving_mesh import MovingMesh
 
 NODES = 6
 """Numerical: of Gauss along each side of a strip, exact for polynomials of degree 11; fields have degree 5 or so."""
+
+INSIDE = 0.9
+"""Numerical: of the radius up to which the field is solved; the mesh's outer edges are chords of that circle."""
 
 STRIPS = 4
 """Numerical: a section is cut into at least as many strips, and each of them into as many cells."""
@@ -30,6 +34,13 @@ class PickupCoils:
     def __init__(self, actuator: Actuator, moving: MovingMesh) -> None:
         self._moving = moving
         coils = [sensor for sensor in actuator.sensors if isinstance(sensor, PickupCoil)]
+        for coil in coils:
+            farthest = max(float(np.hypot(r, z)) for r, z in coil.vertices_m)
+            if farthest > INSIDE * moving.layout.outer_radius:
+                raise FieldSolverError(
+                    f"Pickup coil {coil.name!r} must lie near the actuator; it reaches {1e3 * farthest:.4g} mm from "
+                    f"the origin, and the field is solved up to {1e3 * moving.layout.outer_radius:.4g} mm. Draw it nearer."
+                )
         self._coils = [(coil, *section_nodes(coil.vertices_m)) for coil in coils]
 
     def at(self, distance: float) -> "PlacedCoils":

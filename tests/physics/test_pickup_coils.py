@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Coil
 from femfit.device.sensors import PickupCoil
 from femfit.field.layout import layout_of
@@ -102,3 +103,11 @@ def test_in_saturating_iron_a_pickup_on_the_coil_links_a_share_of_its_turns():
     problem = NonlinearActuator(with_search, (2e-3,), layout_of(with_search, SETTINGS), SETTINGS, estimate=False)
     rows = problem.rows(2e-3, (0.5, 1.5))
     np.testing.assert_allclose(rows["pickup_search_Wb"], 0.1 * np.array(rows["flux_linkage_Wb"]), rtol=1e-6)
+
+
+def test_a_pickup_coil_beyond_the_solved_field_is_refused_with_its_name():
+    far = PickupCoil(name="far", vertices_m=rectangle(5.0, 5.1, 0.0, 0.1), turns=5.0)
+    body = magnet(1.2, 0.007, 0.006, permeability=1.05)
+    actuator = device("one", coils=[Coil(UNDER, 200.0, 1.0)], moving=[body], distances=(0.006,), sensors=[far])
+    with pytest.raises(FieldSolverError, match="'far'"):
+        prepared(actuator, 0.006)
