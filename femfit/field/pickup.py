@@ -39,7 +39,7 @@ class PickupCoils:
             if farthest > INSIDE * moving.layout.outer_radius:
                 raise FieldSolverError(
                     f"Pickup coil {coil.name!r} must lie near the actuator; it reaches {1e3 * farthest:.4g} mm from "
-                    f"the origin, and the field is solved up to {1e3 * moving.layout.outer_radius:.4g} mm. Draw it nearer."
+                    f"the origin, and the field ends at {1e3 * moving.layout.outer_radius:.4g} mm. Draw it nearer."
                 )
         self._coils = [(coil, *section_nodes(coil.vertices_m)) for coil in coils]
 
