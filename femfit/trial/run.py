@@ -18,10 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from femfit.core.amount import counted
 from femfit.core.atomic import write_json
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.processes import process_pool
 from femfit.device.load import read_actuator
+from femfit.device.parts import Actuator
 from femfit.field.sweep import Progress, run_sweep
 from femfit.fit.build import fit_model
 from femfit.identify.decision.diagnose import diagnose
@@ -65,9 +67,25 @@ class Outcome:
 def prepare_device(drawing: Path, directory: Path, *, workers: int, progress: Progress | None = None) -> Device:
     """Sweep a drawing and fit its model as a user would; and solve its changed forms for the virtual bench."""
     actuator = read_actuator(drawing)
+    _require_one_current(actuator)
     table = run_sweep(actuator, directory / "sweep", workers=workers, progress=progress)
     write_model(fit_model(table).model, directory / "model.json")
     return solve_device(actuator, directory / "forms", workers=workers, progress=progress)
+
+
+def _require_one_current(actuator: Actuator) -> None:
+    """Refuse at once what the virtual bench, which varies one current, cannot measure."""
+    circuits = len(actuator.circuits)
+    if circuits == len(actuator.coils) == 1:
+        return
+    has = (
+        "no coil" if not actuator.coils else f"{counted(len(actuator.coils), 'coil')} in {counted(circuits, 'circuit')}"
+    )
+    raise MissingPartError(
+        f"A trial needs a drawing of one coil, since its virtual bench varies one current and hides errors of its "
+        f"winding; {actuator.name!r} has {has}. Ask femfit diagnose on a bench table of yours instead: it says what "
+        "these readings would have shown, and how often it names something in clean ones."
+    )
 
 
 def make_campaigns(device: Device, directory: Path, cases: int, seed: int) -> list[int]:

@@ -20,3 +20,13 @@ def test_a_device_is_tried_from_its_drawing_alone(tmp_path):
     assert [one["number"] for one in results["cases"]] == [1, 2, 3, 4, 5, 6]
     said = json.loads((tmp_path / "trial" / "campaigns" / "0001" / "diagnosis.json").read_text())
     assert said["verdict"] == results["cases"][0]["verdict"]
+
+
+@pytest.mark.parametrize(("kind", "has"), [("magnet-pair", "no coil"), ("bearing", "2 coils in 2 circuits")])
+def test_a_drawing_that_the_virtual_bench_cannot_measure_is_refused_before_anything_is_solved(kind, has, tmp_path):
+    assert femfit("new", kind, "-o", tmp_path / "drawing.toml").returncode == 0
+    done = femfit("trial", "--drawing", tmp_path / "drawing.toml", "-o", tmp_path / "trial")
+    assert done.returncode != 0
+    assert has in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "trial").exists()

@@ -12,7 +12,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.place import placed
-from femfit.identify.refit.filter_fall import _lost_more_often, filter_fall
+from femfit.identify.refit.filter_fall import _lost_more_often, _unread, filter_fall
 from femfit.model.with_effects import nominal_of
 from femfit.report.replay_figure import write_before_after
 from support.closed_loop import closed_loop, recorded
@@ -115,3 +115,8 @@ def test_one_more_run_lost_is_chance_and_many_are_not(newly, regained, worse):
     held, lost = SimpleNamespace(lost_at_s=None), SimpleNamespace(lost_at_s=0.1)
     pairs = [(held, lost)] * newly + [(lost, held)] * regained + [(held, held), (lost, lost)]
     assert _lost_more_often(pairs) is worse
+
+
+def test_a_distance_that_both_filters_are_blind_to_is_not_compared():
+    blind = SimpleNamespace(lost_at_s=None, unread={"distance_m": np.full(40, np.nan)})
+    assert _unread([(blind, blind)]) == {}

@@ -154,6 +154,8 @@ def _unread(pairs: Sequence[_Pair]) -> dict[str, Change]:
     found = {}
     for name in sorted({name for pair in ran for name in pair[0].unread}):
         squares = [np.concatenate([pair[k].unread[name] for pair in ran]) ** 2 for k in (0, 1)]
+        if not np.isfinite(squares[0] + squares[1]).any():  # both claim to be blind throughout
+            continue
         mean, error = _mean(squares[1] - squares[0])
         sizes = [float(np.sqrt(np.nanmean(one))) for one in squares]
         found[name] = Change(
