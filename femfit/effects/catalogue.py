@@ -26,6 +26,7 @@ from femfit.effects.of_circuits import OF_EACH, SEPARATOR, effects_of, of_circui
 from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
 from femfit.effects.position_sensor import POSITION_DELAY, POSITION_NONLINEARITY
 from femfit.effects.sensor_delay import SENSOR_DELAY
+from femfit.effects.side_pull_friction import SIDE_PULL_FRICTION
 from femfit.effects.spring import SPRING
 from femfit.effects.stop_position import STOP_POSITION
 from femfit.effects.supply_sag import SUPPLY_SAG
@@ -71,6 +72,7 @@ BUILT_IN: tuple[Effect, ...] = (
     CONSTANT_FORCE,
     VISCOUS_FRICTION,
     FLUID_DRAG,
+    SIDE_PULL_FRICTION,
     POSITION_DEPENDENT_INDUCTANCE,
     MAGNET_DEMAGNETISATION,
     DRIVER_GAIN,

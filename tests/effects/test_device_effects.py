@@ -41,6 +41,15 @@ def test_a_fluid_brakes_with_the_square_of_the_velocity():
     np.testing.assert_allclose(change, [-5.0 * 0.3**2, 5.0 * 0.8**2], rtol=1e-3)  # of forces of some hundred m/s^2
 
 
+def test_a_guide_that_side_pull_presses_on_brakes_with_the_square_of_the_current():
+    model = replace(solenoid(), motion=Mechanics(0.025, 0.0))
+    rough = with_effects(model, [added("side_pull_friction", share=0.1)])
+    change = (state_derivative(rough, STATE, np.zeros(2)) - state_derivative(model, STATE, np.zeros(2)))[:, 1]
+    nominal = rough.conditions.nominal
+    size = 0.1 * nominal.force_N * (STATE[:, 2] / nominal.peak_current_A) ** 2 / 0.025
+    np.testing.assert_allclose(change, [-size[0], size[1]], rtol=1e-3)  # of forces of some hundred m/s^2
+
+
 def test_a_core_that_keeps_a_flux_reads_as_a_current_that_takes_no_voltage():
     model, d, i = solenoid(), np.array([1e-3, 3e-3]), np.array([0.0, 0.5])
     at = Conditions(nominal_of(model))

@@ -13,8 +13,11 @@ from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.place import placed
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_kind import ActuatorKind
+from femfit.model.dynamics import runge_kutta_step
+from femfit.model.with_effects import with_effects
 from support.campaign import campaign
 from support.closed_loop import closed_loop, recorded
+from support.replays import STEP_S, damped, series
 from support.solenoids import solenoid
 
 QUICK = {"bootstrap": 0}
@@ -63,3 +66,19 @@ def test_a_current_amplifier_has_no_voltage_that_it_could_miss(model, samples):
         effect = effect_by_name(name)
         assert why_untestable(effect, placed(model, record)) == ""
         assert "current amplifier" in why_untestable(effect, placed(amplifier, record))
+
+
+def test_friction_that_grows_with_the_current_squared_is_told_from_dry_friction():
+    model, generator, k = damped(), np.random.default_rng(4), np.arange(4000)
+    sticky = with_effects(model, [AddedEffect(effect_by_name("side_pull_friction"), {"share": 0.05})])
+    volts = 14.0 + 10.0 * np.sign(np.sin(k / 150.0)) * (1.0 + 0.5 * np.sin(k / 900.0))
+    state, truth = np.array([[3.5e-3, 0.0, 0.2]]), np.empty((len(k), 3))
+    for row in k:
+        truth[row] = state[0]
+        state = runge_kutta_step(sticky, state, volts[row : row + 1], STEP_S, 4)
+    noise = generator.standard_normal((2, len(k)))
+    record = series(volts, truth[:, 2] + 2e-3 * noise[0], truth[:, 0] + 5e-6 * noise[1])
+    rows = record.rows.assign(coil_temperature_C=np.nan, magnet_temperature_C=np.nan)
+    found = diagnose(model, replace(record, rows=rows), **QUICK)
+    assert [one.members for one in found.missing] == [("side_pull_friction",)]
+    assert found.missing[0].parameters["share"] == pytest.approx(0.05, rel=0.1)
