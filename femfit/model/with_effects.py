@@ -40,10 +40,10 @@ def nominal_of(model: ActuatorModel) -> Nominal:
     limits = domain.current_limits_A
     at = base.magnetics.state_of_circuits(np.array(0.5 * (d.min() + d.max())), limits.mean(axis=1))
     circuit, sensor, swing, per_ampere = next(iter(base.circuits), None), base.sensor, nan, nan
-    middle = [np.array(0.5 * (low + high)) for low, high in ((d.min(), d.max()), (i.min(), i.max()))]
+    middle = 0.5 * (d.min() + d.max()), limits.mean(axis=1) if domain.further_A else limits[0].mean()
     if sensor is not None:
         swing = float(np.abs(sensor.voltage(d, i) - sensor.quiescent_V).max())
-        per_ampere = float(sensor.field.derivatives(*middle)[2])
+        per_ampere = float(np.ravel(sensor.field.derivatives(*map(np.asarray, middle))[2])[0])
     clamp = (circuit.voltage_min_V, circuit.voltage_max_V) if circuit else (nan,)
     return Nominal(
         distance_min_m=domain.distance_min_m,

@@ -7,6 +7,7 @@ import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.fit.sensed_field import SensedRows, fit_sensed
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.series.observations import series_observations
 from support.closed_loop import closed_loop, recorded
@@ -67,3 +68,12 @@ def test_a_wrong_ammeter_of_one_circuit_is_named_from_a_record(halves, record):
     (named,) = found.missing
     assert named.name == "current_gain:inner"
     assert named.parameters["gain_error"] == pytest.approx(0.1, abs=0.005)
+
+
+def test_a_hall_element_of_several_circuits_is_left_to_the_filters(levitation_model, halves, record):
+    d, inner, outer = (one.ravel() for one in np.meshgrid(np.linspace(0.01, 0.04, 12), *[[-1.0, 0.0, 1.0]] * 2))
+    field = fit_sensed(SensedRows(d, np.stack([inner, outer], axis=1), inner * np.exp(-50.0 * d)), "hall").field
+    hall = replace(halves, sensor=replace(levitation_model.sensor, field=field))
+    data = of_both(record)
+    heard = replace(data, rows=data.rows.assign(hall_V=2.5), given=(*data.given, "hall_V"))
+    assert series_observations(hall, heard).channels == series_observations(halves, data).channels
