@@ -26,6 +26,9 @@ STANDS_STILL = 1e-3
 APART, LEAST_UNSEATED = 0.25, 1e-3
 """Conventional: parts of the stroke beyond which a body was away from a stop, and within which it is at it."""
 
+AT_REST = 1e-3
+"""Conventional: part of its deviation that is left of a distance that is read as a stop's, or of a speed at rest."""
+
 SEAT_BEFORE = 20
 """Conventional: samples before the estimate's arrival at which the body may have seated already."""
 

@@ -1,10 +1,11 @@
 """When a body seats on a stop, told by what the filter reads, and how certain that is.
 
 Where the estimate arrives at a stop, the filter is run again over a short stretch under rival hypotheses, side by side:
-that the body seats at each of its samples, and that it goes on. A body that seats at a sample is free up to it, lies on
-the stop there (its distance is read as that of the stop, without noise) with the part of its speed that the stop
-returns and an unchanged flux linkage, and is kept by the stop from then on. The likelihood of the readings weighs
-the hypotheses; that of an arrival within one sample is the density of the distance at the stop times |v| h.
+that the body seats at each of its samples, that it goes on, and that it lies on the stop all the time and the estimate
+alone comes there, as one does that finds the body again once a current flows. A body that seats at a sample is free up
+to it, lies on the stop there (its distance is read as that of the stop, without noise) with the part of its speed that
+the stop returns and an unchanged flux linkage, and is kept by the stop from then on. The likelihood of the readings
+weighs the hypotheses; that of an arrival within one sample is the density of the distance at the stop times |v| h.
 
 References
 ----------
@@ -27,7 +28,7 @@ from femfit.filters.filter_state import FilterState
 from femfit.filters.fine_steps import in_fine_steps
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import currents_of_same_flux
-from femfit.replay.constants import APART, BEYOND, CERTAIN, LEAST_CONFIDENCE, LEAST_UNSEATED, SEAT_BEFORE
+from femfit.replay.constants import APART, AT_REST, BEYOND, CERTAIN, LEAST_CONFIDENCE, LEAST_UNSEATED, SEAT_BEFORE
 from femfit.replay.prepare import Prepared
 from femfit.replay.run_filter import Replayed
 
@@ -43,7 +44,7 @@ class Seating:
     low_s: float  # 95 % interval
     high_s: float
     velocity_m_s: float
-    confidence: float  # Probability that it seated rather than went on, both as likely beforehand
+    confidence: float  # Probability that it seated rather than went on or lay there, all as likely beforehand
 
     def __str__(self) -> str:
         speed = amount(abs(self.velocity_m_s), "m/s")
@@ -86,9 +87,9 @@ def _arrivals(prepared: Prepared, replayed: Replayed, stop: float, outward: floa
 
 @dataclass
 class _Rivals:
-    """The hypotheses of a stretch side by side; the last one never seats."""
+    """The hypotheses of a stretch side by side: the first lies on the stop, the last never seats."""
 
-    seats: IntArray  # Row at which each seats
+    seats: IntArray  # Row at which each seats, before all rows where it lies there
     likelihood: FloatArray
     overshoot_s: FloatArray  # By which the stop was passed before its sample
     velocity: FloatArray
@@ -118,15 +119,17 @@ def _judged(
         return None
     weight = np.exp(rivals.likelihood - np.nanmax(rivals.likelihood))
     weight = np.nan_to_num(weight)
-    confidence = weight[:-1].sum() / weight.sum()
-    if not weight[:-1].sum() > 0.0:
+    if weight[0] > LEAST_CONFIDENCE * weight.sum():
+        return None
+    confidence = weight[1:-1].sum() / weight.sum()
+    if not weight[1:-1].sum() > 0.0:
         return Seating(side, float(prepared.time_s[row]), np.nan, np.nan, outward * speed, float(confidence))
-    share = weight[:-1] / weight[:-1].sum()
-    times = prepared.time_s[candidates] - rivals.overshoot_s[:-1]
+    share = weight[1:-1] / weight[1:-1].sum()
+    times = prepared.time_s[candidates] - rivals.overshoot_s[1:-1]
     mean = float(share @ times)
     # A sample is seen as a whole: the time within it comes from the speed alone
     deviation = float(np.sqrt(share @ (times - mean) ** 2 + step**2 / 12.0))
-    velocity = float(share @ rivals.velocity[:-1])
+    velocity = float(share @ rivals.velocity[1:-1])
     return Seating(side, mean, mean - 1.96 * deviation, mean + 1.96 * deviation, velocity, float(confidence))
 
 
@@ -137,27 +140,40 @@ def run_rivals(
     candidates: IntArray,
     at: tuple[Stop, float, Replayed],
 ) -> _Rivals:
-    """The likelihood of the readings for a body that seats at each candidate, and for one that goes on."""
+    """The likelihood of the readings for a body that lies on the stop, that seats at each candidate, or goes on."""
     stop, outward, replayed = at
     model, log = prepared.model, prepared.log
     free = replace(built, process=in_fine_steps(without_stops(model), built.process))
-    runs = len(candidates) + 1
     start, last = rows
+    seats = np.concatenate([[start], candidates, [last + 1]])
+    runs = len(seats)
     state = built.start(np.tile(replayed.mean[start], (runs, 1)), replayed.covariance[start])
-    rivals = _Rivals(np.append(candidates, last + 1), np.zeros(runs), np.zeros(runs), np.zeros(runs))
+    rivals = _Rivals(seats, np.zeros(runs), np.zeros(runs), np.zeros(runs))
+    # The less likely, the less the estimate allows for it
+    rivals.likelihood[0] = -0.5 * (stop.distance_m - state.mean[0, 0]) ** 2 / state.covariance[0, 0, 0]
+    state = _lying(state, stop)
     for row in range(start + 1, last + 1):
         volts = np.full(runs, log.inputs[row])
         seated, now = rivals.seats < row, rivals.seats == row
-        state = _either(free.predict(state, volts), built.predict(state, volts), seated)
+        state = _lying(_either(free.predict(state, volts), built.predict(state, volts), seated), stop)
         if now.any():
             state = _seat(model, state, now, (stop, outward), rivals)
         readings = np.tile(log.readings[row], (runs, 1))
         state = built.update(state, readings[:, 0] if readings.shape[1] == 1 else readings)
         innovation, variance = state.innovation.reshape(runs, -1), state.innovation_variance.reshape(runs, -1)
         each = np.where(np.isfinite(innovation), innovation**2 / variance + np.log(variance), 0.0)
-        if row >= candidates[0]:
-            rivals.likelihood -= 0.5 * each.sum(axis=1)
+        rivals.likelihood -= 0.5 * each.sum(axis=1)
     return rivals
+
+
+def _lying(state: FilterState, stop: Stop) -> FilterState:
+    """The states with that of the first run at rest on the stop."""
+    mean, covariance = state.mean.copy(), state.covariance.copy()
+    mean[0, :2] = stop.distance_m, 0.0
+    scale = np.ones(mean.shape[1])
+    scale[:2] = AT_REST
+    covariance[0] *= np.outer(scale, scale)
+    return replace(state, mean=mean, covariance=covariance, factor=cholesky(covariance)[0])
 
 
 def _seat(
@@ -180,7 +196,7 @@ def _seat(
     mean[now, 0], mean[now, 1] = stop.distance_m, -stop.restitution * mean[now, 1]
     # What is left of the distance is nothing beside a step; the speed's deviation is returned with it
     scale = np.ones(mean.shape[1])
-    scale[0], scale[1] = 1e-3, max(stop.restitution, 0.1)
+    scale[0], scale[1] = AT_REST, max(stop.restitution, 0.1)
     covariance[now] = covariance[now] * np.outer(scale, scale)
     return replace(state, mean=mean, covariance=covariance, factor=cholesky(covariance)[0])
 

@@ -8,6 +8,7 @@ import pytest
 import femfit as ff
 from femfit.device.mechanics import Stop
 from femfit.device.sensors import CurrentSensor
+from femfit.model.process_noise import ProcessNoise
 from femfit.replay.build_filter import filter_of, noise_of
 from femfit.replay.prepare import prepare
 from femfit.replay.run_filter import replay
@@ -66,6 +67,15 @@ def test_without_a_current_an_arrival_is_not_told():
     found = seen(device, loop, 3)
     assert all(one.confidence < 0.999 for one in found.seatings if one.stop == "far")
     assert "Seats on the near stop" in str(found)
+
+
+def test_a_body_that_lies_on_a_stop_does_not_seat_when_a_current_finds_it_there():
+    """Without a current the estimate wanders off; the pulse brings it, not the body, back to the stop."""
+    device = replace(model(), process_noise=ProcessNoise(acceleration_density=400.0, voltage_V=0.012))
+    loop = switched([0.0, 0.02], [0.0, 12.0], 0.03, model=device)
+    assert not [event for event in loop.events if event.name.startswith("hits")]
+    for seed in range(4):
+        assert all(one.confidence < 0.95 for one in seen(device, loop, seed).seatings), seed
 
 
 def test_a_body_in_the_middle_seats_nowhere():
